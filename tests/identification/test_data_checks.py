@@ -67,7 +67,7 @@ def test_no_data_check_at_any_scale(seed: int, scale: float, coarse: float) -> N
 def test_offset(sign: int) -> None:
     (data_check,) = axis_data_checks(white(LONG, 1, 1)[0] * 0.1 + sign * 4.5, H)
     assert (data_check.kind, data_check.severity) == ("offset", "note")
-    assert data_check.text == "The bias is large beside the noise.", (
+    assert data_check.text == "The bias is large compared with the noise.", (
         "no figure, so that all axes share one note"
     )
     assert "offset" not in kinds(white(LONG, 1, 1)[0] + 0.05)

@@ -37,7 +37,7 @@ def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
     assert "nothing is known of K" in report.allan.K.reason
     found = axis_noise(report)
     assert found.K.value is None
-    assert "the sensor may well have one" in found.K.remark
+    assert "the sensor itself may have one" in found.K.remark
     assert found.N.value == pytest.approx(0.01, rel=0.02)
 
 

@@ -84,9 +84,7 @@ def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
     found = load(Request((path,)))
     assert (found.counts.used, found.counts.used_from, found.counts.stretches) == (60, 30, 2)
     assert not len(found.axes["gyro_x"].gaps.at)
-    assert (
-        "60 of 90 samples, in 2 stretches, are used. The others are of another" in found.data_checks[0].text
-    )
+    assert "60 of 90 samples, in 2 stretches, are used. The others have another" in found.data_checks[0].text
     assert found.axes["gyro_x"].lsb == 1 / 131
     assert (found.counts.late, found.counts.retried, found.counts.saturated) == (0, 1, 0)
 

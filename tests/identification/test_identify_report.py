@@ -104,8 +104,8 @@ def test_what_is_seen_is_the_answer_and_the_rest_is_folded(
         assert text.replace("<th>N", '<th class="sub">N') in seen
     assert "null test p" not in seen
     assert "null test p" in page
-    assert "Its σ after a rest of 20 s (purple)" in seen
-    assert "and after the first half of that, 10 s (blue)" in seen
+    assert "σ of the heading after a rest of 20 s (purple)" in seen
+    assert "and after its first half, 10 s (blue)" in seen
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_the_heading_says_after_how_long_a_rest(
     assert axis.forecast.after_s == 20
     text = figures.meaning("forecast", replace(axis, forecast=replace(axis.forecast, after_s=rest_s)))
     assert f"after a rest of {said} (purple)" in text
-    assert f"first half of that, {half} (blue)" in text
+    assert f"after its first half, {half} (blue)" in text
     assert "95 %" in text
 
 

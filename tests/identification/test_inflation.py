@@ -64,7 +64,7 @@ def test_the_time_that_wants_most_counts_if_it_has_enough_pieces() -> None:
     found = own_inflation({"gyro_x": axis(piece(1.0, 300, 1.2), piece(10.0, 30, 2.31), few)}, 60.0)
     assert found.of_axes == {"gyro_x": 2.4}
     assert "for up to 10 s" in found.reasons[0]
-    assert "To tell of 60 s takes a recording of 40 min; the 5 pieces of 60 s" in found.reasons[0]
+    assert "A check up to 60 s needs a recording of 40 min; the 5 pieces of 60 s" in found.reasons[0]
     assert "want 9" in found.reasons[0]
     shorter = own_inflation({"gyro_x": axis(piece(1.0, 300, 1.2), piece(10.0, 30, 2.31), few)}, 10.0)
     assert "recording" not in shorter.reasons[0].split("10 s", 1)[1]
@@ -90,7 +90,7 @@ def test_a_record_that_is_too_short_or_has_no_model_is_told() -> None:
         with pytest.raises(UsageError, match=r"gyro_x: .* 20 pieces of 10 s .* Record for 7 min or longer"):
             own_inflation({"gyro_x": short}, 60.0)
     for none in (axis(judged=""), Axis("deg/s", None)):
-        with pytest.raises(UsageError, match="nothing is foretold"):
+        with pytest.raises(UsageError, match="nothing is predicted"):
             own_inflation({"gyro_x": none}, 60.0)
 
 

@@ -1,1 +1,1 @@
-"""The program from Python: arrays in, frozen records out, no daemon. All of it is under `fltea` too."""
+"""Use fltea from Python: arrays in, frozen records out, no daemon. All names are also in `fltea` itself."""

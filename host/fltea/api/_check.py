@@ -1,4 +1,4 @@
-"""What a caller may pass; a mistake gives an error that says, in Python's words, what to pass instead."""
+"""Check what a caller passes; errors name the Python parameters, and say what to pass instead."""
 
 import contextlib
 import math
@@ -38,13 +38,13 @@ PARAMETERS = {
     "--from-hz": "from_hz",
     "--notch": "notch_hz",
 }
-"""What the flags of `fltea identify` are called here."""
+"""Names of the Python parameters for the flags of `fltea identify`."""
 
 _FLAG = re.compile(
     rf"(?<![\w/.-])({'|'.join(PARAMETERS)})(?![-\w]|\.\w)"
     r"(?:[ =](?:('[^']*')|(?=[^\s'])(\S*?)(?=[.,:;)]*(?:\s|$)))( (?=--))?)?"
 )
-"""A flag with what follows it, a value or the next word of a sentence, but for signs behind that."""
+"""Match a flag with what follows: a value, or the next word of a sentence, without punctuation after it."""
 
 _SIGNS_OF_VALUES = re.compile(r"[\d/=:?,_]")
 _COMMAND = re.compile(r"fltea identify ([^\n]+)")
@@ -52,7 +52,7 @@ _COMMAND = re.compile(r"fltea identify ([^\n]+)")
 
 @contextlib.contextmanager
 def python_words() -> Iterator[None]:
-    """Let errors name parameters where they name flags of the command: rate_hz=100, not --rate 100."""
+    """Let errors name Python parameters in place of command flags: rate_hz=100, not --rate 100."""
     try:
         yield
     except (FlteaError, ValueError) as error:
@@ -61,7 +61,7 @@ def python_words() -> Iterator[None]:
 
 
 def in_python(text: str) -> str:
-    """Return a text with calls for commands, and parameters for flags."""
+    """Return a text with Python calls in place of commands, and parameters in place of flags."""
     pieces, done = [], 0
     for found in _COMMAND.finditer(text):
         if (call := _call(found[1])) is not None:
@@ -71,7 +71,7 @@ def in_python(text: str) -> str:
 
 
 def _call(command: str) -> str | None:
-    """Return a file with flags as a call; None if it is a sentence that goes on."""
+    """Return a command with a file and flags as a Python call; None if it is a sentence that goes on."""
     try:
         path, *words = shlex.split(command)
     except ValueError:
@@ -107,9 +107,9 @@ def _argument(flag: str, value: str) -> str:
 
 
 class Scale(NamedTuple):
-    """How samples become figures: in `unit`, deg/s or m/s², of which 1 of theirs is `factor`.
+    """How samples become figures in `unit`, deg/s or m/s²: one of theirs is `factor` of it.
 
-    counts: they are counts of a sensor.
+    `counts`: whether the samples are counts of a sensor.
     """
 
     unit: str
@@ -118,10 +118,12 @@ class Scale(NamedTuple):
 
 
 def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None) -> Scale:
-    """Return the scale of a unit that a caller states; y and rate_hz are shown in each, where none is.
+    """Return the scale of the unit that a caller states.
+
+    If no unit is stated, the error shows the mean and noise of `y` at `rate_hz` in each unit.
 
     Raises:
-        ValueError: no unit is stated, or one that is not known.
+        ValueError: no unit is stated, or an unknown unit.
     """
     if unit is None:
         table = "" if y is None else units_table(y[:, np.newaxis], rate_hz)
@@ -144,7 +146,7 @@ def scale(unit: str | None, y: Array | None = None, rate_hz: float | None = None
 
 
 def period_s(rate_hz: float) -> float:
-    """Return the sampling period of a rate in Hz."""
+    """Return the sampling period [s] for a rate in Hz."""
     if not (math.isfinite(rate_hz) and LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ):
         raise ValueError(
             f"rate_hz is the sample rate in Hz, {LOWEST_RATE_HZ:g} to {HIGHEST_RATE_HZ:g}, got {rate_hz}"
@@ -153,7 +155,7 @@ def period_s(rate_hz: float) -> float:
 
 
 def finite(y: ArrayLike, what: str, remedy: str) -> Array:
-    """Return numbers as an array of float; `remedy` is what to do about one that is not finite."""
+    """Return numbers as a float array; `remedy` says what to do about numbers that are not finite."""
     try:
         found = np.asarray(y, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
@@ -166,7 +168,7 @@ def finite(y: ArrayLike, what: str, remedy: str) -> Array:
 
 
 def one_axis(y: ArrayLike) -> Array:
-    """Return samples of one axis, (n,)."""
+    """Check samples of one axis, and return them as an array (n,)."""
     found = finite(
         y, "y", "leave them out only at the ends, or use fltea.Live and its skip(), which knows gaps."
     )

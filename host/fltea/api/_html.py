@@ -1,4 +1,4 @@
-"""What a notebook shows of an axis: the verdict in words, the figures with their intervals, two curves."""
+"""Show an axis in a notebook: the verdict in words, the figures with their intervals, and two charts."""
 
 from html import escape
 
@@ -9,18 +9,18 @@ from fltea.records.quantity import Quantity
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16
-"""The smallest probability that is shown as a number; below it "less than" is shown."""
+"""Smallest probability that is shown as a number; a smaller one is shown as "below" this."""
 
 
 def page(body: str) -> str:
-    """Return HTML in a frame, with the colours of the notebook."""
+    """Return `body` in an HTML frame that keeps the notebook's colours."""
     return f'<div class="fltea" style="max-width:60em;margin:0.5em 0">{body}</div>'
 
 
 def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> str:
-    """Return the HTML of one axis, in which all that comes from a file is escaped.
+    """Return the HTML of one axis; all text that comes from a file is escaped.
 
-    more: further sentences.
+    `more`: further sentences.
     """
     unit = fitted.unit
     parameters = [
@@ -45,14 +45,14 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> st
 
 
 def _coefficient(one: Quantity) -> str:
-    """Return N, B or K with its interval, as far as they are known, or its bound."""
+    """Return N, B or K with its interval, as far as they are known, or its upper bound."""
     if one.value is None:
         return "not known" if one.at_most is None else f"at most {one.at_most:.3g}"
     return f"{one.value:.3g}" if one.low is None else _interval(one.interval)
 
 
 def curves_of(fitted: FittedAxis) -> list[str]:
-    """Return spectrum and Allan deviation as SVG, as far as there are any."""
+    """Return spectrum and Allan deviation as SVG, as far as the axis has them."""
     found = [] if fitted.spectrum is None else [curves.spectrum(fitted.spectrum, fitted.unit)]
     found += [] if fitted.allan is None else [curves.allan(fitted.allan, fitted.unit)]
     return found

@@ -1,4 +1,4 @@
-"""Results as tables of pandas, which is an extra."""
+"""Convert results to tables of pandas, which is an optional extra."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -22,7 +22,7 @@ T_co = TypeVar("T_co", bound=FittedAxis, covariant=True)
 
 
 class ByAxis(Mapping[str, T_co]):
-    """What was found out about each axis, by its name. A notebook shows all axes."""
+    """The results of each axis, by its name. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, T_co]) -> None:
         self._axes = dict(axes)
@@ -37,7 +37,7 @@ class ByAxis(Mapping[str, T_co]):
         return len(self._axes)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table with a row an axis: verdict, and every figure with the ends of its interval.
+        """Return a table with one row per axis: the verdict, and each figure with the ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.
@@ -48,7 +48,7 @@ class ByAxis(Mapping[str, T_co]):
 def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
     """Return the row of one axis: each parameter with the ends of its interval, `_low` and `_high`.
 
-    N, B and K of a recording have these too, and `_at_most`: the bound where the value is not known.
+    N, B and K of a recording also have `_at_most`: the upper bound where the value is not known.
     """
     found: dict[str, Any] = {
         "axis": axis,
@@ -67,7 +67,7 @@ def row(axis: str, fitted: FittedAxis) -> dict[str, Any]:
 
 
 def figures(fitted: FittedAxis) -> tuple[Quantity, Quantity, Quantity]:
-    """Return N, B and K in the unit of the samples; of a live fit without intervals."""
+    """Return N, B and K in the unit of the samples; those of a live fit have no intervals."""
     if (details := _details(fitted)) is not None:
         return quantities(fitted.unit, details.level, getattr(fitted, "allan_curve", None), None)[:3]
     values, unit = fitted.allan or FitAllan([], [], [], [], [], None, None, None), fitted.unit
@@ -79,29 +79,29 @@ def figures(fitted: FittedAxis) -> tuple[Quantity, Quantity, Quantity]:
 
 
 def _details(fitted: FittedAxis) -> AxisResult | None:
-    """Return all figures of a whole recording's axis; None of a live fit."""
+    """Return all figures of a whole recording's axis; None for a live fit."""
     found: AxisResult | None = getattr(fitted, "details", None)
     return found
 
 
 def frame(rows: Sequence[Mapping[str, Any]]) -> "pd.DataFrame":
-    """Return a table of rows, with the axis as its index."""
+    """Return a table of `rows`, with the axis as its index."""
     return _pandas().DataFrame(rows).set_index("axis")
 
 
 def table(rows: Iterable[Sequence[Any]], names: Sequence[str]) -> "pd.DataFrame":
-    """Return a table of rows with columns of these names."""
+    """Return a table of `rows` whose columns have these names."""
     return _pandas().DataFrame(list(rows), columns=list(names))
 
 
 def columns(found: Mapping[str, Any], time_s: Any) -> "pd.DataFrame":
-    """Return a table of columns over the time in s."""
+    """Return a table of columns, with the time in s as its index."""
     pandas = _pandas()
     return pandas.DataFrame(dict(found), index=pandas.Index(time_s, name="time_s"))
 
 
 def parquet(path: Path, found: Mapping[str, Any]) -> None:
-    """Write columns to a Parquet file, whole or not at all."""
+    """Write columns to a Parquet file; the file appears whole or not at all."""
     arrow = load("pyarrow", "pyarrow", "notebook", "to_parquet() needs")
     writer = load("pyarrow.parquet", "pyarrow", "notebook", "to_parquet() needs")
     with whole_file(path) as file:

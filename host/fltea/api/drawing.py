@@ -1,4 +1,4 @@
-"""Spectrum and Allan deviation of an axis as a drawing, which needs no library."""
+"""Draw spectrum and Allan deviation of an axis, without any drawing library."""
 
 import os
 from pathlib import Path
@@ -10,13 +10,15 @@ from fltea.records.whole_file import whole_file
 
 
 class Drawing:
-    """Spectrum and Allan deviation side by side, with the fitted model in them. A notebook shows it."""
+    """Spectrum and Allan deviation side by side, each with the fitted model. A notebook shows the drawing."""
 
     def __init__(self, of: FittedAxis) -> None:
         self._charts = curves_of(of)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to an SVG file, which browsers and drawing programs open: it appears whole or not at all.
+        """Write the drawing to an SVG file, which browsers and drawing programs open.
+
+        The file appears whole or not at all.
 
         Raises:
             ValueError: the name does not end in .svg.

@@ -1,4 +1,4 @@
-"""What is found out about the noise of one axis, and of all axes of a recording."""
+"""Present the results on the noise of one axis, and of all axes of a recording."""
 
 import os
 from html import escape
@@ -28,72 +28,73 @@ if TYPE_CHECKING:
 
 
 class Identified(FittedAxis, frozen=True, kw_only=True):
-    """What was found out about one axis. A notebook shows it with its spectrum and Allan deviation.
+    """The results for one axis. A notebook shows them with spectrum and Allan deviation.
 
-    Intervals are of 95 %; their ends are None where the data do not define the parameter.
+    Intervals have 95 % confidence; their ends are None where the data do not define the parameter.
     """
 
     axis: str
-    """Its name."""
+    """Name of the axis."""
     samples: int
-    """How many there are."""
+    """Number of samples."""
     rate_hz: float
-    """How many there are in a second."""
+    """Sampling rate [Hz]."""
     mean: float
-    """Of the samples, in `unit`."""
+    """Mean of the samples, in `unit`."""
     std: float
-    """Standard deviation."""
+    """Standard deviation of the samples, in `unit`."""
     spectrum: FitSpectrum
     """The noise density, and that of the fitted model."""
     allan_curve: Allan | None
-    """The Allan deviation with degrees of freedom, and with N, B and K, their intervals, sources and reasons;
-    `allan` has the same points and values without these. None where the record is too short for it."""
+    """The Allan deviation with degrees of freedom, and N, B and K with intervals, sources and reasons.
+
+    `allan` has the same points and values without these. None where the record is too short.
+    """
     now: Now | None
-    """Bias(T) at the end of the record, and how far the heading is off after a minute."""
+    """Bias(T) at the end of the record, and the error of the heading after a minute."""
     forecast: Forecast | None
-    """With `forecast=True`."""
+    """The forecast of the heading; None unless `forecast` asked for it."""
     walk: OffsetWalkFound | None
-    """Whether the offset walks."""
+    """Whether the offset follows a random walk."""
     filter: NavigationFilter | None
-    """What a plain Kalman filter is built from: the same as in the file of `--gauss-markov`."""
+    """Parameters of a plain Kalman filter, as in the file of `--gauss-markov`."""
     bias_steps: tuple[BiasStep, ...]
-    """Steps of the bias. The spectrum does not go across them."""
+    """Steps of the bias. The spectrum is not computed across them."""
     motion: tuple[MotionSpan, ...]
-    """When the sensor moved. Samples in motion are in no figure."""
+    """When the sensor moved. Samples in motion enter no figure."""
     data_checks: tuple[DataCheck, ...]
-    """What in the data can mislead."""
+    """Findings of the data checks: what in the data can mislead."""
     withheld: str
-    """Why `now`, `forecast`, `walk` and `filter` are None: what is bad in the data, and what to do; "" where
-    nothing is."""
+    """Why `now`, `forecast`, `walk` and `filter` are None: the fault in the data and its remedy, or ""."""
     details: AxisResult
-    """All figures of `fltea identify`: parts, N, K, sentences that did not win, peaks, FLTEA."""
+    """All figures of `fltea identify`: parts, N, K, models that were not chosen, peaks, FLTEA."""
 
     def __repr__(self) -> str:
         return f"Identified({self.axis}: {self.verdict}, {self.samples} samples at {self.rate_hz:g} Hz)"
 
     @property
     def duration_s(self) -> float:
-        """The length of the record in seconds."""
+        """Length of the record [s]."""
         return self.samples / self.rate_hz
 
     @property
     def N(self) -> Quantity:
-        """White noise (angle random walk) in deg/√h, of an accelerometer in m/s²/√Hz; `.to` has others."""
+        """White noise (angle random walk) in deg/√h, for an accelerometer in m/s²/√Hz; `.to` converts it."""
         return self._figures.N.to(scales(self.unit).N.unit)
 
     @property
     def B(self) -> Quantity:
-        """Bias instability by the Allan deviation in deg/h, of an accelerometer in m/s²; `.to` has others."""
+        """Bias instability (Allan deviation) in deg/h, for an accelerometer in m/s²; `.to` converts it."""
         return self._figures.B.to(scales(self.unit).B.unit)
 
     @property
     def K(self) -> Quantity:
-        """Random walk of the bias in deg/h/√h, of an accelerometer in m/s²/√s; `.to` has others."""
+        """Random walk of the bias in deg/h/√h, for an accelerometer in m/s²/√s; `.to` converts it."""
         return self._figures.K.to(scales(self.unit).K.unit)
 
     @property
     def bias(self) -> Quantity:
-        """The bias at the end of the record (`now.bias`) in deg/s or m/s²; `.to` has others."""
+        """Bias at the end of the record (`now.bias`) in deg/s or m/s²; `.to` converts it."""
         return self._figures.bias
 
     @property
@@ -101,11 +102,11 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
         return quantities(self.unit, self.details.level, self.allan_curve, self.now)
 
     def plot(self) -> Drawing:
-        """Return spectrum and Allan deviation, which a notebook shows and `.save("axis.svg")` writes."""
+        """Return a drawing of spectrum and Allan deviation, for notebooks or for `.save("axis.svg")`."""
         return Drawing(self)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table of one row: verdict, and every figure with the ends of its interval.
+        """Return a table with one row: the verdict, and each figure with the ends of its interval.
 
         Raises:
             UsageError: pandas is not installed.
@@ -118,7 +119,7 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
         return page(withheld + axis_html(self.axis, self, of, self._bias()))
 
     def _bias(self) -> str:
-        """Return the bias at the end, and what happened to it, as sentences."""
+        """Return sentences on the bias at the end, and on steps and motion."""
         found = []
         if self.now is not None:
             value = plus_minus(self.now.bias, self.now.bias_std)
@@ -128,13 +129,15 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
 
 
 class Report(ByAxis[Identified]):
-    """What was found out about each axis, by its name. A notebook shows all axes."""
+    """The results of each axis, by its name. A notebook shows all axes."""
 
     def __repr__(self) -> str:
         return f"Report({', '.join(f'{name}: {found.verdict}' for name, found in self.items())})"
 
     def allan(self) -> "pd.DataFrame":
-        """Return the Allan deviations of all axes: a row an axis and averaging time, columns as in the file.
+        """Return the Allan deviations of all axes: one row for each axis and averaging time.
+
+        The columns are those of `write_allan_csv`.
 
         Raises:
             UsageError: pandas is not installed.
@@ -142,11 +145,11 @@ class Report(ByAxis[Identified]):
         return table(rows(self._curves()), tuple(COLUMNS))
 
     def write_allan_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write the same to a CSV file, as `--allan-csv` does: it appears whole or not at all.
+        """Write the Allan deviations to a CSV file, as `--allan-csv` does; it appears whole or not at all.
 
         Raises:
             FlteaError: the file cannot be written.
-            ValueError: there is no curve: the record is too short for one.
+            ValueError: the record is too short for an Allan deviation.
         """
         write_allan(Path(path), self._curves())
 

@@ -1,4 +1,4 @@
-"""The daemon's work without it: arrays in as they come, rates less their bias out, and fits on demand."""
+"""Do the daemon's work in Python: samples in as they come, rates less their bias out, fits on demand."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,43 +23,45 @@ from fltea.stream.tracking import SensorTracks
 
 
 class Corrected(NamedTuple):
-    """What is known of samples with the last of those before them; of their shape, NaN where nothing is yet.
+    """Bias and rate for given samples, by these and all earlier samples.
 
-    All are in deg/s, of an accelerometer in m/s².
+    Arrays have the shape of the samples, with NaN where nothing is known yet. They are in deg/s, or m/s² for
+    an
+    accelerometer.
     """
 
     rate: Array
     """The samples less their bias."""
     bias: Array
-    """The mean that is expected of the sensor's offset and of the state of its noise over the next second."""
+    """Expected mean, over the next second, of the sensor's offset plus its slow noise."""
     bias_std: Array
-    """The standard deviation of the bias, which grows while the sensor moves."""
+    """Standard deviation of the bias, which grows while the sensor moves."""
     moving: NDArray[np.bool_]
-    """Whether the sensor is moving; then the bias of all axes is predicted."""
+    """Whether the sensor is moving; the bias of all axes is then predicted."""
 
 
 class BiasStep(NamedTuple):
     """A step of a bias."""
 
     axis: str
-    """Of which axis."""
+    """Name of the axis."""
     sample: int
-    """The number of the first sample after it, from 0 on."""
+    """Index of the first sample after the step, counted from 0."""
     size: float
-    """In deg/s or m/s²."""
+    """Size of the step, in deg/s or m/s²."""
     size_std: float
-    """The standard deviation of the size."""
+    """Standard deviation of the size."""
 
 
 class LiveReport(ByAxis[AxisFit]):
-    """The fits of all axes by name, of as many samples. A notebook shows all axes."""
+    """The fits of all axes by name, all over the same samples. A notebook shows all axes."""
 
     def __init__(self, axes: Mapping[str, AxisFit], samples: int, rate_hz: float) -> None:
         super().__init__(axes)
         self.samples = samples
-        """How many samples of an axis the fits are of."""
+        """Number of samples of each axis in the fits."""
         self.rate_hz = rate_hz
-        """How many there are in a second."""
+        """Sampling rate [Hz]."""
 
     def __repr__(self) -> str:
         axes = ", ".join(f"{name}: {fit.verdict}" for name, fit in self.items())
@@ -71,19 +73,19 @@ class LiveReport(ByAxis[AxisFit]):
 
 
 class Live:
-    """Takes samples of some axes, tells their bias, and fits their noise when asked, in constant memory.
+    """Take samples of some axes, return their bias, and fit their noise on demand, in constant memory.
 
-    What it tells is in deg/s, or in m/s² of an accelerometer, whatever unit the samples are in.
+    All results are in deg/s, or in m/s² for an accelerometer, whatever the unit of the samples.
 
     Args:
-        rate_hz: sample rate in Hz.
-        axes: their names.
-        unit: of the samples, which has to be said; any that `fltea.identify` takes.
-        memory: time constant with which older samples are forgotten, such as "10min"; None: nothing is.
+        rate_hz: sampling rate in Hz.
+        axes: names of the axes.
+        unit: unit of the samples, required; any unit that `fltea.identify` takes.
+        memory: time constant with which older samples are forgotten, such as "10min"; None: none is
+            forgotten.
 
     Raises:
-        ValueError: an impossible rate or memory; no unit, or one that is not known; no axes, or two of one
-            name.
+        ValueError: an impossible rate or memory; no unit, or an unknown one; no axes, or two with one name.
     """
 
     def __init__(
@@ -98,12 +100,12 @@ class Live:
         if not names or len(set(names)) != len(names):
             raise ValueError(f"axes are one or more names, each of them once, got {names}")
         self.rate_hz = rate_hz
-        """Sample rate in Hz."""
+        """Sampling rate in Hz."""
         self.axes = names
         """Names of the axes, in the order of their columns."""
         h, of = period_s(rate_hz), scale(unit)
         self.unit = of.unit
-        """Of all that is told: deg/s or m/s²."""
+        """Unit of all results: deg/s or m/s²."""
         self._factor = of.factor
         settings = LiveConfig(memory=memory)
         self._live = LiveAxes(names, h, settings, self.unit)
@@ -112,31 +114,34 @@ class Live:
         )
         self._taken = 0
         self.steps: list[BiasStep] = []
-        """Steps of the biases until now, in the order in which they were found."""
+        """Steps of the biases so far, in the order of their detection."""
         self._settled = dict.fromkeys(names, NO_FIT)
 
     @property
     def samples(self) -> int:
-        """The number of samples of an axis that were taken."""
+        """Number of samples of each axis so far."""
         return self._live.samples
 
     def add(
         self, y: ArrayLike, *, at_rest: bool | None = None, accel_ms2: ArrayLike | None = None
     ) -> Corrected:
-        """Take the next samples, (n, axes), or (n,) where there is one axis, and return what they tell.
+        """Take the next samples, (n, axes), or (n,) for a single axis, and return their rates and biases.
 
-        The bias goes by the noise that the newest `fit` has found, and by a bank of random walks before it.
+        The bias uses the noise model of the newest `fit`; before the first fit, a bank of random walks.
 
         Args:
             y: samples, in the unit of this object.
-            at_rest: False where the sensor is known to move: nothing is learnt of these samples. True where
-                it is known to be at rest: a rate that lies still elsewhere for ten seconds is then where the
-                offset is now, however far that is. None: it is found out.
-            accel_ms2: samples of the accelerometer at the same instants, (n, 1 to 3) in m/s². It shows
-                motion that a gyroscope does not.
+            at_rest: False: the sensor is known to move, so these samples are not used for the bias. True: it
+                is known
+                to be at rest; a rate that is steady at another value for ten seconds is then the new offset,
+                    however
+                far away. None: rest and motion are detected.
+            accel_ms2: samples of the accelerometer at the same times, (n, 1 to 3) in m/s². It shows motion
+                that a
+                gyroscope does not.
 
         Raises:
-            ValueError: another shape, or values that are not finite; then nothing is taken.
+            ValueError: another shape, or values that are not finite; no sample is then taken.
         """
         found = finite(y, "y", "report lost samples by skip(count).")
         if found.ndim == 1 and len(self.axes) == 1:
@@ -169,7 +174,7 @@ class Live:
         return Corrected(rate, bias, std, tracked.moving.reshape(np.shape(y)))
 
     def skip(self, count: int) -> None:
-        """Take note of so many lost samples of all axes: nothing is computed across a longer gap.
+        """Report `count` lost samples of all axes; nothing is computed across a longer gap.
 
         Raises:
             ValueError: count is below 1.
@@ -181,25 +186,27 @@ class Live:
         self._taken += count
 
     def fit(self, *, curves: bool = True, last: bool = False) -> LiveReport:
-        """Return what the noise is, by all samples so far.
+        """Fit the noise over all samples so far.
 
         Args:
-            curves: with spectrum and Allan deviation.
-            last: the record is at its end and this is the only look at it. Looks while it grows are judged
-                more strictly, so that all of them together give few false alarms.
+            curves: whether to add spectrum and Allan deviation.
+            last: whether the record has ended and this is its only fit. Fits of a growing record are judged
+                more
+                strictly, so that all of them together give few false alarms.
         """
         found: dict[str, AxisFit] = {}
-        for axis, look in self._live.look(curves=curves, last=last).items():
-            looked = look()
-            found[axis] = looked.fit
-            self._settled[axis] = self._settled[axis].followed_by(looked, self._tracks.learner(axis))
+        for axis, model_search in self._live.look(curves=curves, last=last).items():
+            fitted = model_search()
+            found[axis] = fitted.fit
+            self._settled[axis] = self._settled[axis].followed_by(fitted, self._tracks.learner(axis))
             self._tracks.go_by(axis, self._settled[axis])
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:
-        """Return, by axis, the standard deviation of the integral of `Corrected.rate` from rest to t_s later.
+        """Return, by axis, the standard deviation of the integral of `Corrected.rate` over `t_s` after rest.
 
-        The rest is as long as the record of the newest fit; NaN before one that says what the noise is.
+        The rest is as long as the record of the newest fit. NaN before the first fit that names a noise
+        model.
 
         Raises:
             ValueError: t_s is not positive.

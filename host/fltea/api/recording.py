@@ -1,4 +1,4 @@
-"""A recording of any kind that the command reads, as arrays."""
+"""Read a recording of any kind that the command reads, as arrays."""
 
 import contextlib
 import os
@@ -38,23 +38,23 @@ if TYPE_CHECKING:
 
 
 IN_NAMES = {GYRO_UNIT: "dps", ACCEL_UNIT: "ms2"}
-"""Each unit as the names of columns spell it."""
+"""Spelling of each unit in the names of columns."""
 
 
 class Recording(Mapping[str, Array]):
-    """Axes by name, each an array (n,) of float64: `recording["gyro_x"]`."""
+    """The axes by name, each an array (n,) of float64: `recording["gyro_x"]`."""
 
     def __init__(self, name: str, loaded: Loaded) -> None:
         self.name = name
-        """What was opened."""
+        """Name of the file or session that was opened."""
         self.counts: Counts = loaded.counts
-        """How many samples the recording holds, how many are used, and what is missing."""
+        """Counts of all samples, used samples and missing samples."""
         self.data_checks: tuple[DataCheck, ...] = loaded.data_checks
-        """What is wrong with the recording as a whole; empty where nothing is."""
+        """Findings on the recording as a whole; empty if there are none."""
         self.reading: tuple[Answer, ...] = tuple(
             replace(one, why=in_python(one.why)) for one in loaded.reading
         )
-        """How the file was understood, each answer with its evidence."""
+        """How the file was read; each answer comes with its evidence."""
         self._loaded = loaded
 
     def __getitem__(self, axis: str) -> Array:
@@ -75,14 +75,14 @@ class Recording(Mapping[str, Array]):
 
     @property
     def rate_hz(self) -> float:
-        """Sample rate in Hz."""
+        """Sampling rate in Hz."""
         return float(self._loaded.hello.rate_hz)
 
     @property
     def time_s(self) -> Array:
-        """The time of each sample in s from the first one, (n,). Lost samples take their time.
+        """Time of each sample since the first one [s], (n,). Lost samples take their time.
 
-        Where nobody knows how many were lost, as at a restart, no time passes.
+        Where the number of lost samples is not known, as at a restart, no time passes.
         """
         gaps = next(iter(self._loaded.axes.values())).gaps
         number = np.arange(self.counts.used)
@@ -91,7 +91,7 @@ class Recording(Mapping[str, Array]):
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of each axis by its name."""
+        """Unit of each axis, by its name."""
         return {name: series.unit for name, series in self._loaded.axes.items()}
 
     def identify(
@@ -101,10 +101,10 @@ class Recording(Mapping[str, Array]):
         notch_hz: Sequence[tuple[float, float]] = (),
         forecast: Asked = False,
     ) -> Report:
-        """Tell what the noise of each axis is; arguments as of `fltea.identify`.
+        """Identify the noise of each axis; arguments as for `fltea.identify`.
 
         Raises:
-            ValueError: an axis is constant or too short; a band that is impossible.
+            ValueError: an axis is constant or too short, or a band is impossible.
         """
         options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
         h = self._loaded.h
@@ -123,7 +123,7 @@ class Recording(Mapping[str, Array]):
 
     @contextlib.contextmanager
     def _of_axis(self, name: str) -> Iterator[None]:
-        """Tell of which axis an error is."""
+        """Add the name of the axis to errors."""
         try:
             with python_words():
                 yield
@@ -131,7 +131,7 @@ class Recording(Mapping[str, Array]):
             raise ValueError(f"{self.name}, {name}: {error}") from error
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a column an axis over `time_s`.
+        """Return a table with one column for each axis, over `time_s`.
 
         Raises:
             UsageError: pandas is not installed.
@@ -184,24 +184,24 @@ def open(
     accel_units: str | None = None,
     overrule: bool = False,
 ) -> Recording:
-    """Read a recording of any kind that `fltea identify` reads; what it does not say has to be said here.
+    """Read a recording of any kind that `fltea identify` reads. Pass here what the file does not say.
 
     Args:
-        path: a file, a folder of parts of one session, or the session's name.
-        axes: which ones; None: all of the gyroscope's, and the accelerometer's where there is one.
-        columns: which columns are the axes, by name or position from 1.
-        units: of the rates: deg/s, mdps, rad/s … or lsb:N (N counts are 1 deg/s).
-        rate_hz: sample rate in Hz, where no times tell it.
-        time_column: the column of times, by name or position from 1.
-        time_unit: of the times: s, ms, us or ns.
-        topic: which sensor, of a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the
-            value in the column that tells them apart (1), or 1/2 for the first of two in turns.
-        accel_units: of the accelerometer: m/s^2, g, mg … or lsb:N (N counts are 1 g).
-        overrule: the file is wrong: what is said here counts, even where the file itself states another unit
-            or rate.
+        path: a file, a folder with parts of one session, or the session's name.
+        axes: names of the axes; None: all of the gyroscope's, and the accelerometer's if there is one.
+        columns: columns of the axes, by name or position from 1.
+        units: unit of the rates: deg/s, mdps, rad/s … or lsb:N (N counts are 1 deg/s).
+        rate_hz: sampling rate in Hz, if the file has no times.
+        time_column: column of the times, by name or position from 1.
+        time_unit: unit of the times: s, ms, us or ns.
+        topic: sensor, for a file with several: a topic of a bag or of a PX4 log (sensor_gyro:1), the value in
+            the
+            column that tells sensors apart (1), or 1/2 for the first of two in turns.
+        accel_units: unit of the accelerometer: m/s^2, g, mg … or lsb:N (N counts are 1 g).
+        overrule: whether these arguments count even where the file itself states another unit or rate.
 
     Raises:
-        UsageError: it cannot be read, holds several recordings, or not these axes; the text says why.
+        UsageError: the file cannot be read, holds several recordings, or lacks these axes; the text says why.
         ValueError: an impossible rate.
     """
     if rate_hz is not None:

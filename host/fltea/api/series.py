@@ -1,4 +1,4 @@
-"""The noise of one axis that is an array."""
+"""Identify the noise of one axis given as an array."""
 
 import contextlib
 from collections.abc import Mapping, Sequence
@@ -42,24 +42,26 @@ def identify(
     notch_hz: Sequence[tuple[float, float]] = (),
     forecast: Asked = False,
 ) -> Identified:
-    """Tell what the noise of one axis of a resting sensor is.
+    """Identify the noise of one axis of a resting sensor.
 
     Args:
-        y: samples (n,) without gaps; some ten minutes of them say more than one.
-        rate_hz: sample rate in Hz.
-        unit: of y, which has to be said: deg/s, rad/s, dps, mdps … or lsb:N (N counts are 1 deg/s) of a
-            gyroscope, m/s^2, g, mg … of an accelerometer. All figures are in deg/s or in m/s².
-        axis: a name for it.
-        lsb: one count in the unit of y, if it is known.
-        from_hz: leave out what is slower, in Hz.
+        y: samples (n,) without gaps; ten minutes of samples tell much more than one.
+        rate_hz: sampling rate in Hz.
+        unit: unit of y, required: deg/s, rad/s, dps, mdps … or lsb:N (N counts are 1 deg/s) for a gyroscope;
+            m/s^2, g, mg … for an accelerometer. All figures are in deg/s or in m/s².
+        axis: a name for the axis.
+        lsb: one count in the unit of y, if known.
+        from_hz: lowest frequency in use, in Hz.
         notch_hz: bands (low, high) in Hz that are left out.
-        forecast: tell how far the heading is off by time, too, with the second half as judge;
-            a `Goal`: and how long to rest for it; a `Drive`: and how long it is good after a rest; or both,
-            in a list.
+        forecast: True: forecast the error of the heading, and judge the forecast by the second half. A `Goal`
+            also
+            asks how long to rest, a `Drive` how long the heading is good after a rest; or give a list of
+                both.
 
     Raises:
-        ValueError: y is not finite, not (n,), constant or too short; no unit, or one that is not known; a
-            rate or band that is impossible.
+        ValueError: y is not finite, not (n,), constant or too short; no unit, or an unknown one; an
+            impossible
+            rate or band.
     """
     h = period_s(rate_hz)
     options = IdentifyOptions(from_hz=from_hz, notch_hz=tuple((low, high) for low, high in notch_hz))
@@ -76,7 +78,7 @@ def identify(
 
 
 class Examined(NamedTuple):
-    """An axis that was looked at, before anything follows from its tracked system."""
+    """An analysed axis, still without conclusions from its tracked system."""
 
     series: Series
     looked: Looked
@@ -89,7 +91,7 @@ class Examined(NamedTuple):
 
 
 class Watched(NamedTuple):
-    """An axis that was looked at without what has happened to it."""
+    """An analysed axis without its steps and motion, and these events."""
 
     examined: Examined
     events: AxisEvents
@@ -102,7 +104,7 @@ def watched_looks(
     h: float,
     options: IdentifyOptions,
 ) -> dict[str, Watched]:
-    """Return what has happened to axes by their first looks, and looks without that, with FLTEA."""
+    """Return the axes with their events, analysed without steps and motion, and with FLTEA's estimates."""
     last = dict(examined)
     for _ in range(1, MOST_LOOKS):
         events = watch(axes, accel, agreed(last, h), h, LiveConfig())
@@ -110,7 +112,7 @@ def watched_looks(
         if not again:
             break
         for name in again:
-            with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
+            with contextlib.suppress(ValueError):  # too few samples are left: keep the result
                 last[name] = examine(axes[name], h, options, last[name].known, events[name].left_out)
     fits = fltea_fits([fltea_axis(one.looked, one.series.lsb, options) for one in last.values()], h)
     for (name, one), its in zip(last.items(), fits, strict=True):
@@ -119,7 +121,7 @@ def watched_looks(
 
 
 def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, Learned]:
-    """Return the tracked systems of a recording's axes by name, where there is one."""
+    """Return the tracked systems of a recording's axes by name, as far as they have one."""
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
 
@@ -130,9 +132,14 @@ def examine(
     known: Sequence[DataCheck] = (),
     left_out: LeftOut | None = None,
 ) -> Examined:
-    """Look at an axis; known: what is wrong with it by the recording as a whole.
+    """Analyse an axis.
 
-    left_out: steps and motion; None: what seems to be motion before there is a model.
+    Args:
+        series: the samples of the axis.
+        h: sampling period [s].
+        options: how to identify.
+        known: data checks of the recording as a whole that concern the axis.
+        left_out: steps and motion to leave out; None: what seems to be motion, as no model is known yet.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
     fltea_axis(looked, series.lsb, options).why_not(h)
@@ -151,7 +158,7 @@ def of_series(
     *,
     forecast: Asked = False,
 ) -> Identified:
-    """Return what was found out about an axis that was watched; tracked: its system."""
+    """Return the results for an axis with its events. `tracked`: its tracked system."""
     (series, looked, found, data_checks, _, _, _, out), events = watched
     is_left_out = out.is_like(events.left_out)
     data_checks = (*event_checks(events, series.unit, is_left_out=is_left_out), *data_checks)
@@ -159,7 +166,7 @@ def of_series(
         tracked, found = None, doubted(found)
     h = looked.h
     curve = None
-    with contextlib.suppress(ValueError):  # all stretches are too short for one
+    with contextlib.suppress(ValueError):  # all stretches are too short for an Allan deviation
         curve = allan_of(looked, series.unit)
     follows = tracked and conclude(
         series, h, options, tracked, found.level.K, forecast, events.at_end, events.steps

@@ -1,4 +1,4 @@
-"""Noise of known order, to try things on."""
+"""Simulate noise of known order, for trying things out."""
 
 from typing import TYPE_CHECKING
 
@@ -17,31 +17,31 @@ if TYPE_CHECKING:
 
 
 class Simulated(msgspec.Struct, frozen=True):
-    """Measurements, the true state behind them, and what they were made with."""
+    """Simulated measurements, the true state behind them, and the parameters."""
 
     y: Array
     """Measurements (n,) in `unit`."""
     state: Array
-    """The state (n,) in `unit`, which the measurements have white noise on."""
+    """True state (n,) in `unit`; the measurements are the state plus white noise."""
     rate_hz: float
-    """Sample rate in Hz."""
+    """Sampling rate in Hz."""
     alpha: float
-    """The order."""
+    """The order α."""
     f: float
-    """The parameter, in s^-α."""
+    """The parameter f, in s^-α."""
     Q: float
-    """The strength of what drives the state, in unit² s^-2α."""
+    """Strength of the noise that drives the state, in unit² s^-2α."""
     R: float
-    """The variance of the white noise, in unit²."""
+    """Variance of the white noise, in unit²."""
     unit: str
-    """The unit of the samples."""
+    """Unit of the samples."""
 
     def identify(self) -> Identified:
-        """Return what `fltea.identify` says of y."""
+        """Return the result of `fltea.identify` for y."""
         return identify(self.y, self.rate_hz, unit=self.unit)
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Return a table of y and the state over the time in s.
+        """Return a table of y and the state, with the time in s as index.
 
         Raises:
             UsageError: pandas is not installed.
@@ -62,22 +62,22 @@ def simulate(
     warmup: int = 3000,
     seed: int = 0,
 ) -> Simulated:
-    """Draw fractional noise; the model is that of `fltea.noise.simulation`.
+    """Simulate fractional noise by the model of `fltea.noise.simulation`.
 
     Args:
-        n: samples.
-        rate_hz: sample rate in Hz.
+        n: number of samples.
+        rate_hz: sampling rate in Hz.
         alpha: order, below 2.
         f: parameter, in s^-α, 0 or below.
-        Q: strength of what drives the state, in unit² s^-2α; 0: white noise alone.
+        Q: strength of the noise that drives the state, in unit² s^-2α; 0: white noise alone.
         R: variance of the white noise, in unit².
-        unit: of the samples that are drawn, such as deg/s: that in which Q and R are given.
-        window: samples of memory.
-        warmup: samples that are thrown away first.
-        seed: equal ones give equal samples.
+        unit: unit of the samples and of Q and R, such as deg/s.
+        window: length of the memory in samples.
+        warmup: number of samples that are drawn and dropped first.
+        seed: seed of the random generator; the same seed gives the same samples.
 
     Raises:
-        ValueError: impossible parameters, a unit that is not known, or noise that runs away.
+        ValueError: impossible parameters, an unknown unit, or noise that diverges.
     """
     scale(unit)
     if n < 1:

@@ -1,1 +1,1 @@
-"""What a person takes home: the HTML page of a report, and imu.yaml."""
+"""Write what users take away: the charts and HTML page of a report, and files for other programs."""

@@ -1,7 +1,7 @@
-"""A chart as SVG, for notebooks, reports and the live page: scales, lines, bands, legend (pure).
+"""Draw a chart as SVG, for notebooks, reports and the live page: scales, curves, bands, legend.
 
-It has the colour of the text around it, light or dark. However long a record is, a line has some hundred
-points.
+The chart takes the colour of the text around it, light or dark. However long a record is, a curve has some
+hundred points.
 """
 
 import math
@@ -17,12 +17,12 @@ from fltea.records.arrays import Array
 
 WIDTH, HEIGHT = 420, 260
 SMALL = 130
-"""Height of a drawing beside others, without numbers under the pointer."""
+"""Height of a small chart next to others, without values under the pointer [px]."""
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40
 MOST_POINTS = 200
-"""The number of points up to which a line has all of them."""
+"""Number of points up to which a curve is drawn with all of them."""
 COLUMN_PX = 3
-"""Of a longer line the lowest and the highest point of each so wide column are kept."""
+"""Width of a column [px]; a longer curve keeps the lowest and the highest point of each column."""
 MOST_TIPS = 80
 
 Point = tuple[float, float]
@@ -30,10 +30,11 @@ Numbers = Sequence[float] | Array
 
 
 class Curve(NamedTuple):
-    """The points of a line in one of `STYLES`, and the ends low and high of the band around it.
+    """The points of a curve in one of `STYLES`, and the ends `low` and `high` of the band around it.
 
-    It is broken where a number is missing or has no place on the scales; without y there is the band alone.
-    name: stands at the middle of the line. label: what the legend says of it; without there is no entry.
+    The curve is broken where a number is missing or cannot be shown on the scales. Without y, only the band
+    is
+    drawn. `name`: text at the middle of the curve. `label`: entry in the legend; empty for none.
     """
 
     x: Numbers
@@ -46,7 +47,7 @@ class Curve(NamedTuple):
 
 
 class Bands(NamedTuple):
-    """Stretches of the x-axis that are grey from the bottom to the top; label: what the legend says of it."""
+    """Ranges of the x-axis that are grey from the bottom to the top. `label`: entry in the legend."""
 
     ends: Sequence[tuple[float, float]]
     label: str = ""
@@ -64,7 +65,7 @@ def log_log(
     crosses: tuple[Sequence[float], Sequence[float]] = ((), ()),
     height: int = HEIGHT,
 ) -> str:
-    """Return the chart without values that have no logarithm, or nothing if no value has one."""
+    """Return a chart with two logarithmic axes; an empty text if no value has a logarithm."""
     x, y = Axis(x_label, is_log=True), Axis(y_label, is_log=True)
     return chart(title, x, y, curves, Bands(bands), crosses, height)
 
@@ -78,9 +79,11 @@ def chart(
     crosses: tuple[Sequence[float], Sequence[float]] = ((), ()),
     height: int = HEIGHT,
 ) -> str:
-    """Return the chart, or nothing if no value has a place on its axes. The first curve says its numbers.
+    """Return the chart, or an empty text if no value can be shown.
 
-    height: of the chart without its legend, in pixels.
+    The first curve shows values at the pointer.
+
+    `height`: height of the chart without its legend [px].
     """
     x = scale(x_axis, (v for c in curves for v in c.x), LEFT, WIDTH - RIGHT)
     y = scale(y_axis, (v for c in curves for v in c.y), height - BOTTOM, TOP)
@@ -116,7 +119,7 @@ def chart(
 
 
 def _frame(title: str, x_axis: Axis, y_axis: Axis, x: Scale, y: Scale) -> Iterator[str]:
-    """Frame, grid, numbers and titles."""
+    """Yield the frame, the grid, the numbers and the titles."""
     yield (
         f'<rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" height="{y.begin - TOP:g}" '
         'fill="none" stroke="currentColor" stroke-opacity="0.4"/>'
@@ -146,7 +149,7 @@ def _bands(bands: Bands, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _between(curve: Curve, style: Style, x: Scale, y: Scale) -> Iterator[str]:
-    """The band from low to high; where it leaves the chart it ends at the frame."""
+    """Yield the band from low to high, cut off at the frame."""
     known = [
         row
         for row in zip(curve.x, curve.low, curve.high, strict=False)
@@ -160,7 +163,7 @@ def _between(curve: Curve, style: Style, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _line(curve: Curve, style: Style, runs: list[list[Point]], y: Scale) -> Iterator[str]:
-    """The line, or its points, as far as they are in the chart, and its name."""
+    """Yield the curve or its points, as far as they are in the chart, and its name."""
     if style.is_points:
         dots = [point for run in runs for point in _thinned(run) if TOP <= point[1] <= y.begin]
         if dots:
@@ -176,14 +179,14 @@ def _line(curve: Curve, style: Style, runs: list[list[Point]], y: Scale) -> Iter
 
 
 def _runs(x: Scale, y: Scale, xs: Numbers, ys: Numbers) -> list[list[Point]]:
-    """Points in pixels as far as there are both numbers, in runs without a gap."""
+    """Return the points in pixels, in runs in which both numbers are known."""
     pairs = zip(xs, ys, strict=False)
     grouped = groupby(pairs, key=lambda pair: x.has(pair[0]) and y.has(pair[1]))
     return [[(x(a), y(b)) for a, b in run] for is_known, run in grouped if is_known]
 
 
 def _thinned(points: list[Point]) -> list[Point]:
-    """A long line by the lowest and the highest point of each column, in their order."""
+    """Thin out a long curve: keep the lowest and the highest point of each column, in order."""
     if len(points) <= MOST_POINTS:
         return points
     kept: list[Point] = [points[0]]
@@ -195,7 +198,7 @@ def _thinned(points: list[Point]) -> list[Point]:
 
 
 def _cut(points: list[Point], bottom: float) -> list[list[Point]]:
-    """The parts of a line that are between the bottom and the top of the chart."""
+    """Return the parts of a curve between the bottom and the top of the chart."""
     found: list[list[Point]] = []
     joins = False
     for (xa, ya), (xb, yb) in pairwise(points * 2 if len(points) == 1 else points):
@@ -215,7 +218,7 @@ def _cut(points: list[Point], bottom: float) -> list[list[Point]]:
 
 
 def _tips(curve: Curve, x: Scale, y: Scale) -> Iterator[str]:
-    """Points that nobody sees, with what a pointer that rests on them says."""
+    """Yield invisible points that show their values when the pointer rests on them."""
     rows = list(zip(curve.x, curve.y, strict=False))
     for i in range(0, len(rows), max(1, math.ceil(len(rows) / MOST_TIPS))):
         a, b = rows[i]

@@ -1,4 +1,4 @@
-"""What the lines and bands of a chart are, in rows below it, where they hide nothing (pure)."""
+"""Draw the legend of a chart in rows below it, where it hides nothing."""
 
 import textwrap
 from collections.abc import Sequence
@@ -8,18 +8,21 @@ from typing import NamedTuple
 from fltea.documents.chart_style import Style, line
 
 LEGEND_LINE = 15
-"""Height of a row in pixels."""
+"""Height of a row [px]."""
 BEGIN, END = 12, 412
-"""Ends of a row in pixels."""
+"""Ends of a row [px]."""
 SAMPLE, SPACE = 22, 6
-"""Width of the sample of a line, and the space behind it."""
+"""Width of the sample of a curve, and of the space after it [px]."""
 LETTER = 5.6
-"""Width of a letter on average, in pixels at the chart's size of text."""
+"""Average width of a letter at the chart's text size [px]."""
 BETWEEN = 14
 
 
 class Entry(NamedTuple):
-    """What a line or a band is. style: of the line, if it has one. band: its colour, if there is one."""
+    """An entry of the legend.
+
+    `style`: style of the curve, if there is one. `band`: colour of its band, or "".
+    """
 
     label: str
     style: Style | None
@@ -27,7 +30,7 @@ class Entry(NamedTuple):
 
 
 def legend(entries: Sequence[Entry], top: float) -> tuple[list[str], int]:
-    """Return the SVG below `top` (pixels) and how many rows it has; long labels are broken."""
+    """Return the SVG of the legend below `top` (pixels), and its number of rows; long labels are wrapped."""
     found: list[str] = []
     left, row = float(BEGIN), 0
     for entry in entries:

@@ -1,4 +1,4 @@
-"""Linear and logarithmic scales of a chart, and the numbers that stand at them (pure)."""
+"""Compute linear and logarithmic scales of a chart, and the numbers at their ticks."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -6,12 +6,15 @@ from typing import NamedTuple
 
 MOST_TICKS, FEW_DECADES = 8, 2.2
 MOST_LINEAR = 6
-"""Numbers at a linear scale."""
+"""Largest number of intervals between the numbers at a linear scale."""
 MOST_DECIMALS = 5
 
 
 class Axis(NamedTuple):
-    """label: what is on it, with the unit. ends: by default those of the curves, with some room."""
+    """An axis of a chart.
+
+    `label`: what the axis shows, with the unit. `ends`: limits; None: those of the curves, with some room.
+    """
 
     label: str
     is_log: bool = False
@@ -19,7 +22,7 @@ class Axis(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """A scale between two ends, of which a logarithmic one has the logarithms, in pixels."""
+    """A scale between two ends in pixels; `low` and `high` of a logarithmic scale are logarithms."""
 
     low: float
     high: float
@@ -28,13 +31,13 @@ class Scale(NamedTuple):
     is_log: bool
 
     def __call__(self, value: float) -> float:
-        """Return where the value is, in pixels."""
-        place = math.log10(value) if self.is_log else value
-        share = (place - self.low) / (self.high - self.low)
+        """Return the position of a value in pixels."""
+        number = math.log10(value) if self.is_log else value
+        share = (number - self.low) / (self.high - self.low)
         return self.begin + share * (self.end - self.begin)
 
     def has(self, value: float) -> bool:
-        """Whether the value has a place on the scale, be it beyond its ends."""
+        """Whether the scale can show the value, which may lie beyond its ends."""
         return math.isfinite(value) and (value > 0 or not self.is_log)
 
     def ticks(self) -> list[tuple[float, str]]:
@@ -43,25 +46,25 @@ class Scale(NamedTuple):
 
 
 def scale(axis: Axis, values: Iterable[float], begin: float, end: float) -> Scale | None:
-    """Return the scale of an axis from begin to end (pixels); None if no value has a place on it."""
+    """Return the scale of an axis from `begin` to `end` (pixels); None if it can show none of the values."""
     known = [v for v in values if math.isfinite(v) and (v > 0 or not axis.is_log)]
     if not known:
         return None
-    places = [math.log10(v) if axis.is_log else float(v) for v in axis.ends or (min(known), max(known))]
-    low, high = places if axis.ends and places[0] < places[1] else _room(places, axis.is_log)
+    ends = [math.log10(v) if axis.is_log else float(v) for v in axis.ends or (min(known), max(known))]
+    low, high = ends if axis.ends and ends[0] < ends[1] else _room(ends, axis.is_log)
     return Scale(low, high, begin, end, axis.is_log)
 
 
-def _room(places: Sequence[float], is_log: bool) -> tuple[float, float]:
-    """Return the ends with some room, also of one value."""
-    low, high = places
+def _room(ends: Sequence[float], is_log: bool) -> tuple[float, float]:
+    """Return the ends with some room around them, also if both are equal."""
+    low, high = ends
     room = 0.05 * (high - low)
     room = max(room, 0.1) if is_log else room or 0.05 * abs(low) or 0.1
     return low - room, high + room
 
 
 def _decades(low: float, high: float) -> list[tuple[float, str]]:
-    """Decades, and some steps between them where few decades fit in."""
+    """Return the decades, and some values between them if there are few decades."""
     span = high - low
     steps = (1, 2, 3, 5, 7) if span < 1 else (1, 2, 5) if span < FEW_DECADES else (1,)
     powers = range(math.floor(low), math.ceil(high) + 1)
@@ -71,7 +74,7 @@ def _decades(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def _steps(low: float, high: float) -> list[tuple[float, str]]:
-    """Multiples of 1, 2 or 5 times a power of ten."""
+    """Return multiples of 1, 2 or 5 times a power of ten."""
     power = math.floor(math.log10((high - low) / MOST_LINEAR))
     step = next(
         one

@@ -1,10 +1,10 @@
-"""How lines of charts look; each colour is seen on white and on black (pure)."""
+"""Styles of the curves in charts; each colour is visible on white and on black."""
 
 from typing import NamedTuple
 
 
 class Style(NamedTuple):
-    """Of a line, or of points without one, and of the band around it; widths and dashes in pixels."""
+    """Style of a curve, or of points alone, and of the band around it; widths and dashes in pixels."""
 
     colour: str
     width: float
@@ -30,7 +30,7 @@ STYLES = {
 
 
 def line(style: Style) -> str:
-    """Return the attributes of a line."""
+    """Return the SVG attributes of a curve."""
     found = f'stroke="{style.colour}" stroke-width="{style.width:g}"'
     if style.opacity < 1:
         found += f' stroke-opacity="{style.opacity:g}"'

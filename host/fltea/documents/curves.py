@@ -1,4 +1,4 @@
-"""Spectrum and Allan deviation of a fit as SVG, for notebooks, reports and the live page (pure)."""
+"""Draw spectrum and Allan deviation of a fit as SVG, for notebooks, reports and the live page."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,7 +14,10 @@ def spectrum(
     board: tuple[Sequence[float], Sequence[float]] = ((), ()),
     height: int = HEIGHT,
 ) -> str:
-    """Return noise density and fitted model; bands that were left out are grey. board: its own bins."""
+    """Draw noise density and fitted model; bands that were left out are grey.
+
+    `board`: the board's own bins.
+    """
     title = "Spectrum (orange: fitted" + (", grey: left out" if left_out else "")
     title += ", crosses: the board's bins)" if board[0] else ")"
     curves = [Curve(s.hz, s.density, "data"), Curve(s.hz, s.model, "model")]
@@ -22,26 +25,26 @@ def spectrum(
 
 
 def density_label(unit: str) -> str:
-    """Return the title of an axis of noise densities of samples in `unit`."""
+    """Return the axis title for noise densities of samples in `unit`."""
     return f"density [{unit}/√Hz]"
 
 
 def allan(a: FitAllan, unit: str) -> str:
-    """Return the Allan deviation with its intervals, that of the model, and the lines of N, B and K."""
+    """Draw the Allan deviation with intervals, that of the model, and the straight lines of N, B and K."""
     curves = [Curve(a.tau_s, a.adev, "data", a.low, a.high), Curve(a.tau_s, a.model, "model")]
     title = "Allan deviation, 95 % (orange: fitted)"
     return log_log(title, *allan_labels(unit), [*curves, *coefficients(a)])
 
 
 def allan_labels(unit: str) -> tuple[str, str]:
-    """Return the titles of the axes of an Allan deviation of samples in `unit`."""
+    """Return the axis titles for an Allan deviation of samples in `unit`."""
     return "averaging time τ [s]", f"deviation [{unit}]"
 
 
 def coefficients(a: FitAllan, labels: Mapping[str, str] | None = None) -> list[Curve]:
-    """Return the lines of N, B and K near the curve, as far as they are known.
+    """Return the straight lines of N, B and K near the curve, as far as they are known.
 
-    labels: what a legend says of them, by their names.
+    `labels`: texts for the legend, by name.
     """
     found = []
     for name, value, slope, read_at in (

@@ -1,4 +1,4 @@
-"""What reports have in common: one HTML page that is complete in itself (pure)."""
+"""Write one self-contained HTML page, as all reports do."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -16,7 +16,10 @@ MEANING = (
 
 
 def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
-    """Return the page. body, made_by and head are HTML, in which foreign text is escaped already."""
+    """Return the page.
+
+    `body`, `made_by` and `head` are HTML; text from outside is already escaped in them.
+    """
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -27,16 +30,17 @@ def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = (), kinds: Sequence[str] = ()) -> str:
-    """Return a table that scrolls by itself where there is no room; its texts are escaped here.
+    """Return a table that scrolls on its own where it does not fit; texts are escaped here.
 
-    kinds: of the first columns, which are plain without: "th" for labels, of which an indented one belongs to
-    the row above, and classes of report.css; "word": the text is its own class.
+    `kinds`: kinds of the first columns; further columns are plain. "th": labels, and an indented label
+        belongs to
+    the row above. "word": the text is its own CSS class. Others: a class of report.css.
     """
     return table_of(("".join(map(_cell, row, chain(kinds, repeat("")))) for row in rows), head)
 
 
 def table_of(lines: Iterable[str], head: Sequence[str] = ()) -> str:
-    """Return the same of rows whose cells are HTML."""
+    """Return a table whose cells are already HTML."""
     top = "".join(f"<th>{escape(text)}</th>" if text else "<td></td>" for text in head)
     body = "".join(f"<tr>{line}</tr>" for line in lines)
     thead = f"<thead><tr>{top}</tr></thead>" if top else ""

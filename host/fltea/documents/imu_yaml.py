@@ -1,4 +1,4 @@
-"""Kalibr's imu.yaml from what the noise of the axes is made of (pure)."""
+"""Write Kalibr's imu.yaml from the noise of the axes."""
 
 import json
 import math
@@ -12,34 +12,37 @@ from fltea.records.visible import visible
 
 
 class Shown(NamedTuple):
-    """N or K of one axis; None where it is not known, and `remark` says why."""
+    """N or K of one axis. None where it is not known; `remark` then says why."""
 
     value: float | None
     remark: str = ""
-    """Of a value: what a reader has to know of it."""
+    """Explanation of the value, or why it is not known."""
     at_most: float | None = None
-    """What is not known is below, with 95 % probability."""
+    """Upper bound with 95 % probability, where the value is not known."""
     slower: tuple[tuple[float, float], ...] = ()
-    """Of N: correlation times in s of Gauss-Markov states that Kalibr has no term for, and the density of the
-    noise at times of that length and longer."""
+    """For N: slower noise that Kalibr has no term for.
+
+    Each entry is the correlation time of a Gauss-Markov state [s], and the noise density at this time and
+    longer.
+    """
 
 
 class AxisNoise(NamedTuple):
-    """N and K of one axis, in deg/√s and (deg/s)/√s; for an accelerometer m/s² stands for deg/s."""
+    """N and K of one axis, in deg/√s and (deg/s)/√s; for an accelerometer with m/s² in place of deg/s."""
 
     N: Shown
     K: Shown
 
 
 class Inflation(NamedTuple):
-    """Factors by which what was measured is written larger, 1 or more."""
+    """Factors of at least 1 by which measured figures are enlarged in files."""
 
     density: float
     random_walk: float
     of_axes: Mapping[str, float] = {}
-    """Axes with a factor of their own, for densities and walks alike."""
+    """Axes with a factor of their own, for densities and random walks alike."""
     reasons: Sequence[str] = ()
-    """What the factors of these axes are for, in sentences."""
+    """Sentences on what the factors of these axes are for."""
 
     def densities(self, axes: Iterable[str]) -> dict[str, float]:
         """Return the factor of the noise density of each axis."""
@@ -53,7 +56,7 @@ class Inflation(NamedTuple):
 AS_MEASURED = Inflation(1.0, 1.0)
 
 WIDTH = 100
-"""Of comments."""
+"""Largest width of comments."""
 
 NOT_ANALYSED = "the accelerometer was not analysed"
 
@@ -67,17 +70,18 @@ def imu_yaml(
     rostopic: str = "/imu0",
     inflation: Inflation = AS_MEASURED,
 ) -> str:
-    """Return the text of the file, for axes by name; source: what they were identified from.
+    """Return the text of the file, for axes by name. `source`: the recording that was identified.
 
-    Kalibr has one figure for all axes: it gets that of the worst. What is not known is a comment. Of inflated
-    figures the comment has what was measured.
+    Kalibr takes one figure for all axes: the largest is written. A figure that is not known becomes a
+    comment. For
+    enlarged figures the comment has the measured value.
     """
     forces = accel or {}
     without = NOT_ANALYSED if not forces else ""
     what = "Noise" if forces else "Gyroscope noise"
     lines = [
         f"# {what} by fltea {__version__} from {' '.join(source.split())}",
-        "# (of the axes the worst). Kalibr's model is white noise and a random walk of the rate.",
+        "# (the worst axis). Kalibr's model is white noise and a random walk of the rate.",
         "# Kalibr wants all six entries: fill in what is not known from the data sheet, or record longer.",
         *_about(inflation),
         *_entry(
@@ -113,7 +117,7 @@ def imu_yaml(
 
 
 def _about(inflation: Inflation) -> list[str]:
-    """Return what the factors are for."""
+    """Return comments on what the factors are for."""
     if inflation == AS_MEASURED:
         return [
             "# These are figures of a sensor at rest. In motion come errors of scale, alignment and",
@@ -137,7 +141,7 @@ def _entry(
     factors: Mapping[str, float],
     without: str = "no axis was analysed",
 ) -> list[str]:
-    """Return the largest figure of the axes, times its factor, in rad where the unit is one of angles."""
+    """Return the largest figure of the axes times its factor, in rad if the unit is one of angles."""
     scale = math.radians(1.0) if unit.startswith("rad") else 1.0
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
     if not known:
@@ -157,14 +161,14 @@ def _entry(
 
 
 def _at_most(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield the bound of the axis that has the largest."""
+    """Yield the largest bound of the axes."""
     bounds = [one.at_most for one in found.values() if one.at_most is not None]
     if bounds:
         yield f"at most {scale * max(bounds):.2e}, with 95 % probability"
 
 
 def _slower(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield a comment on what N leaves out, of the axis where that is most."""
+    """Yield a comment on the noise that N leaves out, for the axis where it is largest."""
     worst = max(found, key=lambda axis: max((density for _, density in found[axis].slower), default=0.0))
     if slower := found[worst].slower:
         densities = ", ".join(f"{scale * density:.2e} at {tau_s:.2g} s" for tau_s, density in slower)
@@ -173,7 +177,7 @@ def _slower(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
 
 
 def _plain(topic: str) -> str:
-    """Return a name of a topic as YAML; quoted if it is none that ROS allows."""
+    """Return a topic's name as YAML; it is quoted if ROS does not allow such a name."""
     return (
         topic if re.fullmatch(r"[A-Za-z0-9_/~]+", topic) else json.dumps(visible(topic), ensure_ascii=False)
     )

@@ -1,4 +1,4 @@
-"""What navigation filters and simulators take of an axis's noise, in their own words, from one table."""
+"""Write noise figures as navigation filters and simulators name them, by one table of programs."""
 
 import math
 import tomllib
@@ -16,11 +16,11 @@ from fltea.records.version import __version__
 Figure = Literal["N", "K", "sigma", "tau", "B"]
 Sensor = Literal["gyro", "accel"]
 WALKS = "K", "sigma"
-"""Figures that inflation of random walks multiplies."""
+"""Figures that are multiplied by the inflation of random walks."""
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One parameter of a program: scale (figure √rate)^power."""
+    """One parameter of a program; its value is scale (figure √rate)^power."""
 
     name: str
     sensor: Sensor
@@ -32,14 +32,14 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     each: bool = False
 
     def value(self, figure: float, rate_hz: float, step_s: float | None) -> float:
-        """Return the parameter; figure in rad, m and s.
+        """Return the value of the parameter for a figure in rad, m and s.
 
-        rate_hz: of the samples. step_s: from one update of the program to the next, where it has its own.
+        `rate_hz`: sampling rate [Hz]. `step_s`: time between updates of the program [s], if it has its own.
         """
         return self.scale * math.pow(figure * math.sqrt(self._rate(rate_hz, step_s)), self.power)
 
     def figure_of(self, value: float, rate_hz: float, step_s: float | None) -> float:
-        """Return the figure that a parameter of this value stands for."""
+        """Return the figure that gives this value of the parameter."""
         return math.pow(value / self.scale, 1 / self.power) / math.sqrt(self._rate(rate_hz, step_s))
 
     def _rate(self, rate_hz: float, step_s: float | None) -> float:
@@ -47,7 +47,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An example of the program itself: the value of a parameter, and the figure that it stands for."""
+    """An example from the program itself: the value of a parameter, and the figure behind it."""
 
     name: str
     value: float
@@ -56,7 +56,7 @@ class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One program. line: template of a parameter; before, after: lines around them."""
+    """One program. `line`: template of a parameter. `before`, `after`: text lines around the parameters."""
 
     title: str
     about: list[str]
@@ -70,31 +70,34 @@ class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     step_s: float | None = None
 
     def entry(self, name: str) -> Entry:
-        """Return the parameter of that name."""
+        """Return the parameter with this name."""
         return next(one for one in self.entries if one.name == name)
 
 
 @cache
 def programs() -> dict[str, Program]:
-    """Return all programs by the names by which they are asked for."""
+    """Return all programs, by the names that users ask for."""
     text = files("fltea.documents").joinpath("programs.toml").read_text(encoding="utf-8")
     return msgspec.convert(tomllib.loads(text), dict[str, Program])
 
 
 class FilterFigures(NamedTuple):
-    """What one axis has for a filter, in its unit (deg/s or m/s²) and s; `said`: of all of them."""
+    """The figures of one axis for a filter, in its unit (deg/s or m/s²) and s.
+
+    `said`: a remark on all of them.
+    """
 
     N: Shown
     K: Shown
     tau: Shown
-    """Of the one Gauss–Markov state that stands for the walk K."""
+    """Correlation time of the one Gauss–Markov state that stands for the random walk K."""
     B: Shown
     said: str = ""
 
     def of(self, figure: Figure, common_tau_s: float | None) -> Shown:
-        """Return a figure. common_tau_s: the correlation time of all axes, for a program that has but one.
+        """Return a figure. `common_tau_s`: one correlation time for all axes, if the program has only one.
 
-        A state of σ and τ goes as the walk K = σ √(2 / τ) does, for times below τ.
+        For times below τ, a state of σ and τ behaves as the random walk K = σ √(2 / τ).
         """
         if figure != "sigma":
             found: Shown = getattr(self, figure)
@@ -119,9 +122,9 @@ def written(
     source: str,
     inflation: Inflation,
 ) -> str:
-    """Return the lines for a program, which can be pasted; what is not known is a comment with its reason.
+    """Return text lines for a program, ready to paste; figures not known are comments with the reason.
 
-    gyro, accel: axes by name. source: what they were identified from.
+    `gyro`, `accel`: axes by name. `source`: the recording that was identified.
     """
     said = [f"{program.title}: noise at rest by fltea {__version__} from {' '.join(source.split())}"]
     said.append(" ".join(program.about))
@@ -151,7 +154,7 @@ def _filled(text: str, rate_hz: float) -> str:
 def _lines(
     program: Program, entry: Entry, shown: Mapping[str, Shown], rate_hz: float, inflation: Inflation
 ) -> Iterator[str]:
-    """Yield the line of a parameter, or why it is not known; shown: the figure of each axis."""
+    """Yield the text line of a parameter, or why it is not known. `shown`: the figure of each axis."""
     known = {name: one.value for name, one in shown.items() if one.value is not None}
     factors = inflation.walks(shown) if entry.figure in WALKS else dict.fromkeys(shown, 1.0)
     factors = inflation.densities(shown) if entry.figure == "N" else factors
@@ -181,7 +184,7 @@ def _lines(
 
 
 def _remarks(by_axis: Mapping[str, str]) -> list[str]:
-    """Return each remark, with the axes that it is of if others have another one or none."""
+    """Return each remark, with its axes if other axes have another remark or none."""
     found: dict[str, list[str]] = {}
     for name, remark in by_axis.items():
         found.setdefault(remark, []).append(name)
@@ -191,7 +194,7 @@ def _remarks(by_axis: Mapping[str, str]) -> list[str]:
 
 
 def _three(names: Sequence[str]) -> list[str]:
-    """Return an axis for each of x, y and z: where one was not analysed, the first that was."""
+    """Return an axis for each of x, y and z; the first analysed axis where one was not analysed."""
     found = [next((name for name in names if name.endswith(f"_{axis}")), None) for axis in "xyz"]
     return [name or names[0] for name in found]
 

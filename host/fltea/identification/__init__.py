@@ -1,1 +1,1 @@
-"""What the noise of a whole recording is: `fltea identify`."""
+"""Identify the noise of a whole recording, as `fltea identify` does."""

@@ -1,4 +1,9 @@
-"""The beginning of a look at an axis: its levels, if it steps between some, and its motion are taken out."""
+"""Analyse one axis with its levels and its motion taken out first.
+
+Some sensors step between a few fixed levels (telegraph noise). These levels are subtracted before the
+spectrum
+is analysed.
+"""
 
 from typing import NamedTuple
 
@@ -14,27 +19,34 @@ from fltea.records.fit import VerdictKind
 from fltea.spectrum.verdict import Verdict
 
 NO_MEMORY: tuple[VerdictKind, ...] = "white", "undecided", "line", "line or resonance", "resonance"
-"""Verdicts about which the levels have the say: their spectrum is that of a relaxation."""
+"""Verdicts that levels replace by "relaxations", since steps between levels have the spectrum of a
+relaxation.
+"""
 
 
 class AxisLook(NamedTuple):
-    """A look at an axis."""
+    """The spectral analysis of one axis, and the samples behind it."""
 
     looked: Looked
-    """Of the samples less their levels."""
+    """The analysis of the samples without their levels."""
     series: Series
-    """The same samples with the levels."""
+    """The same samples with their levels."""
     left_out: LeftOut
     telegraph: Telegraph | None
 
 
 def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOut | None) -> AxisLook:
-    """Look at an axis; h: sampling period in s.
+    """Analyse the spectrum of an axis and decide on its verdict.
 
-    left_out: steps and motion; None: what seems to be motion before there is a model.
+    Args:
+        series: the samples of the axis.
+        h: sampling period [s].
+        options: how to identify.
+        left_out: steps and motion to leave out. None: leave out what seems to be motion, as no model is known
+            yet.
 
     Raises:
-        ValueError: it is too short, constant, or has a few values only.
+        ValueError: the axis is too short, is constant, or has only a few distinct values.
     """
     rest, telegraph = without_levels(series, h)
     out = likely_motion(rest) if left_out is None else left_out
@@ -54,20 +66,23 @@ def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOu
 
 
 def samples_looked_at(series: Series, h: float, left_out: LeftOut) -> Series:
-    """Return the samples of which a look is that leaves this out; h: sampling period in s."""
+    """Return the samples that `look_at` analyses if it leaves out `left_out`. `h`: sampling period [s]."""
     rest, telegraph = without_levels(series, h)
     return _looked_at(rest, without(series, left_out), telegraph, left_out)
 
 
 def _looked_at(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
-    """Return samples less their levels, if they have some, and less what is left out; whole: with levels."""
+    """Return the samples without their levels and without what `out` leaves out.
+
+    `rest`: the samples without levels. `whole`: the samples with levels, already without `out`.
+    """
     if telegraph is None:
         return whole
     return without(rest, LeftOut((*out.moved, *telegraph.passages), out.steps))
 
 
 def _with_levels(verdict: Verdict, telegraph: Telegraph, unit: str) -> Verdict:
-    """Return the verdict on samples about levels with the levels in it."""
+    """Return `verdict`, which is on samples without their levels, with the levels added to it."""
     what = f"{telegraph_words(telegraph, unit)} About the levels: {verdict.what}"
     then = (
         f"In a navigation filter the levels are a Gauss–Markov process of σ {telegraph.sigma:.2g} {unit} and "

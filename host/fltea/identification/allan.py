@@ -1,7 +1,8 @@
-"""Overlapping Allan deviation of one axis of a recording, and what is read from it: N, B and K.
+"""Compute the overlapping Allan deviation of one axis of a recording, and read N, B and K from it.
 
-Intervals and coefficients are those of the live curve (`fltea.spectrum.allan_curve`,
-`fltea.spectrum.allan_coefficients`); here the averaging times are closer, and every sample begins a block.
+Intervals and coefficients are computed as for the live curve (`fltea.spectrum.allan_curve`,
+`fltea.spectrum.allan_coefficients`). Here the averaging times are closer together, and blocks begin at every
+sample.
 """
 
 import math
@@ -18,15 +19,15 @@ from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 
 PER_DECADE = 10
-"""Averaging times."""
+"""Number of averaging times in each decade."""
 LONGEST_SHARE = 0.25
-"""Longest averaging time over the record."""
+"""Longest averaging time as a share of the record."""
 BLOCK = 1 << 13
-"""Samples that are looked at at a time."""
+"""Number of samples that are processed at a time."""
 
 
 class Scale(NamedTuple):
-    """A unit in which N, B or K is shown, and how many of it one of the curve's is."""
+    """The unit in which N, B or K is shown, and the factor from the curve's own unit to it."""
 
     unit: str
     factor: float
@@ -41,7 +42,7 @@ class Scales(NamedTuple):
 
 
 def scales(unit: str) -> Scales:
-    """Return the units of data sheets for a curve in deg/s; of another unit its own."""
+    """Return data-sheet units for a curve in deg/s; a curve in another unit keeps its own unit."""
     if unit == "deg/s":
         of = {"deg/√h": f"{unit}/√Hz", "deg/h": unit, "deg/h/√h": f"{unit}/√s"}
         return Scales(*(Scale(shown, factor(own, shown)) for shown, own in of.items()))
@@ -49,12 +50,19 @@ def scales(unit: str) -> Scales:
 
 
 def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
-    """Return the Allan deviation of stretches (n,) in `unit`, each of which overlaps in itself.
+    """Return the Allan deviation of `stretches`, averaged over them; no difference crosses a break.
 
-    It goes as far as a quarter of the longest; h is the period in s.
+    The longest averaging time is a quarter of the longest stretch.
+
+    Args:
+        stretches: samples of each stretch, (n,), in `unit`.
+        h: sampling period [s].
+        unit: unit of the samples.
 
     Raises:
-        ValueError: they are not finite, constant, or all shorter than SHORTEST_RECORD, or h is not positive.
+        ValueError: the samples are not finite, constant, or all stretches are shorter than SHORTEST_RECORD,
+            or h
+            is not positive.
     """
     if any(y.ndim != 1 or not np.isfinite(y).all() for y in stretches):
         raise ValueError("y must be finite numbers, of shape (n,)")
@@ -71,9 +79,9 @@ def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
 
 
 def allan_of(looked: Looked, unit: str) -> Allan:
-    """Return the Allan deviation of an axis that was looked at, beside the model that stands for its noise.
+    """Return the Allan deviation of an analysed axis, together with that of its chosen model.
 
-    It is the one of the command, of Python and of the file of `--allan-csv`.
+    The command, the Python interface and `--allan-csv` all show this curve.
 
     Raises:
         ValueError: the axis is constant, or all its stretches are too short.
@@ -84,7 +92,7 @@ def allan_of(looked: Looked, unit: str) -> Allan:
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Return degrees of freedom of all stretches together, by their number of terms."""
+    """Return the degrees of freedom of the average over all stretches, weighted by their numbers of terms."""
     if len(lengths) == 1:
         return full_overlap(power, factors, lengths[0])
     m = np.asarray(factors, dtype=np.float64)
@@ -96,23 +104,24 @@ def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int
 
 
 def differences(factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:
-    """Return how many differences of neighbouring means stretches of these lengths have for each factor."""
+    """Return the number of differences of neighbouring means for each factor, in stretches of `lengths`."""
     each = np.asarray(lengths)[:, np.newaxis] - 2 * factors + 1
     return np.asarray(np.maximum(each, 0).sum(axis=0), dtype=np.float64)
 
 
 def averaging_factors(samples: int) -> NDArray[np.int64]:
-    """Return samples that are averaged for each point of the curve, PER_DECADE a decade."""
+    """Return the numbers of samples to average, about PER_DECADE in each decade."""
     longest = max(int(samples * LONGEST_SHARE), 1)
     count = 1 + math.ceil(PER_DECADE * math.log10(longest))
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(np.int64))
 
 
 def overlapping(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array:
-    """Return the overlapping Allan deviation for each factor, as allantools' `oadev` has it.
+    """Return the overlapping Allan deviation for each factor, equal to `oadev` of allantools.
 
-    Stretches are averaged by their number of terms. Blocks stay in the cache and memory is one array more,
-    also for a day at 100 Hz.
+    Stretches are weighted by their numbers of terms. The work is done in blocks that fit the cache, so that
+    memory
+    holds one more array only, also for a day at 100 Hz.
     """
     squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
     for y in stretches:

@@ -1,4 +1,4 @@
-"""The Allan deviations of a recording as a table, for those who have programs for such curves."""
+"""Write the Allan deviations of a recording as a table, for use in other programs."""
 
 import csv
 import io
@@ -19,13 +19,13 @@ COLUMNS = {
     "differences": "how many differences of neighbouring means were averaged",
     "adev_model": "Allan deviation of the model that stands for the noise",
 }
-"""Each column of the table, and what it is."""
+"""Name and meaning of each column of the table."""
 
 Row = tuple[str, str, float, float, float, float, float, int, float]
 
 
 def rows(curves: Mapping[str, tuple[str, Allan]]) -> Iterator[Row]:
-    """Yield a row for each averaging time of each axis; curves: unit and curve of axes by name."""
+    """Yield a row for each averaging time of each axis. `curves`: unit and curve of each axis, by name."""
     for axis, (unit, a) in curves.items():
         counts = map(int, a.differences)
         figures = zip(a.tau_s, a.deviation, a.low, a.high, a.degrees_of_freedom, counts, a.model, strict=True)
@@ -34,10 +34,10 @@ def rows(curves: Mapping[str, tuple[str, Allan]]) -> Iterator[Row]:
 
 
 def write_allan(path: Path, curves: Mapping[str, tuple[str, Allan]]) -> None:
-    """Write them as CSV; the file appears whole or not at all.
+    """Write `curves` as CSV; the file appears whole or not at all.
 
     Raises:
-        FlteaError: it cannot be written.
+        FlteaError: the file cannot be written.
         ValueError: there is no curve.
     """
     if not curves:

@@ -1,4 +1,4 @@
-"""All that `fltea identify` finds out about one axis of one recording."""
+"""Collect all that `fltea identify` finds out about one axis of one recording."""
 
 import math
 from collections.abc import Sequence
@@ -29,17 +29,20 @@ NOT_RUN = "nobody asked for it"
 
 
 class IdentifyOptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How to identify. bias and R of `estimator`, where they are numbers, are those of the one axis."""
+    """How to identify an axis.
+
+    Where `bias` and `R` of `estimator` are numbers, they hold for this axis alone.
+    """
 
     estimator: EstimatorConfig = EstimatorConfig()
     from_hz: float = 0.0
-    """Ordinates of the periodogram below are left out."""
+    """Lowest frequency in use [Hz]; ordinates of the periodogram below it are left out."""
     notch_hz: tuple[tuple[float, float], ...] = ()
-    """Bands that are left out."""
+    """Bands (low, high) that are left out [Hz]."""
     shuffles: int = 200
-    """Shuffled copies; 0 for none."""
+    """Number of shuffled copies; 0 for none."""
     seed: int = 0
-    """The seed of the shuffles."""
+    """Seed of the random generator that shuffles the copies."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.from_hz) and self.from_hz >= 0):
@@ -61,19 +64,25 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p_without_peaks: float
     """The p-value without the lines and resonances that were found."""
     p_clean: float
-    """The p-value of the ordinates of `band` without them."""
+    """The p-value of the ordinates of `band` without the lines and resonances."""
     level: float
-    """The level at which it rejects."""
+    """The p-value below which the test rejects white noise."""
     shuffled: ShuffledBand | None
-    """The shuffled copies by the variant of `AxisResult.fltea`."""
+    """The estimates of the shuffled copies, made by the same variant as `AxisResult.fltea`."""
 
 
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One axis, identified. Variances and standard deviations are in the unit of y, deg/s for a gyroscope."""
+    """The identification of one axis.
+
+    Variances and standard deviations are in the unit of y: deg/s for a gyroscope.
+    """
 
     samples: int
     longest_stretch: int
-    """Samples without a break but for bridged gaps, in which narrow lines and the drift rate are sought."""
+    """Number of samples of the longest stretch, in which narrow lines and the drift rate are searched for.
+
+    A stretch has no break; short gaps in it are bridged.
+    """
     rate_hz: float
     duration_s: float
     mean: float
@@ -81,51 +90,56 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     verdict: Verdict
     null: NullResult
     order: OrderFit
-    """All null where the verdict has no order."""
+    """The estimated order; all values are null where the verdict has no order."""
     parts: tuple[Estimated, ...]
-    """What the noise is made of: the sentence that stands for it, fitted to the ordinates of `band`."""
+    """The parts of the chosen noise model, fitted to the ordinates of `band`."""
     level: Level
-    """Its N and K."""
+    """N and K of the chosen model."""
     drift_rate: Interval
-    """Slope of the straight line through the longest stretch, a second."""
+    """Slope of the straight line through the longest stretch, per second."""
     band: Band
     sentences: dict[str, SentenceSummary]
-    """All sentences that were compared (`fltea.spectrum.candidate_models`), those that did not win, too."""
+    """All candidate models (`fltea.spectrum.candidate_models`), also those that were not chosen."""
     stands: Literal["plain", "order"]
-    """Which of them has `parts`."""
+    """The key in `sentences` of the chosen model, whose parts are `parts`."""
     peaks: tuple[Peak, ...]
     fltea: FlteaFit | None
-    """The variant of the options; None for `fltea_reason`."""
+    """FLTEA's estimates by the variant that the options ask for; None where `fltea_reason` says why."""
     fltea_other: FlteaFit | None
-    """The other variant."""
+    """FLTEA's estimates by the variant that the options do not ask for."""
     innovations: dict[str, Innovations | None]
-    """The innovations of FLTEA by variant."""
+    """Tests of FLTEA's innovations, by variant."""
     fltea_reason: str = ""
 
     @property
     def made_of(self) -> str:
-        """What the noise is made of, in a few words."""
+        """The name of the chosen model."""
         return self.sentences[self.stands].name
 
 
 class Looked(NamedTuple):
-    """One axis, and what its spectrum says."""
+    """One axis, and what its spectrum shows."""
 
     y: Array
     h: float
     gaps: Gaps
     stretches: Sequence[Stretch]
-    """Without a comb, if there is one."""
+    """The stretches of samples between breaks, without a comb of lines if there was one."""
     summed: Summed
     verdict: Verdict
     figures: NoiseFigures
 
 
 def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: Gaps | None = None) -> Looked:
-    """Look at the spectrum of one axis y (n,) at a sampling period of h s.
+    """Analyse the spectrum of one axis.
 
-    gaps: where samples are missing between those of y. The spectrum is of all stretches; narrow lines are
-    searched for in the longest one.
+    The spectrum is averaged over all stretches. Narrow lines are searched for in the longest stretch.
+
+    Args:
+        y: samples, (n,).
+        h: sampling period [s].
+        options: how to identify.
+        gaps: where samples are missing between those of y.
 
     Raises:
         ValueError: y is not finite, too short or constant.
@@ -142,7 +156,7 @@ def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: G
 
 
 def described(looked: Looked) -> AxisResult:
-    """Return what is found out about an axis that was looked at, without FLTEA."""
+    """Return the result for an analysed axis, still without FLTEA's estimates."""
     y, h, seen = looked.y, looked.h, looked.summed.seen
     e = seen.evidence
     longest = max((one.y for one in looked.stretches), key=len)
@@ -181,25 +195,30 @@ def described(looked: Looked) -> AxisResult:
 
 
 def fltea_axis(looked: Looked, lsb: float | None, options: IdentifyOptions) -> FlteaAxis:
-    """Return what FLTEA is run over. lsb: one count in the unit of y, if known."""
+    """Return the input for FLTEA. `lsb`: one count in the unit of y, if known."""
     return FlteaAxis(looked.y, looked.gaps, options.estimator, lsb, looked.verdict.order.alpha)
 
 
 def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
-    """Identify an axis that was looked at, with these options; FLTEA is run over the longest epoch.
+    """Identify an analysed axis with these options; FLTEA runs over the longest epoch.
 
-    lsb: one count in the unit of y, if known. The shuffled copies are left for `with_copies`: they take most
-    of the time, and anyone may do them.
+    The shuffled copies are left to `with_copies`. They take most of the time, so another process may compute
+    them.
+
+    Args:
+        looked: the analysed axis.
+        lsb: one count in the unit of y, if known.
+        options: how to identify.
 
     Raises:
-        ValueError: settings that no filter can work with.
+        ValueError: the settings give no filter that works.
     """
     (fits,) = fltea_fits([fltea_axis(looked, lsb, options or IdentifyOptions())], looked.h)
     return with_fltea(described(looked), fits)
 
 
 def with_fltea(result: AxisResult, found: FlteaFits) -> AxisResult:
-    """Add what FLTEA gave for the axis."""
+    """Add FLTEA's estimates to the result of an axis."""
     return msgspec.structs.replace(
         result,
         fltea=found.own,
@@ -210,7 +229,7 @@ def with_fltea(result: AxisResult, found: FlteaFits) -> AxisResult:
 
 
 def with_copies(result: AxisResult, parts: Sequence[Copies]) -> AxisResult:
-    """Add what the shuffled copies of the axis gave, in whatever groups they were estimated."""
+    """Add the estimates of the shuffled copies to the result; `parts`: the copies in groups of any size."""
     own = result.fltea
     alpha, f = (None, None) if own is None else (own.alpha, own.f)
     found = shuffled_band(parts, alpha, f) if parts else None

@@ -1,4 +1,4 @@
-"""What in an axis that was looked at can mislead."""
+"""Collect the data checks of an axis after its spectrum was analysed."""
 
 from collections.abc import Iterator
 
@@ -12,19 +12,19 @@ from fltea.identification.telegraph import Telegraph, telegraph_words
 from fltea.identification.values import value_data_checks
 
 TELEGRAPH = "telegraph"
-"""The kind of data check."""
+"""The kind of this data check."""
 
 
 def checks_of(
     looked: Looked, series: Series, result: AxisResult, telegraph: Telegraph | None
 ) -> tuple[DataCheck, ...]:
-    """Return what in an axis that was looked at can mislead.
+    """Return the data checks of an analysed axis.
 
-    series: what was looked at, with the levels of `telegraph` in it, if there are any.
+    `series`: the samples that were analysed, including the levels of `telegraph` if there are any.
     """
     y, gaps = looked.y, looked.gaps
     if any(peak.repeats is not None for peak in result.peaks):
-        # Glitches of a comb are told as such, and not as outliers too.
+        # Glitches of a comb are reported as a comb, and not as outliers in addition.
         ends = np.cumsum([len(one.y) for one in looked.stretches])
         missing = [one.missing for one in looked.stretches]
         y = np.concatenate([one.y for one in looked.stretches])
@@ -40,20 +40,20 @@ def checks_of(
     )
     values = tuple(value_data_checks(series.y, series.unit))
     if any(data_check.kind == "dead band" for data_check in values):
-        # What is outside of the band stands out from the one value inside.
+        # Samples outside the dead band stand out from the one value inside.
         of_samples = tuple(data_check for data_check in of_samples if data_check.kind != "outliers")
     return (*values, *_steps_between(telegraph, series.unit), *of_samples)
 
 
 def _steps_between(telegraph: Telegraph | None, unit: str) -> Iterator[DataCheck]:
-    """Yield what is told of levels between which an axis steps."""
+    """Yield the data check on levels between which an axis steps."""
     if telegraph is None:
         return
     yield DataCheck(
         TELEGRAPH,
         "warning",
-        f"{telegraph_words(telegraph, unit)} The spectrum and its figures are of the noise about the levels. "
-        f"Bias and heading have the levels in them, as a Gauss–Markov process of σ {telegraph.sigma:.2g} "
+        f"{telegraph_words(telegraph, unit)} The spectrum and its figures describe the noise about the "
+        f"levels. Bias and heading include the levels, as a Gauss–Markov process of σ {telegraph.sigma:.2g} "
         f"{unit} and τ {telegraph.tau_s:.2g} s.",
         "It is a defect of the sensor or its supply, or another signal in this column: try another sensor.",
     )

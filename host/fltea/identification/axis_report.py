@@ -1,4 +1,4 @@
-"""What is found out about the axes of a recording, or why nothing is."""
+"""Hold the results of the axes of a recording, or the reason why there are none."""
 
 from dataclasses import dataclass, field
 
@@ -28,9 +28,9 @@ class Failure(msgspec.Struct, frozen=True):
 
 
 class AxisReport(msgspec.Struct, frozen=True):
-    """The results of one axis; allan and reproduction may be None for `allan_reason`.
+    """The results of one axis. `allan_reason` says why `allan` or `reproduction` is None.
 
-    There are curves only if figures are wanted.
+    `curves` is None unless figures are wanted.
     """
 
     unit: str
@@ -46,23 +46,29 @@ class AxisReport(msgspec.Struct, frozen=True):
     """The bias at the end of the recording."""
     forecast: Forecast | None = None
     sheet: SheetComparison | None = None
-    """Only where a data sheet was named."""
+    """The comparison with a data sheet; None unless a data sheet was named."""
     walk: OffsetWalkFound | None = None
-    """Whether the offset walks."""
+    """Whether the offset follows a random walk."""
     filter: NavigationFilter | None = None
-    """What a plain Kalman filter is built from."""
+    """The parameters of a plain Kalman filter for this axis."""
     tracked: Learned | None = None
-    """The system that bias, forecast, filter and simulation are made of; None if no filter can work with the
-    noise."""
+    """The state-space system behind bias, forecast, filter and simulation; None if no filter works with the
+    noise.
+    """
     bias_steps: tuple[BiasStep, ...] = ()
     motion: tuple[MotionSpan, ...] = ()
-    """of the sensor; samples in motion are in no other figure"""
+    """Motion of the whole sensor. Samples in motion enter no other figure."""
     course: BiasCourse | None = None
     """The bias over time."""
     left_out: LeftOut = NOTHING
-    """What the figures leave out."""
+    """Samples and steps that the figures leave out."""
     withheld: str = ""
-    """Why there is no `now`, forecast, comparison or file for other programs: what is bad, and what to do."""
+
+
+"""Why `now`, the forecast, the comparison and files for other programs are missing.
+
+    It names the fault and its remedy; empty if the data are good.
+    """
 
 
 @dataclass
@@ -75,7 +81,7 @@ class FileReport:
     axes: dict[str, AxisReport | Failure] = field(default_factory=dict)
 
     def compare_with(self, part: str) -> None:
-        """Compare the axes of a gyroscope with the data sheet of `part`."""
+        """Compare each gyroscope axis with the data sheet of `part`."""
         for name, axis in self.axes.items():
             if isinstance(axis, AxisReport) and axis.unit == GYRO_UNIT and self.recording is not None:
                 if axis.withheld:

@@ -1,8 +1,10 @@
-"""The samples of a comb: what happens in each period, and the record without it (pure).
+"""Find what a comb of lines repeats in each period, and take it out of the samples.
 
-The record is folded at the period: the mean at each phase is what repeats itself. If that is a short glitch,
-its samples say nothing of the noise and are drawn anew as lost ones are (`gaps`), so that it does not matter
-whether all glitches are alike. If it fills much of the period, it is a wave: its harmonics are taken off.
+The record is folded at the period. The mean at each phase is what repeats itself. If that is a short glitch,
+its
+samples tell nothing of the noise. They are drawn anew, as lost samples are (`gaps`), so that it does not
+matter
+whether all glitches are alike. If it fills much of the period, it is a wave, whose harmonics are subtracted.
 """
 
 import math
@@ -17,50 +19,56 @@ from fltea.records.arrays import Array, Mask
 from fltea.spectrum.comb import FEWEST_PERIODS, Comb
 
 MOST_OF_A_PERIOD = 0.25
-"""The longest glitch; what takes a larger share of the period is a wave."""
+"""Longest glitch as a share of the period; what takes a larger share is a wave."""
 STANDS_OUT = 4.0
-"""Standard errors from which on the mean at a phase is of the glitch."""
+"""Number of standard errors above which the mean at a phase belongs to the glitch."""
 MARGIN = 1
-"""Phases on each side of a glitch that are left out with it: it may begin between two samples."""
+"""Phases left out in addition on each side of a glitch, since it may begin between two samples."""
 LEAST_SIGN, NEARLY_ALL = 3.3, 0.85
-"""Standard deviations by which more than half of the periods must have what all of them have on the average;
-with few periods this share of those by which all of them would."""
+"""Thresholds for the number of periods that show the average pattern.
+
+More than half of the periods must show it, by LEAST_SIGN standard deviations. With few periods, this share of
+the deviation that all periods would give is enough.
+"""
 SEEN = 12.0
-"""Power over that of noise from which on a harmonic belongs to a wave; noise has it once in 160,000."""
+"""Ratio of a harmonic's power to that of noise above which the harmonic belongs to a wave.
+
+Noise exceeds it once in 160,000.
+"""
 
 
 class WithoutComb(NamedTuple):
-    """A record whose comb was taken out."""
+    """A record without its comb."""
 
     stretches: list[Stretch]
     shape: Literal["glitch", "wave"]
     share: float
-    """The comb's share of all power."""
+    """The share of all power that the comb had."""
     samples: int
-    """Length of the glitch; 0 for a wave."""
+    """Length of the glitch in samples; 0 for a wave."""
     size: float
-    """The largest deviation over the standard deviation of the noise."""
+    """The largest deviation of the pattern over the standard deviation of the noise."""
 
 
 class _Folded(NamedTuple):
-    """What repeats itself in a stretch."""
+    """A stretch folded at the period."""
 
     phase: NDArray[np.intp]
-    """The phase of each sample (n,), a whole number below that of the phases."""
+    """Phase of each sample, (n,), a whole number below the number of phases."""
     period: NDArray[np.intp]
-    """The number of the period of each sample (n,)."""
+    """Number of the period that holds each sample, (n,)."""
     values: Array
-    """The samples (n,) over the usual level of their period."""
+    """Each sample less the mean level of its period, (n,)."""
     profile: Array
-    """The mean of these at each phase, (phases,)."""
+    """Mean of `values` at each phase, (phases,)."""
     spread: float
-    """The standard deviation of the samples about the profile."""
+    """Standard deviation of the values about the profile."""
 
 
 def without_comb(stretches: Sequence[Stretch], comb: Comb) -> WithoutComb | None:
-    """Return the stretches without what repeats itself.
+    """Return the stretches without what repeats itself in each period.
 
-    None: what repeats itself on the average happens in a few periods only.
+    Returns None if the average pattern comes from a few periods only.
     """
     longest = max(range(len(stretches)), key=lambda i: len(stretches[i].y))
     y, found = stretches[longest].y, _folded(stretches[longest].y, comb.period)
@@ -108,7 +116,7 @@ def _scale(values: Array) -> float:
 
 
 def _glitch(found: _Folded) -> Mask | None:
-    """Return the phases (phases,) of a short glitch; None if what repeats itself is a wave."""
+    """Return the phases of a short glitch as a mask (phases,); None if the pattern is a wave."""
     error = max(_scale(found.profile), found.spread / math.sqrt(len(found.values) / len(found.profile)))
     core = np.abs(found.profile) > STANDS_OUT * error
     if not core.any() or _widened(core).mean() > MOST_OF_A_PERIOD:
@@ -121,8 +129,8 @@ def _widened(core: Mask) -> Mask:
 
 
 def _in_most_periods(found: _Folded, window: Mask) -> bool:
-    """Return whether most periods have what repeats itself, each compared with the mean of the others."""
-    periods = int(found.period[-1])  # the last one is not whole
+    """Return whether most periods show the pattern, each compared with the mean of the other periods."""
+    periods = int(found.period[-1])  # the last period is not whole
     inside = window[found.phase]
     values = np.where(inside, found.values, 0.0)
     alike = np.bincount(found.period, values * (found.profile[found.phase] - values / max(periods, 1)))
@@ -137,7 +145,7 @@ def _longest_run(mask: Mask) -> int:
 
 
 def _without_profile(one: Stretch, mask: Mask, period: float) -> Stretch:
-    """Return a stretch without the mean of each phase at the samples of `mask`."""
+    """Return a stretch less the mean at each phase, at the samples where `mask` is true."""
     if not mask.any():
         return one
     own = _folded(one.y, period)
@@ -145,7 +153,7 @@ def _without_profile(one: Stretch, mask: Mask, period: float) -> Stretch:
 
 
 def _without_wave(one: Stretch, period: float, found: _Folded) -> Stretch:
-    """Return a stretch without the harmonics that a wave has in the longest one."""
+    """Return a stretch without the harmonics that the wave has in the longest stretch."""
     amplitudes = np.fft.rfft(found.profile)
     noise = found.spread**2 * len(found.profile) ** 2 / len(found.values)
     orders = np.flatnonzero(np.abs(amplitudes[1:]) ** 2 > SEEN * noise) + 1

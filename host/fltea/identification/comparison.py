@@ -1,4 +1,4 @@
-"""Several recordings side by side: the figures of each axis, and which differ by more than chance (pure)."""
+"""Compare several recordings: the figures of each axis, and which of them differ by more than chance."""
 
 import math
 from collections import Counter
@@ -18,11 +18,14 @@ from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 
 CHANCE = 0.05
-"""How often some figure of sensors that are alike is said to differ."""
+"""Probability that any figure is said to differ although the sensors are alike."""
 
 
 class Figure(NamedTuple):
-    """A figure of one axis. at_most: where it is not known, it is below with 95 % probability."""
+    """A figure of one axis.
+
+    Where its value is not known, the figure is below `at_most` with 95 % probability.
+    """
 
     name: str
     unit: str
@@ -31,7 +34,7 @@ class Figure(NamedTuple):
 
 
 class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A figure of an axis of one recording beside that of the first recording that has it."""
+    """A figure of an axis of one recording, compared with the first recording that has the axis."""
 
     axis: str
     figure: str
@@ -39,15 +42,19 @@ class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     file: str
     against: str
     ratio: Interval
-    """Over that of `against`, with the 95 % interval; null for a bias, and where one is not known."""
+    """The figure divided by that of `against`, with the 95 % interval.
+
+    All null for a bias, and where one of the two is not known.
+    """
     difference: Interval
-    """Of a bias, in `unit`; else null."""
+    """Difference of two biases, in `unit`; null for other figures."""
     differs: bool | None
-    """By more than chance, all comparisons taken together; null where that is not known."""
+    """Whether the figures differ by more than chance in view of all comparisons made; null where not known.
+    """
 
 
 def figures(axis: AxisReport) -> list[Figure]:
-    """Return N, K, B, bias and heading of an axis, in the units of data sheets for a gyroscope."""
+    """Return N, K, B, bias and heading of an axis; for a gyroscope in the units of data sheets."""
     of, now = scales(axis.unit), axis.now
     its, heading = quantities(axis.unit, axis.result.level, axis.allan, now), Interval()
     wanted = {
@@ -64,7 +71,7 @@ def figures(axis: AxisReport) -> list[Figure]:
 
 
 def compared(reports: Sequence[FileReport]) -> list[Compared]:
-    """Return each figure of each axis of each recording beside that of the first that has the axis."""
+    """Compare each figure of each axis with that of the first recording that has the axis."""
     pairs = []
     for name, axes in _axes(reports):
         (against, first), *others = axes.items()
@@ -93,7 +100,7 @@ def _of_pair(axis: str, file: str, against: str, first: Figure, its: Figure, rea
             above = math.hypot(_log(_high(b), b.value), _log(a.value, _low(a)))
             high = times * math.exp(above) if above < math.inf else None
             ratio = Interval(times, times * math.exp(-below), high)
-            # An interval may be longer on one side: the side counts on which the other figure is.
+            # The interval may be longer on one side: use the side on which the other figure lies.
             differs = abs(math.log(times)) > reach / NORMAL_95 * (below if times > 1 else above)
     return Compared(axis, first.name, first.unit, file, against, ratio, difference, differs)
 
@@ -102,10 +109,13 @@ Cells = list[tuple[Figure, Compared | None]]
 
 
 def rows(reports: Sequence[FileReport]) -> Iterator[tuple[str, list[str], list[list[str]]]]:
-    """Yield of each axis its name, headings and rows.
+    """Yield the name, the headings and the rows of each axis.
 
-    Of two recordings a row has a figure of both with its interval, and how the second is beside the first; of
-    more, a row has all figures of one, with a star where one differs from that of the first.
+    For two recordings, a row holds one figure of both recordings with its intervals, and the second relative
+    to the
+    first. For more recordings, a row holds all figures of one recording, with a star where a figure differs
+    from
+    that of the first recording.
     """
     pairs = {(one.axis, one.file, one.figure): one for one in compared(reports)}
     labels = _labels(reports)
@@ -125,7 +135,7 @@ def _of_two(
     for cells in zip(*of_files, strict=True):
         pairs = [_beside(pair) for _, pair in cells if pair is not None]
         lines.append([_named(cells[0][0]), *(_shown(one) for one, _ in cells), *pairs])
-    is_compared = len(lines[0]) > 1 + len(files)  # not if they have other units
+    is_compared = len(lines[0]) > 1 + len(files)  # not if the two have different units
     lines.append(["verdict", *kinds, *[""] * is_compared])
     return ["", *files, *["second beside first"] * is_compared], lines
 
@@ -141,7 +151,7 @@ def _of_more(
 
 
 def _axes(reports: Sequence[FileReport]) -> Iterator[tuple[str, dict[str, AxisReport]]]:
-    """Yield each axis that is in two recordings or more; the same recording twice is one."""
+    """Yield each axis that is in at least two recordings; a recording that is given twice counts once."""
     for name in dict.fromkeys(name for report in reports for name in report.axes):
         axes = {report.name: report.axes.get(name) for report in reports}
         found = {file: axis for file, axis in axes.items() if isinstance(axis, AxisReport)}
@@ -150,7 +160,7 @@ def _axes(reports: Sequence[FileReport]) -> Iterator[tuple[str, dict[str, AxisRe
 
 
 def _labels(reports: Sequence[FileReport]) -> dict[str, str]:
-    """Return what to call each recording: by the name of its file, or its path where two are called alike."""
+    """Return a label for each recording: its file's name, or its path where two files have the same name."""
     names = Counter(Path(name).name for name in {report.name for report in reports})
     return {
         report.name: report.name if names[Path(report.name).name] > 1 else Path(report.name).name
@@ -159,7 +169,7 @@ def _labels(reports: Sequence[FileReport]) -> dict[str, str]:
 
 
 def said(reports: Sequence[FileReport]) -> list[str]:
-    """Return sentences on what differs by more than chance; axes of one figure and recording together."""
+    """Return sentences on what differs by more than chance, one for all axes of a figure and recording."""
     pairs = compared(reports)
     known = [one for one in pairs if one.differs is not None]
     labels = _labels(reports)
@@ -214,7 +224,7 @@ def _brief(one: Figure) -> str:
 
 
 def _to_three(value: float | None) -> str:
-    """Return a number to three digits; without a power of ten below a million."""
+    """Return a number to three digits, with no power of ten below a million."""
     return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
 
 

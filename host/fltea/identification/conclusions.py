@@ -1,6 +1,6 @@
-"""What follows from the tracked system of an axis: bias, forecast, and a plain Kalman filter.
+"""Draw conclusions from the tracked system of an axis: bias, forecast, and a plain Kalman filter.
 
-It comes after all axes of a recording were looked at, since they may have one walk of the offset.
+This runs after all axes of a recording are analysed, since the axes may share one random walk of the offset.
 """
 
 import contextlib
@@ -31,7 +31,7 @@ from fltea.settings.live import LiveConfig
 
 
 class Conclusions(NamedTuple):
-    """What follows for one axis."""
+    """The conclusions for one axis."""
 
     tracked: Learned
     walk: OffsetWalkFound
@@ -39,13 +39,13 @@ class Conclusions(NamedTuple):
     now: Now | None
     forecast: Forecast | None
     drift_rate: Interval
-    """Of the longest stretch, a second."""
+    """Drift rate of the longest stretch, per second."""
 
 
 def tracked_of(looked: Looked, telegraph: Telegraph | None = None) -> Learned | None:
-    """Return the tracked system of an axis by itself; None if no filter can work with its noise.
+    """Return the tracked system of one axis alone; None if no filter works with its noise.
 
-    telegraph: levels that were taken off before the look; they are in the system.
+    `telegraph`: levels that were subtracted before the analysis; the system includes them.
     """
     y = max((one.y for one in looked.stretches), key=len)
     parts = looked.figures.sentence.parts(looked.h)
@@ -60,7 +60,7 @@ def _with_levels(tracked: Learned, telegraph: Telegraph, h: float) -> Learned:
 
 
 def in_agreement(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Learned]:
-    """Return the tracked systems of a recording's axes, by name, with one walk for each sensor if possible.
+    """Return the tracked systems of a recording's axes by name, with one random walk per sensor if possible.
 
     Axes without a system are left out.
     """
@@ -80,10 +80,17 @@ def conclude(
     at_end: BiasAtEnd | None = None,
     steps: Sequence[BiasStep] = (),
 ) -> Conclusions:
-    """Return what follows for an axis; its forecast if that is wanted.
+    """Return the conclusions for an axis, with its forecast if that is wanted.
 
-    series: what was looked at. K: of the parts, null if none of them is a walk. at_end: the bias after the
-    recording. steps: of the bias, of which more are to come.
+    Args:
+        series: the samples that were analysed.
+        h: sampling period [s].
+        options: how to identify.
+        tracked: the tracked system of the axis.
+        K: K of the model's parts; null if no part is a random walk.
+        forecast: the forecast that is asked for.
+        at_end: the bias at the end of the recording, if the last stretch alone tells it.
+        steps: steps of the bias; more of them are to be expected.
     """
     rest, telegraph = without_levels(series, h)
     if telegraph is None:
@@ -100,10 +107,10 @@ def conclude(
 
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)
     plain = None
-    with contextlib.suppress(ValueError, ArithmeticError):  # no filter can work with it
-        # Its bias has to be that after the last step, however short the stretch since then.
+    with contextlib.suppress(ValueError, ArithmeticError):  # no filter works with this system
+        # The filter starts with the bias after the last step, however short the stretch after that step is.
         newest = stretches[-1] if at_end is not None and at_end.has_stepped else y
-        if telegraph is not None:  # levels are one of the filter's states, and its bias is the mean of them
+        if telegraph is not None:  # the levels are a state of the filter; its bias is their mean
             newest = max((one.y for one in bridged(rest.y, rest.gaps)), key=len)
         plain = navigation_filter(tracked, np.ascontiguousarray(newest), h)
     drift_rate = tracked_drift_rate(tracked, y, h)
@@ -111,7 +118,7 @@ def conclude(
 
 
 def _on_a_level(rest: Series, telegraph: Telegraph, tracked: Learned) -> BiasAtEnd:
-    """Return the bias after a record that ends on a level; rest: its samples less the levels."""
+    """Return the bias after a record that ends on a level. `rest`: its samples without the levels."""
     bias_s, samples = LiveConfig().bias_s, len(rest.y)
     std = bias_std(tracked.system, rested(tracked.system, samples))
     return BiasAtEnd(float(rest.y.mean()) + telegraph.ahead(bias_s), std, bias_s, samples)

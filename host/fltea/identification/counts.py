@@ -1,15 +1,19 @@
-"""How many samples a recording holds, and what became of them."""
+"""Count the samples of a recording, and what became of them."""
 
 import msgspec
 
 
 class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the recording holds, and how much of it is used.
+    """Number of samples in the recording, and how many of them are used.
 
-    samples: all that arrived. used: those of the rate and scale that most of them have; the first is number
-    `used_from` of all. stretches: pieces between breaks, of all. bridged: lost samples between those used
-    that others stand for. lost, gaps, duplicates, before_hello, rate_differs: as in `stats`. late,
-    retried, saturated: samples used that the device flagged so.
+    Attributes:
+        samples: all samples that arrived.
+        used: samples that have the rate and the scale of most samples.
+        used_from: index of the first used sample among all samples.
+        stretches: pieces between breaks, among all samples.
+        bridged: lost samples, within the used ones, that drawn samples stand in for.
+        lost, gaps, duplicates, before_hello, rate_differs: as in `stats`.
+        late, retried, saturated: used samples that the device flagged so.
     """
 
     samples: int

@@ -1,4 +1,4 @@
-"""What the figures of the report are drawn from: more than the numbers in `fltea.identification.axis`."""
+"""Compute the curves that the report's figures show, beyond the numbers in `fltea.identification.axis`."""
 
 from typing import NamedTuple
 
@@ -22,22 +22,22 @@ from fltea.spectrum.periodogram import binned
 
 COPIES = 60
 POINTS = 400
-"""The largest number of points of a trajectory."""
+"""Largest number of points of a trajectory."""
 LAGS = 100
 ORDERS = np.linspace(0.0, 1.5, 61)
 
 
 class Spectrum(NamedTuple):
-    """The periodogram in bins, over all ordinates that the user left in."""
+    """The periodogram in bins, over all ordinates that the user did not leave out."""
 
     hz: Array
     power: Array
     counts: Array
-    """Ordinates in each bin."""
+    """Number of ordinates in each bin."""
 
 
 class Path(NamedTuple):
-    """FLTEA's estimates over time, and quantiles (points, 3) of what white noise gives after as long."""
+    """FLTEA's estimates over time, with quantiles (points, 3) of the estimates that white noise gives."""
 
     t_s: Array
     alpha: Array
@@ -50,23 +50,23 @@ class Path(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """All of one axis."""
+    """All curves of one axis."""
 
     spectrum: Spectrum
     orders: Array
     deviance: Array
-    """2 log L below the best fit, of the best fit that has the order."""
+    """2 log L of the best fit minus that of the best fit with each of `orders`."""
     path: Path | None
     """None where FLTEA was not run."""
     autocorrelation: Array
-    """The autocorrelation of FLTEA's innovations in the last two thirds, at lags 1 to `LAGS`."""
+    """Autocorrelation of FLTEA's innovations in the last two thirds of the record, at lags 1 to `LAGS`."""
     innovations: int
 
 
 def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, *, with_path: bool = True) -> Curves:
-    """Make them for an axis that has been identified with these options; lsb: one count, if known.
+    """Return the curves of an axis that has been identified with these options.
 
-    with_path: FLTEA can be run over it.
+    `lsb`: one count in the unit of y, if known. `with_path`: whether FLTEA can run over the axis.
     """
     whole = binned(left_in(looked.summed.lines, options.from_hz, options.notch_hz))
     path, tested = None, np.empty(0)
@@ -84,9 +84,9 @@ def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, *, with_
 
 
 def profile(f: CandidateModels, orders: Array) -> Array:
-    """Return 2 log L of the best fit with an order below it, (k,), of the best fits that have these orders.
+    """Return the loss of 2 log L against the best fit when the order is held at each of `orders`, (k,).
 
-    Each begins at the one before, from the best on to both sides.
+    From the order nearest to the best fit, each fit towards either side starts at the fit before.
     """
     best = f.order or f.null
     at = best.place(Order, Arfima)
@@ -102,9 +102,9 @@ def profile(f: CandidateModels, orders: Array) -> Array:
 
 
 def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOptions) -> tuple[Path, Array]:
-    """Return the data over which FLTEA is run in lane 0, and white noise drawn from them in the others.
+    """Run FLTEA over the data in lane 0, and over white noise drawn from the data in the other lanes.
 
-    Returns the innovations of the data, too.
+    Returns the path of the estimates and the innovations of the data.
     """
     config, startup = options.estimator, options.estimator.startup_needed
     begin, end = longest_epoch(len(y), gaps)
@@ -121,7 +121,7 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
     for start in range(0, len(rest), block):
         now = rest[start : start + block]
         drawn = rng.choice(y, (len(now), copies))
-        # What is lost of the data is lost of the copies.
+        # The copies lose the same samples as the data.
         gone = (
             None if missing is None else np.repeat(missing[start : start + block, None], copies + 1, axis=1)
         )
@@ -140,17 +140,17 @@ def _path(y: Array, gaps: Gaps, h: float, lsb: float | None, options: IdentifyOp
 def _baselines(
     window: Array, bias: float, R: float, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array]:
-    """Return bias and R of all lanes; the copies have those of their own start-up windows."""
+    """Return bias and R of all lanes; each copy takes them from its own start-up window."""
     if not window.shape[1]:
         return np.array([bias]), np.array([R])
     biases, Rs = lane_baselines(window, config, lsb)
-    # A copy can happen to be constant, of data that hardly ever change.
+    # A copy can happen to be constant if the data hardly ever change.
     Rs = np.maximum(Rs, 1e-6 * R) if config.R == "auto" else Rs
     return np.append(bias, biases), np.append(R, Rs)
 
 
 def _quantiles(values: Array) -> Array:
-    """Return quantiles over the copies, (points, 3), or NaN where there are none."""
+    """Return quantiles over the copies, (points, 3), with NaN where no value is finite."""
     found = np.full((len(values), 3), np.nan)
     for row, these in zip(found, values, strict=True):
         finite = these[np.isfinite(these)]

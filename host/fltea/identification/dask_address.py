@@ -1,4 +1,4 @@
-"""The address of a Dask scheduler as a user writes it, and whom it makes one trust. Loads nothing of Dask."""
+"""Check the address of a Dask scheduler, and warn whom its user has to trust. This module loads no Dask."""
 
 import ipaddress
 import re
@@ -14,10 +14,10 @@ MOST_PORT = 65_535
 
 
 def check_address(address: str) -> None:
-    """Refuse what no scheduler can listen at. Without a scheme it is tcp://, as in Dask.
+    """Refuse an address at which no scheduler can listen. Without a scheme it means tcp://, as in Dask.
 
     Raises:
-        UsageError: then.
+        UsageError: the address is refused.
     """
     refuse_secret("--dask", address, "dask")
     reason = _wrong_with(address)
@@ -33,7 +33,7 @@ def _wrong_with(address: str) -> str:
     if separator and scheme not in SCHEMES:
         return f"{scheme}:// is not spoken by schedulers (known: {', '.join(SCHEMES)})"
     if place.partition("]")[0].count(":") > 1 and not HOST_AND_PORT.fullmatch(place):
-        return "an IPv6 address stands in brackets, as in tcp://[::1]:8786"
+        return "write an IPv6 address in brackets, as in tcp://[::1]:8786"
     found = HOST_AND_PORT.fullmatch(place)
     if found is None:
         return "is more than a host and a port"
@@ -41,20 +41,20 @@ def _wrong_with(address: str) -> str:
         return "has no host"
     port = found["port"] or ""
     if not (port.isascii() and port.isdecimal() and 0 < int(port) <= MOST_PORT):
-        return f"has no port of 1 to {MOST_PORT}"
+        return f"has no port from 1 to {MOST_PORT}"
     return ""
 
 
 def trust_warning(address: str) -> str | None:
-    """Return what to say before a cluster at `address` is used.
+    """Return the warning to print before a cluster at `address` is used.
 
-    None if nobody else can be on the way to it.
+    None if no one else can be on the way to the cluster.
     """
     try:
         url = urlsplit(address if "://" in address else f"tcp://{address}")
         if url.scheme in ENCRYPTED or _is_loopback(url.hostname or ""):
             return None
-    except ValueError:  # no address: Dask says so
+    except ValueError:  # the text is no address: Dask's own error says so
         return None
     return (
         f"--dask {address}: not encrypted, and nothing says who answers there. What Dask sends are pickles, "

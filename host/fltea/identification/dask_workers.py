@@ -1,7 +1,7 @@
-"""An existing Dask cluster as `workers.Workers`.
+"""Use an existing Dask cluster as `workers.Workers`.
 
-Dask itself does again what a worker was doing when it died. Each task takes its samples along, so that no
-worker needs the files or another worker; its result is counted when it arrives, which it does once.
+If a worker dies, Dask runs its task again. Each task carries its samples, so that a worker needs neither the
+files nor another worker. A result counts when it arrives, which happens once.
 """
 
 import platform
@@ -24,16 +24,17 @@ T = TypeVar("T")
 
 CONNECT_S = 10.0
 LONELY_S = 60.0
-"""How long a cluster may be without any worker."""
+"""Longest time without any worker before the run fails [s]."""
 SILENT_S = 60.0
-"""How long a scheduler may leave a question without an answer: one that stands still keeps its line open."""
+"""Longest time that a scheduler may leave a question unanswered [s]. A stopped one keeps its port open."""
 RETRIES = 3
-"""Tries of a task that has failed; those of a task whose worker died are counted by the scheduler."""
+"""Number of retries of a task that raises an error. The scheduler counts those of a task whose worker died.
+"""
 SETTINGS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and …__CLIENT__KEY"
 
 
 class DaskWorkers(Workers):
-    """Connected to the scheduler at `address`, such as tcp://10.0.0.5:8786.
+    """Workers of the cluster whose scheduler listens at `address`, such as tcp://10.0.0.5:8786.
 
     Raises:
         UsageError: there is no scheduler or no worker, certificates are missing or wrong, or the workers have
@@ -73,13 +74,13 @@ class DaskWorkers(Workers):
 
     @property
     def slots(self) -> int:
-        """Two tasks a thread are worth handing over, so that the next one is there when one is done."""
+        """Number of tasks to hand over at once: two for each thread, so that no thread waits for its next."""
         return max(2, 2 * self._threads())
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
         """Hand a task to the scheduler."""
         with warnings.catch_warnings():
-            # It would rather have large data scattered, but what is scattered is lost with its worker.
+            # Dask advises to scatter large data, but scattered data are lost with their worker.
             warnings.filterwarnings("ignore", "Sending large graph", UserWarning)
             try:
                 future: Future[T] = self._executor.submit(_of_version, __version__, task, *arguments)
@@ -89,10 +90,10 @@ class DaskWorkers(Workers):
         return future
 
     def check(self) -> None:
-        """Complain when there has been no worker for a minute, or the scheduler is gone.
+        """Check that the scheduler answers and that there was a worker within the last minute.
 
         Raises:
-            FlteaError: then.
+            FlteaError: the scheduler is gone, or there has been no worker for a minute.
         """
         if self._threads():
             self._lonely_since = None
@@ -126,18 +127,19 @@ class DaskWorkers(Workers):
         ) from cause
 
     def close(self) -> None:
-        """Leave; the scheduler forgets what was asked for."""
+        """Disconnect; the scheduler drops the tasks of this client."""
         self._client.close()
 
 
 def _connected(address: str) -> Any:
-    """Return a client of the scheduler there.
+    """Return a client of the scheduler at `address`.
 
-    Dask's client may take 20 s to go away if it fails as it is made, with a traceback: so all that can be
-    checked before that is.
+    When Dask's client fails during construction, it may take 20 s and print a traceback. So everything that
+    can be
+    checked before is checked here.
 
     Raises:
-        UsageError: nobody answers there, or certificates are missing or wrong.
+        UsageError: no scheduler answers there, or certificates are missing or wrong.
     """
     encrypted = address.startswith(tuple(f"{scheme}://" for scheme in ENCRYPTED))
     if encrypted:

@@ -1,6 +1,6 @@
-"""What in the data can mislead whoever identifies it, and what to do about it (pure).
+"""Check the data of an axis for what can mislead the identification, and say what to do about it.
 
-Each data check is looked for with a threshold that clean noise, white or coloured, hardly ever reaches.
+The threshold of each data check is one that clean noise, white or coloured, hardly ever exceeds.
 """
 
 import math
@@ -23,21 +23,21 @@ from fltea.spectrum.spectral_lines import Peak
 Severity = Literal["note", "warning", "bad"]
 
 SHORT_S = 580.0
-"""About ten minutes."""
+"""Length below which a record counts as short [s]; about ten minutes."""
 BLOCKS = 20
-"""Blocks of the record whose means show offset and drift."""
+"""Number of blocks of the record whose means show offset and drift."""
 SIGNIFICANT = 5.0
 """Student's t with about BLOCKS degrees of freedom that chance exceeds once in ten thousand."""
 OFFSET_SHARE, DRIFT_SHARE = 0.1, 0.1
 """Shares of the standard deviation below which an offset or a drift does no harm."""
 OUTLIER = 6.0
-"""Robust standard deviations: of Gaussian noise one sample in 500 million."""
+"""Robust standard deviations of an outlier; in Gaussian noise one sample in 500 million exceeds it."""
 TORN_COUNTS = 256.0
-"""The high byte of one sample with the low byte of another."""
+"""Size of a jump in counts if the high byte of one sample is mixed with the low byte of another."""
 TORN_WITHIN = 0.5
-"""The share of these counts to which a jump has to be known to be one."""
+"""Share of TORN_COUNTS below which four deviations of the noise have to be, to recognise such a jump."""
 COARSE_LSB, TOO_COARSE_LSB = 2.0, 0.5
-"""σ in LSB. From 2 on rounding is 2 % of the variance; below 0.5 it is no longer white."""
+"""σ in LSB. From 2 on, rounding is at most 2 % of the variance; below 0.5 rounding noise is not white."""
 FULL_SCALE_COUNTS = 32767.0
 RATE_PPM = 1000.0
 SHORTEST_RUN = 5
@@ -46,13 +46,13 @@ FINER = {
     "m/s²": "±2 g has eight times the resolution of ±16 g",
 }
 LINE_SHARE = 0.01
-"""The share of the power from which on a line is a warning."""
+"""Share of the power above which a spectral line is a warning."""
 
 
 class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A finding; if its severity is "bad", no figure can be believed before it is cured.
+    """A finding of a data check. If its severity is "bad", no figure is valid before the cause is removed.
 
-    axes: those of the recording that it is about; none: all of them, or the one that it was found in.
+    `axes`: the axes of the recording that it concerns. Empty: all axes, or the axis whose report holds it.
     """
 
     kind: str
@@ -63,15 +63,15 @@ class DataCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def of_axis(data_checks: Iterable[DataCheck], axis: str) -> tuple[DataCheck, ...]:
-    """Return those of a recording that are about one axis."""
+    """Return the data checks of a recording that concern one axis."""
     return tuple(data_check for data_check in data_checks if not data_check.axes or axis in data_check.axes)
 
 
 def withheld(data_checks: Iterable[DataCheck]) -> str:
-    """Return why nothing may be built on the figures that these are about, and what to do; "" if all is well.
+    """Return why nothing may be built on these figures, and what to do; "" if the data are good.
 
-    Models, files for other programs, a comparison with a data sheet and a forecast would carry the wrong
-    figures on to where nobody sees the data check.
+    Models, files for other programs, comparisons with a data sheet and forecasts would carry wrong figures to
+    where nobody sees this finding.
     """
     bad = (
         f"{data_check.text} {data_check.remedy}" for data_check in data_checks if data_check.severity == "bad"
@@ -89,10 +89,16 @@ def axis_data_checks(
     *,
     longer: str = "ten minutes or more",
 ) -> tuple[DataCheck, ...]:
-    """Look at one axis (n,), at a sampling period of h s.
+    """Yield the data checks of one axis.
 
-    lsb: one count in the unit of y, if known. peaks: those found in its spectrum. gaps: where samples are
-    missing. longer: how long a record should be.
+    Args:
+        y: samples, (n,).
+        h: sampling period [s].
+        lsb: one count in the unit of y, if known.
+        peaks: peaks found in the spectrum of y.
+        unit: unit of y.
+        gaps: where samples are missing.
+        longer: words for the length that a record should have.
     """
     gaps = gaps or no_gaps()
     samples = np.ascontiguousarray(y, dtype=np.float64)
@@ -111,13 +117,13 @@ def axis_data_checks(
 
 
 def source_data_check(kind: str, text: str) -> DataCheck:
-    """Return what the recording itself reported, as one of the kinds of `error` records."""
+    """Return a fault that the recording itself reported; `kind` is one of the kinds of `error` records."""
     remedy = ERROR_KINDS[kind].remedy if kind in ERROR_KINDS else ""
     return DataCheck(kind, "note", text, remedy)
 
 
 def timing_data_checks(c: Counts, rate_hz: float, clock_ppm: float | None) -> Iterator[DataCheck]:
-    """Look at what became of time; clock_ppm: the device's clock against the host's."""
+    """Check sample times and losses. `clock_ppm`: deviation of the device's clock from the host's."""
     if c.lost or c.gaps or c.stretches > 1:
         share = c.lost / max(c.samples + c.lost, 1)
         done = [f"{c.used} of {c.samples} samples, in {c.stretches} stretches, are used."]
@@ -127,7 +133,7 @@ def timing_data_checks(c: Counts, rate_hz: float, clock_ppm: float | None) -> It
                 "longer gaps are not."
             )
         if c.used < c.samples:
-            done.append("The others are of another rate or scale.")
+            done.append("The others have another rate or scale.")
         yield DataCheck(
             "gaps",
             "warning" if c.used < 0.5 * c.samples or share > 0.01 else "note",
@@ -158,7 +164,7 @@ def _too_short(n: int, h: float, longer: str) -> Iterator[DataCheck]:
 
 
 def _unbroken(y: Array, gaps: Gaps) -> Array:
-    """Return the longest part between steps of the bias and restarts, where a mean may jump."""
+    """Return the longest part between steps of the bias and restarts, since a mean may jump there."""
     begin, end, _ = max(cut(len(y), gaps, sys.maxsize), key=lambda part: part[1] - part[0])
     return y[begin:end] if end - begin >= 2 * BLOCKS else y
 
@@ -173,13 +179,13 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[DataCheck]:
         yield DataCheck(
             "offset",
             "note",
-            "The bias is large beside the noise.",
-            'The start-up window takes it off; do not run with `bias = "none"`.',
+            "The bias is large compared with the noise.",
+            'The start-up window subtracts it; do not run with `bias = "none"`.',
         )
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))
     left = means - means.mean() - slope * k
-    # No smaller than that of white noise: twenty means that lie on a line by luck are no proof.
+    # At least that of white noise, since twenty means may lie on a straight line by luck.
     residual = max(math.sqrt(float(left @ left) / (BLOCKS - 2)), noise / math.sqrt(block))
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS
@@ -212,14 +218,14 @@ def _quantisation(y: Array, lsb: float | None, unit: str) -> Iterator[DataCheck]
 
 
 def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> Iterator[DataCheck]:
-    # Against the mean of both neighbours, which a drift or slow noise does not move.
+    # Compare with the mean of both neighbours, which moves along with drift and slow noise.
     r = y[:-2] + y[2:]
     r /= 2
     np.subtract(y[1:-1], r, out=r)
-    # Of coarse counts r has steps of half an LSB, and its median is no better known.
+    # With coarse counts r has steps of half an LSB, and its median is not known any better.
     scale = _scale(thin(r)) + 1.4826 / 4 * (lsb or step(y) or 0.0) or float(r.std())
     size = np.abs(r, out=r)
-    # Across a gap slow noise and the offset have moved on.
+    # Across a gap, slow noise and the offset have moved on.
     neighbours = np.concatenate([gaps.at - 2, gaps.at - 1])
     size[neighbours[(neighbours >= 0) & (neighbours < len(size))]] = 0.0
     is_top = size > OUTLIER * scale
@@ -232,7 +238,7 @@ def _outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: Gaps) -> I
     torn = 0
     if lsb is not None and 4 * scale < TORN_WITHIN * TORN_COUNTS * lsb:
         off = np.abs(size[at - 1] - TORN_COUNTS * lsb)
-        # Heavy tails have jumps of any size; of torn reads nearly all are of this one.
+        # Heavy tails have jumps of any size; with torn reads nearly all jumps have this size.
         torn = int((off < 4 * scale).sum()) if 2 * int((off < 2 * scale).sum()) >= at.size else 0
     if torn:
         yield DataCheck(
@@ -257,12 +263,12 @@ def _median_or_outliers(y: Array, h: float, lsb: float | None, unit: str, gaps: 
     found = find_median_filter(y)
     if found is None or found.replaces_outliers:
         yield from _outliers(y, h, lsb, unit, gaps)
-    # A median filter lets no outlier through, and repeats so many values that the usual difference is small.
+    # A median filter passes no outlier, and repeats so many values that the usual difference is small.
     if found is not None:
         yield DataCheck(
             "median filter",
             "warning",
-            f"The samples have been through {found.words}: {found.share:.0%} of them are the same as the one "
+            f"The samples have been through {found.words}: {found.share:.0%} of them equal the sample "
             "before, beyond what rounding explains.",
             "Record without that filter: it is not linear, and corners and fast parts describe its shape.",
         )
@@ -280,7 +286,7 @@ def _saturation(y: Array, lsb: float | None) -> Iterator[DataCheck]:
 
 
 def _stuck(y: Array) -> Iterator[DataCheck]:
-    """Yield the data check of a value that stays the same for longer than by chance."""
+    """Yield the data check on a value that is repeated for longer than by chance."""
     n = len(y)
     same = np.concatenate([[False], y[1:] == y[:-1], [False]])
     edges = np.flatnonzero(same[1:] != same[:-1]).reshape(-1, 2)
@@ -288,7 +294,7 @@ def _stuck(y: Array) -> Iterator[DataCheck]:
         return
     lengths = edges[:, 1] - edges[:, 0]
     longest, first = int(lengths.max()), int(edges[lengths.argmax(), 0])
-    # The run itself is no evidence of how often chance repeats a value.
+    # The longest run itself tells nothing on how often chance repeats a value.
     others = thin(y) if n > LONG else np.delete(y, slice(first, first + longest + 1))
     commonest = np.unique(others, return_counts=True)[1].max(initial=1) / (len(others) if n > LONG else n)
     share = min(max((lengths.sum() - longest) / n, commonest), 0.999)

@@ -1,10 +1,11 @@
-"""Whether a gyroscope is as good as its data sheet: the measured density beside the sheet's (pure).
+"""Compare the measured noise density of a gyroscope with that of its data sheet.
 
-A sheet's rate noise density is of positive frequencies only, so it is √2 N. The ADIS16470's sheet has both:
-0.34 deg/√h are 0.00567 (deg/s)/√Hz, and √2 times that is its density, 0.008.
+A data sheet's rate noise density is one-sided (positive frequencies only), so it is √2 N. The ADIS16470's
+sheet
+gives both: 0.34 deg/√h are 0.00567 (deg/s)/√Hz, and √2 times this is its density, 0.008.
 
-Read in a copy of the sheet: MPU-9250, MPU-6050, ICM-42688-P, BMI270. The others were compared with what other
-projects quote of the same table.
+The figures of MPU-9250, MPU-6050, ICM-42688-P and BMI270 were read in a copy of the sheet. Those of the other
+parts were compared with what other projects quote from the same table.
 """
 
 import math
@@ -21,12 +22,12 @@ from fltea.records.fit import Interval, Level
 
 
 class DataSheet(NamedTuple):
-    """What a data sheet says of a gyroscope's noise."""
+    """The noise figures of a gyroscope's data sheet."""
 
     density: float
-    """Typical, (deg/s)/√Hz."""
+    """Typical rate noise density [(deg/s)/√Hz]."""
     measured_at: str
-    """The condition that the sheet names, or nothing."""
+    """The condition of measurement that the sheet names, or nothing."""
     source: str
 
 
@@ -46,17 +47,17 @@ SHEETS = {
     "ISM330DHCX": DataSheet(0.005, "high-performance mode", "DS13012 rev. 7, table 2"),
     "ADIS16470": DataSheet(0.008, "10 to 40 Hz", "ADIS16470 rev. C, table 1"),
 }
-"""By the name of the part."""
+"""The data sheets, by the name of the part."""
 
 SCATTER = 1.2
-"""Parts are taken for as good as a typical figure up to so many times it: sheets rarely give a highest."""
+"""Largest ratio to a typical figure at which a part is still as good, as sheets rarely give a maximum."""
 MUCH = 2.0
 SEEN = 0.1
-"""A share of the noise's power from which on it is worth a word."""
+"""Share of the noise's power above which a cause is worth mentioning."""
 BEST, WORST = 1e-7, 1.0
-"""Densities of gyroscopes in (deg/s)/√Hz; beyond these a number is something else."""
+"""Range of densities of gyroscopes [(deg/s)/√Hz]; a number outside it is something else."""
 GIVEN = "given by --sheet"
-"""Where a density is from that is no part's."""
+"""The source of a density that the user gave in place of a part."""
 
 _NUMBER = re.compile(r"\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(?P<unit>.*)", re.IGNORECASE)
 _PER_ROOT = re.compile(r"\s*/\s*(?:√|rt|root|sqrt)\s*\(?\s*hz\s*\)?\s*$", re.IGNORECASE)
@@ -65,24 +66,25 @@ SheetKind = Literal["better", "as good", "noisier", "not known"]
 
 
 class SheetComparison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The density of an axis beside that of a data sheet, both in (deg/s)/√Hz."""
+    """The density of an axis and that of a data sheet, both in (deg/s)/√Hz."""
 
     part: str
-    """Empty where a density was given in place of a part."""
+    """Name of the part; empty where the user gave a density instead."""
     source: str
     typical: float
     density: Interval
-    """√2 N of the axis with its 95 % interval."""
+    """√2 N of the axis, with its 95 % interval."""
     ratio: float | None
-    """The density over the typical one."""
+    """Ratio of the measured density to the typical one."""
     kind: SheetKind
     text: str
 
 
 def sheet_name(text: str) -> str:
-    """Return the name of a part as `SHEETS` has it, or a density in (deg/s)/√Hz as a number.
+    """Return the name of a part as in `SHEETS`, or a density in (deg/s)/√Hz as a number.
 
-    Dashes and capitals of a name do not matter. A density is `0.007`, `0.007dps/rtHz`, `7 mdps/√Hz` and such.
+    Dashes and capitals in a name do not matter. A density is written as `0.007`, `0.007dps/rtHz` or `7
+    mdps/√Hz`.
 
     Raises:
         UsageError: the part is not known, or no gyroscope has this density.
@@ -107,7 +109,7 @@ def sheet_name(text: str) -> str:
 
 
 def _density(text: str) -> float | None:
-    """Return a density in (deg/s)/√Hz; without a unit it is one already. None: the text is none."""
+    """Return the density in (deg/s)/√Hz that `text` gives, or None. A bare number is in that unit."""
     found = _NUMBER.fullmatch(text)
     if found is None:
         return None
@@ -120,7 +122,7 @@ def _density(text: str) -> float | None:
 
 
 def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str]:
-    """Return numbers with three digits, or as many as show on which side of each limit every one is."""
+    """Format numbers with three digits, or with more where rounding would move one across a limit."""
     for digits in range(3, 17):
         found = [f"{value:.{digits}g}" for value in values]
         shown = (_sides(float(text), limits) for text in found)
@@ -137,10 +139,14 @@ def _sides(value: float, limits: Sequence[float]) -> list[tuple[bool, bool]]:
 def compare(
     part: str, level: Level, rate_hz: float, lsb: float | None = None, low_pass_hz: float | None = None
 ) -> SheetComparison:
-    """Return how an axis in deg/s compares with the sheet of `part`.
+    """Compare an axis in deg/s with the data sheet of `part`.
 
-    part: what `sheet_name` returns. lsb: one count in deg/s. low_pass_hz: the bandwidth of the sensor's own
-    low-pass. None: not known.
+    Args:
+        part: a name or density that `sheet_name` returned.
+        level: N and K of the axis.
+        rate_hz: sampling rate [Hz].
+        lsb: one count [deg/s]; None if not known.
+        low_pass_hz: bandwidth of the sensor's own low-pass [Hz]; None if not known.
     """
     known = part in SHEETS
     sheet = SHEETS[part] if known else DataSheet(float(part), "", GIVEN)
@@ -150,12 +156,12 @@ def compare(
         why = f"not compared. {level.reason}"
         return SheetComparison(name, sheet.source, typical, Interval(), None, "not known", why)
     value, low, high = (math.sqrt(2) * one for one in (N.value, N.low, N.high))
-    # A fast relaxation that N may not have is in a sheet's density, and in the value, so that it says nothing
-    # of how much lower the density may be: that is as far as it may be higher.
+    # A fast relaxation that N may exclude is in the sheet's density, and in `value`. So the lower end of N
+    # may be too low: the interval reaches no further down than up.
     density = Interval(value, min(value, max(low, value**2 / high)), high)
     half = rate_hz / 2
     folded = max((low_pass_hz or half) / half, 1.0) ** 0.5
-    # The limits are those that are printed, to three digits.
+    # Compare with the limits as they are printed, with three digits.
     most, least = (float(f"{one:.3g}") for one in (SCATTER * folded, 1 / SCATTER))
     ratio, lowest, highest = (one / typical for one in (value, density.low or 0.0, high))
     kind: SheetKind = "as good"
@@ -187,7 +193,7 @@ def compare(
 
 
 def _shown(density: Interval, per: float, limits: Sequence[float]) -> str:
-    """Return a density and its interval over `per`, none of them rounded across a limit."""
+    """Format a density and its interval divided by `per`, with no number rounded across a limit."""
     rounded = [float(f"{one:.12g}") for one in limits]
     ends = (density.value or 0.0, density.low or 0.0, density.high or 0.0)
     value, low, high = on_their_sides([one / per for one in ends], rounded)
@@ -195,7 +201,7 @@ def _shown(density: Interval, per: float, limits: Sequence[float]) -> str:
 
 
 def _why_more(ratio: float, half: float, low_pass_hz: float | None) -> str:
-    """Return what the sensor's low-pass has to do with more noise than in the sheet."""
+    """Return a sentence on whether the sensor's low-pass explains more noise than the sheet gives."""
     if low_pass_hz is None:
         return (
             f" At this sample rate all noise above {half:.3g} Hz is folded down: a low-pass of "

@@ -1,4 +1,4 @@
-"""What steps of a bias and motion of the sensor are in words, and what to do about them (pure)."""
+"""Describe steps of the bias and motion of the sensor in words, with a remedy for each."""
 
 from collections.abc import Sequence
 
@@ -11,26 +11,29 @@ from fltea.sinks.words import figure
 from fltea.spectrum.wording import listed
 
 EVENT_CHECKS = MOTION, STEPS = "motion", "bias steps"
-"""The kinds of data checks."""
+"""The kinds of data checks that this module makes."""
 MOST_TOLD = 3
 POPCORN = 6
-"""Steps from which on it is said that a bias jumps to and fro between two levels."""
+"""Number of steps from which on popcorn noise is considered: a bias that jumps between two levels."""
 ALTERNATE = 0.9
-"""The least share of neighbouring steps of popcorn noise that have opposite signs."""
+"""Least share of neighbouring steps with opposite signs in popcorn noise."""
 AGREE = 5.0
-"""The largest mean square of what sizes are apart from their median, over what their deviations let expect:
-those of steps that follow each other soon are too small."""
+"""Largest ratio of the mean square deviation of step sizes from their median to its expected value.
+
+It is above 1, since the stated deviations of steps that follow each other quickly are too small.
+"""
 
 
 def event_checks(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> tuple[DataCheck, ...]:
-    """Return what can mislead in an axis of this unit, to which this happened.
+    """Return the data checks for the events of an axis, with sizes in `unit`.
 
-    is_left_out: whether the spectrum leaves it out; False where too few samples are between.
+    `is_left_out`: whether the spectrum leaves the events out; False where too few samples are left between
+        them.
     """
     found = []
     if events.motion:
         then = "All figures leave it out." if is_left_out else "All figures include it."
-        remedy = "Record at rest: what is slower than the rests between is not seen."
+        remedy = "Record at rest: noise that is slower than the pauses between motions is not seen."
         severity: Severity = "warning" if is_left_out else "bad"
         found.append(DataCheck(MOTION, severity, f"The sensor moved {_moved(events.motion)}. {then}", remedy))
     if events.steps:
@@ -39,9 +42,7 @@ def event_checks(events: AxisEvents, unit: str, *, is_left_out: bool = True) -> 
             if is_left_out
             else "All figures include the steps: there are too few samples between them."
         )
-        remedy = (
-            "Was the sensor knocked, or did its supply or temperature change? If not, it is the sensor's."
-        )
+        remedy = "Was the sensor knocked, or did its supply or temperature change? If not, the sensor steps."
         found.append(DataCheck(STEPS, "warning", f"{_stepped(events.steps, unit)} {then}", remedy))
     return tuple(found)
 
@@ -62,7 +63,7 @@ def _stepped(steps: Sequence[BiasStep], unit: str) -> str:
 
 
 def popcorn_noise(steps: Sequence[BiasStep]) -> tuple[float, float] | None:
-    """Return how far two levels are apart and the mean time between steps, in s; None if it is no popcorn.
+    """Return the distance between two levels and the mean time between steps [s]; None without popcorn noise.
 
     Steps of popcorn noise alternate in sign, and their sizes agree within their deviations.
     """
@@ -85,7 +86,7 @@ def _moved(motion: Sequence[MotionSpan]) -> str:
 
 
 def _shown(one: MotionSpan) -> str:
-    # The accelerometer is no measure of how far: its samples are those of a rate.
+    # Show no size for the accelerometer: it does not measure how far the sensor turned.
     if one.largest is None or one.by == "accel":
         return f"shown by {one.by}"
     return f"shown by {one.by}, at most {figure(one.largest, 3, significant=True)} {one.unit}"

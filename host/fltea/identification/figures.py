@@ -1,4 +1,4 @@
-"""The figures of one axis as SVG: what is in each of them."""
+"""Draw the figures of one axis as SVG."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -20,16 +20,19 @@ from fltea.spectrum.intervals import CRITICAL
 
 HIGHEST_DEVIANCE = 20.0
 SENTENCES = {"order": "model", "plain": "rival", "white": "white"}
-"""The styles of the models; what is broken is drawn above what is not, lest it is hidden where they agree."""
+"""The style of each model.
+
+Broken styles are drawn above solid ones, so that they stay visible where models agree.
+"""
 MODEL_POINTS = 300
 SETTLED = 3.0
-"""σ of the bias over its median, up to which it is in the range that is shown."""
+"""Largest ratio of the bias's σ to its median at which the bias belongs to the range shown."""
 
 Ends = tuple[float, float]
 
 
 def draw(name: str, axis: AxisReport) -> dict[str, str]:
-    """Return the figures of the axis `name` by their names in `TITLES`, as far as it has them."""
+    """Return the figures of the axis `name` by their keys in `TITLES`, as far as the axis has them."""
     assert axis.curves is not None
     drawn = {
         kind: paint(f"{name}: {TITLES[kind][0]}", axis, axis.curves) for kind, paint in _PAINTERS.items()
@@ -47,7 +50,7 @@ def meaning(kind: str, axis: AxisReport) -> str:
 
 
 def _rest(seconds: float) -> str:
-    """Return how long a rest is to three digits, so that one and its half can be told."""
+    """Format a time of rest with three digits, so that it can be told from its half."""
     limits = ((600, 1, "s"), (7200, 60, "min"), (math.inf, 3600, "h"))
     size, unit = next((size, unit) for limit, size, unit in limits if seconds < limit)
     return f"{seconds / size:.3g} {unit}"
@@ -55,7 +58,7 @@ def _rest(seconds: float) -> str:
 
 def _spectrum(title: str, axis: AxisReport, curves: Curves) -> str:
     s, r = curves.spectrum, axis.result
-    density = 2 / r.rate_hz  # of white noise of variance 1, one-sided
+    density = 2 / r.rate_hz  # density of white noise of variance 1, one-sided
     hz = np.geomspace(s.hz[0], s.hz[-1], MODEL_POINTS)
     lam = 2 * np.pi * hz / r.rate_hz
     shown = [Curve(s.hz, np.sqrt(density * s.power), "points", label="periodogram, in bins")]
@@ -119,7 +122,16 @@ def _over_time(
     found: tuple[Array, Array, Array],
     at_end: tuple[float, float, float] | None,
 ) -> str:
-    """found: estimate and its σ, and quantiles of white noise. at_end: the same of shuffled copies."""
+    """Draw estimates over time.
+
+    Args:
+        title: heading of the chart.
+        axis: the report of the axis.
+        p: the path of the estimates.
+        y_label: what is estimated.
+        found: the estimate, its σ, and its quantiles for white noise.
+        at_end: the quantiles of the shuffled copies at the end of the record.
+    """
     fit, shuffled = axis.result.fltea, axis.result.null.shuffled
     assert fit is not None
     value, std, white = found
@@ -139,7 +151,7 @@ def _over_time(
 
 
 def _limits(value: Array, white: Array) -> Ends:
-    """Return the limits of all but the first tenth, in which everything moves."""
+    """Return the limits of the y axis; the first tenth is ignored, as estimates still move much there."""
     late = slice(len(value) // 10, None)
     known = np.concatenate([value[late], white[late].ravel()])
     known = known[np.isfinite(known)]
@@ -181,10 +193,10 @@ def _forecast(title: str, axis: AxisReport, curves: Curves) -> str:
         shown.append(Curve(ends, [MOST_DEG] * 2, "limit", label="no heading is left above"))
     if f.judged:
         t, said, seen, count = np.array([(p.t_s, p.said, p.seen, p.pieces) for p in f.judged]).T
-        # Of a root mean square of so many, Wilson & Hilferty (1931).
+        # 95 % limits of a root mean square over `count` values, by Wilson & Hilferty (1931).
         middle, spread = 1 - 2 / (9 * count), NORMAL_95 * np.sqrt(2 / (9 * count))
         low, high = (said * np.maximum(middle + way * spread, 0) ** 1.5 for way in (-1, 1))
-        # Of one or two pieces the lower end may be 0, which has no place on the scale.
+        # With one or two pieces the lower end may be 0, which a logarithmic scale cannot show.
         low = np.maximum(low, 1e-3 * said)
         shown += [
             Curve(t, said, "rival", label="predicted by the first half"),
@@ -206,7 +218,7 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
     known = np.isfinite(high - low)
     if known.any():
         usual = float(np.median(c.bias_std[known]))
-        accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]  # not at first, nor after a step
+        accepted = c.bias[known & (c.bias_std <= SETTLED * usual)]  # neither at first nor just after a step
         bottom, top = float(accepted.min()), float(accepted.max())
         margin = 4 * usual + 0.1 * (top - bottom)
         ends = bottom - margin, top + margin
@@ -216,7 +228,7 @@ def _bias(title: str, axis: AxisReport, curves: Curves) -> str:
 
 
 def _marks(at: Sequence[float], ends: Ends, label: str) -> Iterator[Curve]:
-    """Lines from the bottom to the top, with one entry in the legend."""
+    """Yield vertical lines from the bottom to the top, with one entry in the legend."""
     for number, where in enumerate(at):
         yield Curve([where] * 2, ends, "step", label="" if number else label)
 
@@ -256,18 +268,19 @@ TITLES = {
     "spectrum": (
         "Spectrum",
         "Flat: white noise. Of two models the one with the lower BIC is better; white noise has 0. Blue: "
-        "the best without an order, orange: with one. Grey: lines, resonances and drift, which were left "
-        "out.",
+        "the best model without an order, orange: the best with one. Grey: lines, resonances and drift, "
+        "which were left out.",
     ),
     "profile": (
         "Which orders the data allow",
-        "What lies below the dotted line fits the data as well as the best with an order does. That says "
-        "something only where the verdict has an order; elsewhere it is undefined, whatever the curve.",
+        "Orders whose curve lies below the dotted line fit the data as well as the best order does. That "
+        "says something only where the verdict has an order; elsewhere the order is undefined, whatever the "
+        "curve.",
     ),
     "alpha": (
         "FLTEA's α over time",
-        "Grey: what the same algorithm gives for white noise of the same distribution. A line within it says "
-        "nothing about memory; one outside is a hint, for the test see the table.",
+        "Grey: what the same algorithm gives for white noise of the same distribution. A curve within it "
+        "says nothing about memory; a curve outside is a hint. The table has the test.",
     ),
     "f": (
         "FLTEA's f over time",
@@ -275,32 +288,32 @@ TITLES = {
     ),
     "allan": (
         "Allan deviation",
-        "Blue, with its 5 to 95 %: records as long as this one of noise of the verdict's model and the peaks "
-        "beside it. Where it leaves the data, the model does not reproduce the sensor.",
+        "Blue, with 5 to 95 %: simulated records of the same length, of the verdict's model and the peaks "
+        "found. Where the blue band leaves the data, the model does not reproduce the sensor.",
     ),
     "bias": (
         "Bias over time",
-        "The constant to take off during the next second or so, by the samples until then. Steps are where "
-        "it is learnt anew; in motion it is predicted.",
+        "The constant to subtract during the next second or so, by the samples until then. After a step "
+        "it is estimated anew; in motion it is predicted.",
     ),
     "forecast": (
         "How far the heading is off",
-        "Its σ after a rest of {rest} (purple), the longest part of this recording without a gap, and after "
-        "the first half of that, {half} (blue). Points: what the second half does. 95 % of them are in the "
-        "grey band if the first half's model holds there. Pieces of one length do not overlap; those of "
-        "several lengths are the same samples.",
+        "σ of the heading after a rest of {rest} (purple), the longest part of the recording without a gap, "
+        "and after its first half, {half} (blue). Points: what the second half shows. 95 % of the points are "
+        "in the grey band if the first half's model holds there. Pieces of one length do not overlap; pieces "
+        "of different lengths share their samples.",
     ),
     "innovations": (
         "Autocorrelation of FLTEA's innovations",
-        "Of a model that is right nineteen in twenty are within the grey band. Many outside: the online "
+        "If the model is right, nineteen in twenty bars are within the grey band. Many outside: the online "
         "model does not describe this noise.",
     ),
 }
-"""The title of each figure, and how to read it."""
+"""Title of each figure, and how to read it."""
 
 SEEN = ("spectrum", "allan", "bias", "forecast")
-"""The figures of the noise, which are seen first."""
+"""The figures of the noise, which come first in the report."""
 WHY = ("profile",)
-"""Of the verdict."""
+"""The figures behind the verdict."""
 FLTEA = ("alpha", "f", "innovations")
-"""Of the online algorithm."""
+"""The figures of the online algorithm."""

@@ -1,9 +1,10 @@
-"""What a filter with white noise and one walk, or one Gauss–Markov state, takes of an axis: never too little.
+"""Convert an axis to figures for a filter with white noise and either a random walk or a Gauss–Markov state.
 
-A relaxation of deviation σ and correlation time τ has the density 2 σ² τ / (1 + ω² τ²). White noise of the
-density 2 σ² τ is nowhere less, and neither is a walk of K² = 2 σ² / τ. So a filter that has one of them in
-its place says no less than the error of the heading is. Which is nearer after a time T: white noise where
-τ < T / √3.
+The figures never promise too little error. A relaxation with deviation σ and correlation time τ has the
+density
+2 σ² τ / (1 + ω² τ²). White noise of density 2 σ² τ is nowhere below it, and neither is a random walk with
+K² = 2 σ² / τ. So a filter that replaces the relaxation by either of them predicts a heading error no smaller
+than the true one. After a time T, white noise is the closer replacement where τ < T / √3.
 """
 
 import math
@@ -18,17 +19,17 @@ from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.wording import duration, listed
 
 LONG_S = 4 * 3600.0
-"""The correlation time of a state that stands for a walk: far above what it is used for."""
+"""The correlation time of a state that stands for a random walk [s]; far above the time of its use."""
 NEGLIGIBLE = 0.1
-"""Of a walk, that stands beside a slow state."""
+"""Largest ratio of K to the slow states taken as a walk at which K is negligible."""
 WITHOUT_SLOW = ("white", "line", "resonance", "line or resonance", "comb")
-"""Verdicts of noise in which nothing is slow."""
+"""Verdicts on noise that has no slow part."""
 UP_TO_S = 60.0
-"""The time for which the heading is bounded if nobody says another."""
+"""Default time up to which the heading's error is bounded [s]."""
 
 
 def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
-    """Return what the axis has for a filter whose heading is to hold for so long."""
+    """Return the figures of the axis for a filter whose heading error has to be bounded up to `up_to_s`."""
     base, plain = axis_noise(axis), axis.filter
     N, K, said, tau_s = base.N._replace(slower=()), base.K, "", LONG_S
     if plain is not None and plain.gauss_markov and not _is_unlearnt(axis, base.K):
@@ -48,7 +49,7 @@ def filter_figures(axis: AxisReport, up_to_s: float = UP_TO_S) -> FilterFigures:
 
 
 def _is_unlearnt(axis: AxisReport, K: Shown) -> bool:
-    """Whether slow states only allow for a walk that nobody has seen, of which the bound tells."""
+    """Whether slow states stand for a random walk that was not observed; then its upper bound is shown."""
     return K.value is None and axis.result.verdict.kind in WITHOUT_SLOW
 
 
@@ -72,11 +73,11 @@ def _said(
     as_written: tuple[float, float],
     t_s: float,
 ) -> str:
-    """Return a sentence on what was written in another form. as_written: N and K."""
+    """Return a sentence on the relaxations that are written in another form. `as_written`: N and K."""
     (N, K), own = as_written, plain.N**2 * t_s + plain.K**2 * t_s**3 / 3
     for state in (*fast, *slow):
         over = t_s / state.tau_s
-        grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)  # from where it is on
+        grown = 2 * over - 3 + 4 * math.exp(-over) - math.exp(-2 * over)  # growth from a known state on
         own += (state.sigma * state.tau_s) ** 2 * grown
     ratio = math.sqrt((N**2 * t_s + K**2 * t_s**3 / 3) / own)
     forms = [
@@ -86,8 +87,8 @@ def _said(
     ]
     more = "what it is" if ratio < 1.05 else f"{ratio:.2g} times what it is"
     return (
-        f"{' and '.join(forms)}, since this program has no term of its own for it. The heading is off by no "
-        f"more than that says, which is {more} after {duration(t_s)}."
+        f"{' and '.join(forms)}, since this program has no term of its own for that. The heading is off by "
+        f"no more than that says, which is {more} after {duration(t_s)}."
     )
 
 

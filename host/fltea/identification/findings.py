@@ -1,4 +1,4 @@
-"""What was found out, as rows for people (terminal and page) and as one JSON object for programs."""
+"""Arrange the findings: rows for people (terminal and report), and one JSON object for programs."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -33,14 +33,14 @@ SYMBOLS = {
     "height": ("height", "({unit})²"),
     "power": ("power", "({unit})²"),
 }
-"""How parameters of parts are called, and their units."""
+"""Symbol and unit of each parameter of the noise model's parts."""
 
 Row = tuple[str, str]
 """A label and a value."""
 
 
 def document(reports: Sequence[FileReport]) -> dict[str, Any]:
-    """Return all of it, for JSON."""
+    """Return all findings of all recordings as one object for JSON."""
     found: dict[str, Any] = {"files": [_file(report) for report in reports]}
     return found | ({"compared": msgspec.to_builtins(compared(reports))} if len(reports) > 1 else {})
 
@@ -73,14 +73,14 @@ def _axis(axis: AxisReport | Failure) -> dict[str, Any]:
 
 
 def sheets(axes: Mapping[str, AxisReport]) -> list[str]:
-    """Return how each axis compares with the data sheet that was named, and where that is from."""
+    """Return how each axis compares with the data sheet that was named, and the source of the sheet."""
     found = [(name, axis.sheet) for name, axis in axes.items() if axis.sheet is not None]
     sources = dict.fromkeys(f"Data sheet of the {one.part}: {one.source}." for _, one in found if one.part)
     return [f"{name}: {one.text}" for name, one in found] + list(sources)
 
 
 def heading(report: FileReport) -> str:
-    """Return what the recording is, in a line."""
+    """Return device, rate and length of the recording in one text line."""
     if report.recording is None:
         return ""
     hello, c = report.recording.hello, report.recording.counts
@@ -91,12 +91,12 @@ def heading(report: FileReport) -> str:
 
 
 def reading(report: FileReport) -> list[Row]:
-    """Return how another program's file was understood: each question, and its answer with the evidence."""
+    """Return how another program's file was read: each question with its answer and the evidence."""
     return [] if report.recording is None else [(one.question, str(one)) for one in report.recording.reading]
 
 
 def doubts(report: FileReport) -> list[str]:
-    """Return what the device or the link said of the samples; nothing where all is well."""
+    """Return what the device or the link reported about the samples; an empty list if nothing is wrong."""
     if report.recording is None:
         return []
     c = report.recording.counts
@@ -112,9 +112,9 @@ def doubts(report: FileReport) -> list[str]:
 
 
 def data_checks(report: FileReport) -> list[tuple[str, DataCheck]]:
-    """Return all of a recording with their axis, the worst first.
+    """Return all data checks of a recording with their axes, the worst first.
 
-    What several axes have in common comes once.
+    A check that several axes share comes once.
     """
     found: dict[tuple[str, str], tuple[list[str], DataCheck]] = {}
     of_axes = [(name, axis.data_checks) for name, axis in report.axes.items() if isinstance(axis, AxisReport)]
@@ -186,9 +186,9 @@ def _fltea_rows(fit: FlteaFit, shuffled: ShuffledBand | None, unit: str) -> Iter
 
 
 def level_rows(axis: AxisReport) -> list[Row]:
-    """Return what the noise is made of, and N, K and B with 95 % intervals.
+    """Return the parts of the noise, and N, K and B with 95 % intervals.
 
-    They are in the units of data sheets if the axis is a gyroscope's.
+    The units are those of data sheets if the axis belongs to a gyroscope.
     """
     of = scales(axis.unit)
     return [
@@ -200,16 +200,16 @@ def level_rows(axis: AxisReport) -> list[Row]:
 
 
 def part_rows(axis: AxisReport) -> list[Row]:
-    """Return the same, and the parameters of all parts with 95 % intervals."""
+    """Return the rows of `level_rows`, and the parameters of all parts with 95 % intervals."""
     r, unit = axis.result, axis.unit
     found = level_rows(axis)
     counted: dict[str, int] = {}
     for part in r.parts:
         counted[part.part] = number = counted.get(part.part, 0) + 1
-        if part.part in ("white", "walk"):  # N and K
+        if part.part in ("white", "walk"):  # their figures are N and K
             continue
         for name, value in part.values.items():
-            if part.part == "order" and name in ("alpha", "f"):  # in rows of their own
+            if part.part == "order" and name in ("alpha", "f"):  # these have rows of their own
                 continue
             symbol, its = SYMBOLS.get(name, (name.removesuffix("_hz"), "Hz" if name.endswith("_hz") else ""))
             its = its.format(unit=unit)
@@ -220,7 +220,7 @@ def part_rows(axis: AxisReport) -> list[Row]:
 
 
 def _estimate(e: Interval, factor: float = 1.0) -> str:
-    """Return the value and its interval; … without a number: no such end is known."""
+    """Return the value and its interval. An end that is not known is left blank before or after the "…"."""
     if e.value is None:
         return "not known"
     low, high = ("" if end is None else f"{end * factor:.3g}" for end in (e.low, e.high))
@@ -228,7 +228,7 @@ def _estimate(e: Interval, factor: float = 1.0) -> str:
 
 
 def _walk(axis: AxisReport, factor: float) -> str:
-    """Return K, or its bound, and how long a record would tell."""
+    """Return K, or its upper bound and the record length that would be enough to estimate K."""
     level = axis.result.level
     if level.K.value is not None:
         return _estimate(level.K, factor)
@@ -248,7 +248,7 @@ def _bound(at_most: float | None, factor: float) -> str:
 
 
 def settings(axis: AxisReport) -> str:
-    """Return what FLTEA was run with, in a line."""
+    """Return the settings that FLTEA was run with, in one text line."""
     f = axis.result.fltea
     if f is None:
         return method(axis.result)
@@ -262,7 +262,7 @@ def settings(axis: AxisReport) -> str:
 
 
 def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
-    """Return sentences on figures that several axes lack, or that say nothing about them."""
+    """Return sentences on figures that are missing, or that do not describe the noise, with their axes."""
     names: dict[str, list[str]] = {}
     for name, axis in axes.items():
         for fit in (axis.result.fltea, axis.result.fltea_other):
@@ -280,7 +280,7 @@ def remarks(axes: Mapping[str, AxisReport]) -> list[str]:
 
 
 def method(r: AxisResult) -> str:
-    """Return the settings that the axes have in common, and over how many of the samples FLTEA was run."""
+    """Return FLTEA's settings and the share of the samples that it was run over."""
     f = r.fltea
     if f is None:
         return f"FLTEA was not run: {r.fltea_reason}"
@@ -303,7 +303,7 @@ def _span(band: tuple[float, float, float] | None) -> str:
 
 
 def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
-    """Return the axes of each sensor by themselves, for their rows have other units."""
+    """Return one dictionary of axes for each sensor, since sensors have different units."""
     units = dict.fromkeys(axis.unit for axis in axes.values())
     return [{name: axis for name, axis in axes.items() if axis.unit == unit} for unit in units]
 
@@ -311,25 +311,25 @@ def by_sensor(axes: Mapping[str, AxisReport]) -> list[dict[str, AxisReport]]:
 def side_by_side(
     axes: Mapping[str, AxisReport], rows_of: Callable[[AxisReport], list[Row]] = rows
 ) -> list[tuple[str, list[str]]]:
-    """Return the rows of several axes, `rows_of` each: a label, and a value for each.
+    """Return the rows of several axes as a label and one value for each axis.
 
-    Nothing where an axis has no such row.
+    `rows_of` makes the rows of an axis. The value is empty where an axis has no such row.
     """
     columns = [_keyed(rows_of(axis)) for axis in axes.values()]
     labels: list[tuple[str, str]] = []
     for column in columns:
-        place = 0
+        index = 0
         for key in column:
             if key in labels:
-                place = labels.index(key) + 1
+                index = labels.index(key) + 1
             else:
-                labels.insert(place, key)
-                place += 1
+                labels.insert(index, key)
+                index += 1
     return [(key[1], [column.get(key, "") for column in columns]) for key in labels]
 
 
 def _keyed(found: list[Row]) -> dict[tuple[str, str], str]:
-    """Return the rows by label, and by the label above if an indented one comes twice."""
+    """Return the rows keyed by their label and the unindented label above, as indented labels may recur."""
     keyed, above = {}, ""
     for label, value in found:
         above = above if label.startswith(" ") else label

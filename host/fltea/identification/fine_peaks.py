@@ -1,4 +1,4 @@
-"""Peaks and combs at the full resolution of a record, which only a file has (pure)."""
+"""Find peaks and combs at the full resolution of a record, which only a stored recording allows."""
 
 import math
 from collections.abc import Sequence
@@ -13,17 +13,20 @@ from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats, find_peaks
 
 CHUNK, MOST_DEVIATIONS = 128, 12.0
-"""The same numbers as in firmware/core/engine/gate.hpp."""
+"""These equal the constants in firmware/core/engine/gate.hpp."""
 Bands = tuple[tuple[float, float], ...]
 
 
 def fine_peaks(
     p: Periodogram, stretches: Sequence[Stretch], from_hz: float, notch: Bands
 ) -> tuple[tuple[Peak, ...], Sequence[Stretch] | None]:
-    """Return the peaks of p, and the stretches without a comb if there is one; else None.
+    """Return the peaks of `p`, and the stretches without a comb (None if there is no comb).
 
-    p: periodogram of the longest of the stretches, above from_hz and outside of the bands (low, high) of
-    `notch`, in Hz.
+    Args:
+        p: periodogram of the longest stretch, above `from_hz` and outside `notch`.
+        stretches: the samples between breaks.
+        from_hz: lowest frequency in use [Hz].
+        notch: bands (low, high) that are left out [Hz].
     """
     comb = find_comb(p)
     peaks: tuple[Peak, ...] = ()
@@ -55,9 +58,9 @@ def _peak(comb: Comb, found: WithoutComb, p: Periodogram) -> Peak:
 
 
 def limited(y: Array) -> Array:
-    """Take the outliers off y (n,): samples far from the mean of their chunk are moved nearer, as live.
+    """Limit the outliers of y (n,) as live fits do: move samples far from the mean of their chunk nearer.
 
-    A few large samples that stand close together have a spectrum of their own.
+    Otherwise a few large samples close together would add a spectrum of their own.
     """
     chunks = len(y) // CHUNK
     if not chunks:

@@ -1,6 +1,6 @@
-"""FLTEA itself on a recording, as the daemon runs it: start-up window, bias, R, guard, supervisor.
+"""Run FLTEA over a recording as the daemon does: start-up window, bias, R, guard, supervisor.
 
-All axes with the same settings are lanes of one engine.
+Axes with the same settings run as lanes of one engine.
 """
 
 import math
@@ -26,13 +26,13 @@ Variant = Literal["triple", "joint"]
 OTHER: dict[Variant, Variant] = {"joint": "triple", "triple": "joint"}
 
 CHUNK = 4096
-"""Samples that the lanes take at a time."""
+"""Number of samples that the lanes process at a time."""
 LEAST = 100
-"""Samples after the start-up window."""
+"""Least number of samples after the start-up window."""
 
 
 class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The last estimates of one axis; those that are not finite, or not valid, are None."""
+    """The last estimates of one axis; an estimate that is not finite or not valid is None."""
 
     variant: str
     guard: str
@@ -40,58 +40,64 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     alpha_std: float | None
     """The filter's own standard deviation, which says how steady the figure is, not how true."""
     f: float | None
-    """The parameter f in s^-α."""
+    """The parameter f of s^-α."""
     f_std: float | None
     valid: bool
     bias: float
-    """Taken off, in the unit of y."""
+    """The bias that was subtracted, in the unit of y."""
     R: float
-    """The variance of the white noise in the square of that unit."""
+    """Variance of the white noise, in the square of y's unit."""
     R_from: Literal["start-up window", "setting"]
     startup_samples: int
     samples: int
-    """Samples that it was run over with the start-up window: those of the longest epoch."""
+    """Number of samples that FLTEA was run over, with the start-up window: those of the longest epoch."""
     predicted: int
-    """Lost ones between them, of which it made predictions only."""
+    """Number of lost samples between them, at which FLTEA only predicted."""
     restarts: int
     interventions: dict[str, int]
-    """Interventions of the guard since the last start by cause, without those that never happened."""
+    """Number of interventions of the guard since the last start, for each cause that occurred."""
     alpha_drift: float | None
-    """Change of α over the last third of the record, by the means of its two halves."""
+    """Change of α over the last third of the record: the mean of its second half less that of its first."""
     f_drift: float | None
     converged: bool
-    """The drift of α is less than its standard deviation or 0.02."""
+    """Whether the drift of α is less than its standard deviation or 0.02."""
     describes_noise: bool | None
-    """False: the innovations of the last two thirds are not white, or the noise has no order or another one,
-    so that α and f, and their deviations, say nothing of it; None: there are too few, or no verdict."""
+    """Whether α and f describe the noise.
+
+    False: the innovations of the last two thirds are not white, or the noise has no order, or has another
+        order.
+    Then α, f and their deviations say nothing about the noise. None: too few innovations, or no verdict.
+    """
     settings: EstimatorConfig
-    """All of them: window, start-up, tuning."""
+    """All settings: window, start-up, tuning."""
 
 
 class FlteaAxis(NamedTuple):
     """An axis over which FLTEA is to be run.
 
-    As live, lost samples are predicted, and after a long gap all begins again: so it is run over the longest
-    part between two such gaps.
+    As in live use, lost samples are predicted, and everything restarts after a long gap. So FLTEA runs over
+    the
+    longest part between two such gaps.
     """
 
     y: Array
-    """Its samples, (n,)."""
+    """The samples of the axis, (n,)."""
     gaps: Gaps
-    """Between them."""
+    """The gaps between the samples."""
     config: EstimatorConfig
-    """bias and R, where they are numbers, are those of this axis."""
+    """Settings; where `bias` and `R` are numbers, they are those of this axis."""
     lsb: float | None
-    """One count in the unit of y, if known; the variance of rounding is the least R."""
+    """One count in the unit of y, if known. The variance of rounding to counts is the smallest R."""
     alpha: Interval | None
-    """The noise's order by the verdict, without ends if it has none; None where there is no verdict."""
+    """Order of the noise by the verdict, without ends if the noise has none; None without a verdict."""
 
     def why_not(self, h: float) -> str:
-        """Return why FLTEA cannot be run, nothing if it can; h: sampling period in s.
+        """Return why FLTEA cannot be run, or an empty text if it can. `h`: sampling period [s].
 
         Raises:
-            ValueError: settings that no filter can work with, fewer samples than the start-up window has
-                and a hundred more.
+            ValueError: the settings give no filter that works, or there are fewer samples than the start-up
+                window and
+                a hundred more.
         """
         lane = _lane(self)
         if not isinstance(lane, str):
@@ -101,18 +107,20 @@ class FlteaAxis(NamedTuple):
 
 
 class FlteaFits(NamedTuple):
-    """What FLTEA gives for one axis."""
+    """FLTEA's estimates for one axis."""
 
     own: FlteaFit | None
-    """Of the variant of its settings; None for `reason`."""
+    """The estimates of the variant in the settings; None where `reason` says why."""
     other: FlteaFit | None
     innovations: dict[str, Innovations | None]
-    """The test of those of the last two thirds, by variant."""
+    """The test of the innovations in the last two thirds, by variant."""
     reason: str = ""
 
 
 def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
-    """Run both variants over axes at a period of h s, each as if it were alone.
+    """Run both variants over all axes; each result is the same as for the axis alone.
+
+    `h`: sampling period [s].
 
     Raises:
         ValueError: as `FlteaAxis.why_not`.
@@ -120,11 +128,11 @@ def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
     lanes = [_lane(one) for one in axes]
     found: list[dict[Variant, tuple[FlteaFit, Innovations | None]]] = [{} for _ in axes]
     for variant in OTHER:
-        for config, places in _alike(axes, lanes, variant):
-            own = [lane for place in places if not isinstance(lane := lanes[place], str)]
-            for place, lane, ran in zip(places, own, _run(own, h, config), strict=True):
-                settings = msgspec.structs.replace(axes[place].config, variant=variant)
-                found[place][variant] = _fit(lane, ran, settings, axes[place].alpha), ran.tested
+        for config, indices in _alike(axes, lanes, variant):
+            own = [lane for index in indices if not isinstance(lane := lanes[index], str)]
+            for index, lane, ran in zip(indices, own, _run(own, h, config), strict=True):
+                settings = msgspec.structs.replace(axes[index].config, variant=variant)
+                found[index][variant] = _fit(lane, ran, settings, axes[index].alpha), ran.tested
     fits = []
     for axis, lane, of_axis in zip(axes, lanes, found, strict=True):
         variants = axis.config.variant, OTHER[axis.config.variant]
@@ -137,19 +145,19 @@ def fltea_fits(axes: Sequence[FlteaAxis], h: float) -> list[FlteaFits]:
 
 
 class _Lane(NamedTuple):
-    """What the engine gets of an axis."""
+    """The input of the engine for one axis."""
 
     rest: Array
-    """What follows the start-up window, with a 0 for each lost sample."""
+    """The samples after the start-up window, with a 0 for each lost sample."""
     missing: Mask | None
     bias: float
     R: float
     samples: int
-    """With the window, without lost ones."""
+    """Number of samples with the start-up window, without lost ones."""
 
 
 def _lane(axis: FlteaAxis) -> _Lane | str:
-    """Return the lane of an axis, or why there can be none; ValueError: as `FlteaAxis.why_not`."""
+    """Return the lane of an axis, or why there can be none. Raises ValueError as `FlteaAxis.why_not` does."""
     begin, end = longest_epoch(len(axis.y), axis.gaps)
     y, gaps, config = axis.y[begin:end], axis.gaps.within(begin, end), axis.config
     if len(y) < config.startup_needed + LEAST:
@@ -167,18 +175,21 @@ def _lane(axis: FlteaAxis) -> _Lane | str:
 def _alike(
     axes: Sequence[FlteaAxis], lanes: Sequence[_Lane | str], variant: Variant
 ) -> Iterator[tuple[EstimatorConfig, list[int]]]:
-    """Yield settings of this variant, and which axes have them; bias and R may differ."""
+    """Yield each set of settings of this variant, and the indices of the axes that have it.
+
+    Bias and R may differ.
+    """
     groups: list[tuple[EstimatorConfig, list[int]]] = []
-    for place, (axis, lane) in enumerate(zip(axes, lanes, strict=True)):
+    for index, (axis, lane) in enumerate(zip(axes, lanes, strict=True)):
         if isinstance(lane, str):
             continue
         config = msgspec.structs.replace(axis.config, variant=variant, bias="startup", R="auto")
-        for known, places in groups:
+        for known, indices in groups:
             if type(known) is type(config) and known == config:
-                places.append(place)
+                indices.append(index)
                 break
         else:
-            groups.append((config, [place]))
+            groups.append((config, [index]))
     yield from groups
 
 
@@ -217,15 +228,17 @@ def _fit(lane: _Lane, ran: "_Ran", config: EstimatorConfig, order: Interval | No
 
 
 def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array, Mask | None]:
-    """Return what follows the start-up window of an epoch, and which of its samples are lost."""
+    """Return the samples after the start-up window of an epoch, and a mask of the lost samples among them."""
     return spread(y[config.startup_needed :], gaps.within(config.startup_needed, len(y)))
 
 
 class _Ran:
-    """What is kept of a lane of n samples; memory for one block.
+    """The results of a lane of n samples, collected block by block.
 
-    last: α, its deviation, f, its deviation after the last sample. alpha, f: their drift over the last third.
-    tested: the innovations of the last two thirds.
+    Attributes:
+        last: α, its deviation, f and its deviation after the last sample.
+        alpha, f: their drift over the last third.
+        tested: the test of the innovations in the last two thirds.
     """
 
     def __init__(self, n: int) -> None:
@@ -238,7 +251,10 @@ class _Ran:
         self.interventions: dict[str, int] = {}
 
     def add(self, start: int, columns: Array, *, valid: bool) -> None:
-        """Add the next rows, from sample `start` on; columns: as of `LaneBlock`; valid: at the last one."""
+        """Add the next rows, from sample `start` on.
+
+        `columns`: the columns of `LaneBlock`. `valid`: whether the estimates at the last row are valid.
+        """
         alpha, alpha_std, f, f_std, _, innovation, innovation_std = columns
         self.alpha.add(start, alpha)
         self.f.add(start, f)
@@ -249,19 +265,18 @@ class _Ran:
         self.valid = valid
 
     def end(self, lanes: Lanes, lane: int) -> None:
-        """Take note of what the supervisor did until now, which is behind the last sample."""
+        """Store what the supervisor has done so far; called right after the last sample of the lane."""
         self.restarts = int(lanes.restarts[lane])
         counts = zip(CAUSES, lanes.interventions()[lane].tolist(), strict=True)
         self.interventions = {cause: n for cause, n in counts if n}
 
     @property
     def tested(self) -> Innovations | None:
-        """The test of the innovations."""
         return self._sums.result()
 
 
 def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
-    """Run lanes beside each other, each to its own end; behind that it predicts, of which nothing is kept."""
+    """Run lanes in parallel, each to its own end; what a lane predicts after its end is dropped."""
     lanes = Lanes(len(own), _settings(config, h, [one.R for one in own]))
     ran = [_Ran(len(one.rest)) for one in own]
     ends = sorted({one.n for one in ran})
@@ -285,7 +300,7 @@ def _run(own: Sequence[_Lane], h: float, config: EstimatorConfig) -> list[_Ran]:
 
 
 def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | None]:
-    """Return samples begin … end of all lanes without their biases, and which of them are missing."""
+    """Return samples begin … end - 1 of all lanes less their biases, and a mask of the missing samples."""
     y, gone = np.zeros((end - begin, len(own))), np.zeros((end - begin, len(own)), dtype=bool)
     for lane, one in enumerate(own):
         rest = one.rest[begin:end]
@@ -297,7 +312,7 @@ def _rows(own: Sequence[_Lane], begin: int, end: int) -> tuple[Array, Mask | Non
 
 
 class _Drift:
-    """Mean of the second half of samples begin … end less that of the first, of those that are finite."""
+    """Mean of the finite values in the second half of samples begin … end - 1, less that of the first."""
 
     def __init__(self, begin: int, end: int) -> None:
         middle = begin + (end - begin) // 2
@@ -305,7 +320,7 @@ class _Drift:
         self._sums, self._counts = [0.0, 0.0], [0, 0]
 
     def add(self, start: int, values: Array) -> None:
-        """Add the next values, from number `start` on."""
+        """Add the next values, which begin at sample `start`."""
         for i, (begin, end) in enumerate(self._halves):
             part = values[max(0, begin - start) : max(0, end - start)]
             part = part[np.isfinite(part)]
@@ -313,7 +328,7 @@ class _Drift:
             self._counts[i] += len(part)
 
     def value(self) -> float | None:
-        """Return the result, or None if too few values are finite."""
+        """Return the drift, or None if a half has no finite value."""
         if not all(self._counts):
             return None
         first, second = (total / count for total, count in zip(self._sums, self._counts, strict=True))

@@ -1,9 +1,10 @@
-"""A line whose frequency wanders about a multiple of the sample rate, and is seen about frequency 0 (pure).
+"""Find a line that wanders about a multiple of the sample rate, and is therefore seen near frequency 0.
 
-Mains of 50 Hz that is sampled 50 or 25 times a second is one. Its spectrum is that of noise behind a low-pass
-far below half the sample rate, with white noise of the reader behind that. What distinguishes it is that it
-oscillates with one amplitude: of its samples, averaged over far less than a period, the fourth moment over
-the squared second one is 1.5, and of noise 3.
+Mains of 50 Hz sampled at 50 Hz or 25 Hz is an example. Its spectrum looks like noise behind a low-pass far
+below
+half the sample rate, plus white noise of the sensor. But the line oscillates with one amplitude. Averaged
+over
+far less than a period, its samples have a fourth moment of 1.5 times the squared second moment; noise has 3.
 """
 
 import math
@@ -15,28 +16,33 @@ from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.spectral_lines import Peak
 
 LEAST_HEIGHT = 30.0
-"""The density about frequency 0 over that at the highest frequencies, below which N is that of both."""
+"""Least ratio of the density near frequency 0 to that at the highest frequencies.
+
+With a smaller ratio, N would include both.
+"""
 EDGE = 1.1
-"""The density over that of the floor at which the hump ends."""
+"""Ratio of the density to that of the floor at which the hump ends."""
 WIDEST = 0.3
-"""The largest share of the band in the hump."""
+"""Largest share of the band that the hump may cover."""
 ON_ITS_SHOULDER = 0.1
-"""Share of the density about 0 that the fastest oscillations have which are not averaged away."""
+"""Share of the density near 0 that the fastest oscillations still have; averaging must keep these."""
 AVERAGED = 6
-"""Averages in a period of these."""
+"""Number of averages in a period of these fastest oscillations."""
 PARTS = 16
-"""Parts of the record, whose spread gives the error of the ratio of moments."""
+"""Number of parts of the record; their spread gives the error of the ratio of moments."""
 FEWEST_PERIODS = 100
-"""Periods of the fastest oscillations in the record: a walk has its power in fewer."""
+"""Least number of periods of the fastest oscillations; a random walk has its power in fewer periods."""
 BETWEEN, SURE = (1.2, 2.3), 5.0
-"""Where the ratio of moments is, and the standard errors by which it is below that of noise: two values
-between which noise jumps have a ratio of 1."""
+"""Range of the ratio of moments, and the number of standard errors by which it must be below that of noise.
+
+A ratio of 1 is excluded, since noise that jumps between two values has it.
+"""
 
 
 def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
     """Return the hump of such a line in y (n,), or None.
 
-    frontier: the models of its spectrum. h: sampling period in s.
+    `h`: sampling period [s]. `frontier`: the candidate models of the spectrum of y.
     """
     lam = candidates.data.lam
     density = candidates.plain.spectrum(lam, h)
@@ -65,10 +71,10 @@ def folded_line(y: Array, h: float, candidates: CandidateModels) -> Peak | None:
 
 
 def _moments(y: Array, averaged: int) -> tuple[float, float]:
-    """Return the fourth moment of means over the squared second one, and its standard error."""
+    """Return the fourth moment of averaged samples over their squared second moment, and its error."""
     count = len(y) // averaged
     means = y[: count * averaged].reshape(count, averaged).mean(axis=1)
-    # What is slower than a part is drift, which is of few values.
+    # Remove what is slower than a part: it is drift, which has only a few independent values.
     parts = [one - one.mean() for one in np.array_split(means, PARTS)]
     second = np.array([np.mean(one**2) for one in parts])
     fourth = np.array([np.mean(one**4) for one in parts])

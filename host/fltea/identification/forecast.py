@@ -1,4 +1,4 @@
-"""A forecast of the heading, and the recording as its judge: the model of its first half tells the second."""
+"""Forecast the heading, and judge the forecast: the model of the first half predicts the second half."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -38,14 +38,16 @@ P = TypeVar("P", Piece, BiasPiece)
 
 SAID_S = 60.0
 BIAS_S = 10.0
-"""The time of the bias that a sentence is about."""
+"""Longest time T of the Bias(T) that the text names [s]."""
 AS_FILTERED = "It holds for the samples as they are, behind the high-pass: the sensor itself drifts more."
 
 
 class BiasAtEnd(NamedTuple):
     """Bias(T) after the last sample of a recording.
 
-    samples: from how many it is known, those since the last step. has_stepped: whether there was one.
+    `samples`: number of samples since the last step, which the bias is known from. `has_stepped`: whether
+        there was a
+    step.
     """
 
     bias: float
@@ -56,39 +58,39 @@ class BiasAtEnd(NamedTuple):
 
 
 class Now(msgspec.Struct, frozen=True):
-    """Bias(T) at the end of a recording, and the heading's deviation after a minute."""
+    """Bias(T) at the end of a recording, and the heading's standard deviation after a minute."""
 
     bias: float
     bias_std: float
     heading_std: float
-    """in deg after 60 s, for a rate in deg/s"""
+    """Standard deviation after 60 s: in deg for a rate in deg/s."""
     bias_s: float
-    """T: for so many seconds the bias is meant."""
+    """T, the time that the bias is meant for [s]."""
 
 
 class Goal(msgspec.Struct, frozen=True):
-    """A heading that shall be good to ± `within` deg after t_s, with a probability of 95 %."""
+    """A required heading: good to ± `within` deg after `t_s` seconds, with a probability of 95 %."""
 
     within: float
     t_s: float
 
 
 class Drive(msgspec.Struct, frozen=True):
-    """The inverse of a goal: how long a heading is good to ± `within` deg (95 %) after a rest of rest_s."""
+    """The inverse of a goal: how long is a heading good to ± `within` deg (95 %) after a rest of `rest_s`?"""
 
     within: float
     rest_s: float
 
 
 Asked = bool | Goal | Drive | Sequence[Goal | Drive]
-"""Whether a forecast is wanted, and what it has to answer."""
+"""Whether a forecast is wanted, and the questions that it has to answer."""
 
 
 def asked_by(forecast: bool, rest_for: str | None, drive_for: str | None) -> Asked:
     """Return what the options ask for: --forecast, and DEG@SECONDS of --rest-for and --drive-for.
 
     Raises:
-        UsageError: one of them is none.
+        UsageError: the text of an option is not DEG@SECONDS.
     """
     goals = [] if rest_for is None else [goal_of(rest_for)]
     drives = [] if drive_for is None else [drive_of(drive_for)]
@@ -102,10 +104,10 @@ def _questions(asked: Asked) -> Sequence[Goal | Drive]:
 
 
 def goal_of(text: str) -> Goal:
-    """Return the goal of `DEG@SECONDS`.
+    """Return the goal that `DEG@SECONDS` stands for.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text is not a goal.
     """
     goal = Goal(*_degrees_at_seconds(text))
     if not (0 < goal.within < math.inf and 0 < goal.t_s <= TIMES_S[-1]):
@@ -117,10 +119,10 @@ def goal_of(text: str) -> Goal:
 
 
 def drive_of(text: str) -> Drive:
-    """Return the drive of `DEG@SECONDS`, the seconds at rest.
+    """Return the drive that `DEG@SECONDS` stands for; the seconds are those at rest.
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text is not a drive.
     """
     drive = Drive(*_degrees_at_seconds(text))
     if not (0 < drive.within < math.inf and 0 < drive.rest_s <= LONGEST_REST_S):
@@ -132,7 +134,7 @@ def drive_of(text: str) -> Drive:
 
 
 def _degrees_at_seconds(text: str) -> tuple[float, float]:
-    """Return the numbers of `DEG@SECONDS`; NaN for both if there are none."""
+    """Return the two numbers of `DEG@SECONDS`; NaN for both if the text is not of this form."""
     degrees, _, seconds = text.partition("@")
     try:
         return float(degrees), float(seconds)
@@ -141,29 +143,33 @@ def _degrees_at_seconds(text: str) -> tuple[float, float]:
 
 
 class Forecast(msgspec.Struct, frozen=True):
-    """The curve of the whole recording's model, and what the second half says of the first half's."""
+    """The forecast by the whole recording's model, and how the second half judges the first half's model."""
 
     t_s: tuple[float, ...]
     heading_std: tuple[float, ...]
     judged: tuple[Piece, ...]
-    """of the heading"""
+    """The judgement of the heading."""
     bias: tuple[BiasPiece, ...]
-    """of Bias(T), the constant to take off during the next T seconds"""
+    """The judgement of Bias(T), the constant to subtract during the next T seconds."""
     made_of: str
-    """What the curve is made of: the parts of the whole recording's noise, and what its offset does."""
+    """What the forecast is made of: the parts of the whole recording's noise, and the model of its offset."""
     judged_made_of: str
-    """The same of the first half's model, which the second half judges; empty if there is none."""
+    """The same for the first half's model, which the second half judges; empty if there is none."""
     text: str
     goal: Goal | None = None
     rest_s: float | None = None
-    """How long to rest for the goal; null if there is none, or no rest is enough."""
+    """Rest that the goal needs [s]; null if there is no goal, or no rest is enough."""
     drive: Drive | None = None
     drive_s: float | None = None
-    """For how long the heading is good after the drive's rest; null if no drive is asked for, or for more
-    than an hour."""
+    """Time for which the heading is good after the drive's rest [s].
+
+    Null if no drive is asked for, or if the heading is good for more than an hour.
+    """
     after_s: float = 0.0
-    """How long the sensor had rested where the curve begins: the longest part of the recording without a gap,
-    of which the first half is judged by the second [s]."""
+    """Rest of the sensor before the forecast begins [s].
+
+    It is the longest part of the recording without a gap, whose first half is judged by its second half.
+    """
 
 
 def found(
@@ -175,12 +181,18 @@ def found(
     asked: Asked = (),
     at_end: BiasAtEnd | None = None,
 ) -> tuple[Now | None, Forecast | None]:
-    """Return the bias now and, if `first` is given, the forecast; y: samples (n,) without a gap.
+    """Return the bias now and, if `first` is given, the forecast.
 
-    tracked: of all of y. first: returns what is known of samples alone. asked: what the forecast has to
-    answer. at_end: the bias after the last sample of the recording; None: the mean of y.
+    Each of the two is None if no filter works with the noise.
 
-    None where no filter can work with the noise.
+    Args:
+        tracked: the tracked system of all of y.
+        y: samples without a gap, (n,).
+        h: sampling period [s].
+        unit: unit of y.
+        first: fits the tracked system to given samples alone.
+        asked: the questions that the forecast has to answer.
+        at_end: the bias after the last sample of the recording; None: the mean of y.
     """
     model = tracked.system
     try:
@@ -191,18 +203,18 @@ def found(
         return current, None
     half = y[: len(y) // 2]
     try:
-        ahead_of_it = forecast(tracked, first(half), y, h, unit)
+        ahead = forecast(tracked, first(half), y, h, unit)
     except (ValueError, ArithmeticError) as error:
         curve = tuple(heading_stds(model, rested(model, len(y)), h, TIMES_S))
         text = f"The first half has no model to judge: {error}."
-        ahead_of_it = Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text, after_s=len(y) * h)
+        ahead = Forecast(TIMES_S, curve, (), (), made_of(tracked), "", text, after_s=len(y) * h)
     for one in _questions(asked):
-        ahead_of_it = _answering(ahead_of_it, model, h, one, unit)
-    return current, ahead_of_it
+        ahead = _answering(ahead, model, h, one, unit)
+    return current, ahead
 
 
 def _answering(found: Forecast, model: System, h: float, asked: Goal | Drive, unit: str) -> Forecast:
-    """Return the same forecast with what was asked for, or why nobody knows."""
+    """Return the forecast with the answer to `asked`, or with the reason why there is none."""
     try:
         if isinstance(asked, Goal):
             return with_goal(found, model, h, asked, unit)
@@ -213,7 +225,7 @@ def _answering(found: Forecast, model: System, h: float, asked: Goal | Drive, un
 
 
 def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
-    """Return the bias after the last sample of a recording, of which y is the longest part at rest."""
+    """Return the bias after the last sample of a recording. `y`: its longest part at rest."""
     if at_end is None:
         P = rested(model, len(y))
         at_end = BiasAtEnd(float(y.mean()), bias_std(model, P), LiveConfig().bias_s, len(y))
@@ -222,7 +234,7 @@ def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
 
 
 def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> Forecast:
-    """Return the forecast of a recording y; first: what is known of its first half."""
+    """Return the forecast of a recording y. `first`: the tracked system of its first half."""
     P = rested(whole.system, len(y))
     judgement = judged(first, y, len(y) // 2, h)
     curve = tuple(heading_stds(whole.system, P, h, TIMES_S))
@@ -233,9 +245,9 @@ def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> F
 
 
 def made_of(tracked: Learned) -> str:
-    """Return what a tracked system is made of, in a few words: parts, and what its offset does."""
+    """Return in a few words what a tracked system is made of: its parts, and the model of its offset."""
     walk = tracked.walk
-    # The tracker's walk stands for that of the parts, if it has any.
+    # The tracker's random walk replaces that of the parts, if there is one.
     own = [part for part in tracked.parts if not (walk.is_found and isinstance(part, Walk))]
     found = [names(map(type, own))]
     if walk.endless > 0:
@@ -250,7 +262,7 @@ def made_of(tracked: Learned) -> str:
 
 
 def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -> Forecast:
-    """Return the same forecast with how long to rest for the goal."""
+    """Return the forecast with the rest that the goal needs."""
     rest = rest_for(model, h, goal.t_s, goal.within / NORMAL_95, integral(unit))
     if rest.rest_s is None:
         text = rest.reason
@@ -261,7 +273,7 @@ def with_goal(found: Forecast, model: System, h: float, goal: Goal, unit: str) -
 
 
 def with_drive(found: Forecast, model: System, h: float, drive: Drive, unit: str) -> Forecast:
-    """Return the same forecast with for how long the heading is good after the drive's rest."""
+    """Return the forecast with the time for which the heading is good after the drive's rest."""
     drive_s = drive_for(model, h, drive.rest_s, drive.within / NORMAL_95)
     if drive_s is None:
         time = "for more than an hour"
@@ -275,34 +287,34 @@ def with_drive(found: Forecast, model: System, h: float, drive: Drive, unit: str
 
 
 def _good(within: float, unit: str) -> str:
-    """Return within what a heading shall be, and what that means."""
+    """Format the required accuracy of a heading with its probability."""
     return f"± {within:g}{integral(unit)} (95 %, {NORMAL_95:g} σ)"
 
 
 def is_any_heading(std: float, unit: str) -> bool:
-    """Whether a heading, of a rate in this unit, can be any."""
+    """Whether a heading with this standard deviation is unknown; only for a rate in deg/s."""
     return unit == "deg/s" and std > MOST_DEG
 
 
 def angle(std: float, unit: str) -> str:
-    """Return the deviation of a heading, or of what else a rate of this unit sums up to."""
+    """Format the standard deviation of a heading, or of the integral of another rate."""
     return "over half a turn" if is_any_heading(std, unit) else f"{std:.2g}{integral(unit)}"
 
 
 def integral(unit: str) -> str:
-    """Return the unit of a heading, or of what else a rate of this unit sums up to, behind a number."""
+    """Return the unit of a heading, or of the integral of another rate, to stand after a number."""
     return "°" if unit == "deg/s" else f" {unit.removesuffix('²') if unit == 'm/s²' else unit + '·s'}"
 
 
 def said(found: Judgement, unit: str) -> str:
-    """Return what the judge says, in sentences."""
+    """Return the judgement in sentences."""
     if not found.heading:
-        return f"The second half is too short to check a forecast: it takes {FEWEST} pieces of a second."
+        return f"The second half is too short to check a forecast: a check needs {FEWEST} pieces of a second."
     return f"{_of_heading(found.heading, unit)} {_of_bias(found.bias, unit)}"
 
 
 def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
-    """Return what is said of the heading; of several times that fail, of the one that fails most."""
+    """Return a sentence on the heading; if several times fail, on the one with the largest deviation."""
     failed = _worst(pieces)
     if failed is None:
         longest = pieces[-1]
@@ -320,7 +332,7 @@ def _of_heading(pieces: Sequence[Piece], unit: str) -> str:
 
 
 def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
-    """Return the same of the bias; if none fails, of the longest time up to `BIAS_S`."""
+    """Return a sentence on the bias at the time that fails worst, else at the longest up to `BIAS_S`."""
     failed = _worst(pieces)
     one = failed or max((one for one in pieces if one.t_s <= BIAS_S), key=lambda one: one.t_s)
     figures = (
@@ -331,5 +343,5 @@ def _of_bias(pieces: Sequence[BiasPiece], unit: str) -> str:
 
 
 def _worst(pieces: Sequence[P]) -> P | None:
-    """Return the piece that fails by the most deviations."""
+    """Return the failing piece with the largest deviation, or None."""
     return max((one for one in pieces if one.fails), key=lambda one: abs(one.deviations), default=None)

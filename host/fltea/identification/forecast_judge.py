@@ -1,8 +1,9 @@
-"""The recording as judge of a forecast: the model of its first half tells the second, piece by piece (pure).
+"""Judge a forecast by the recording itself: the model of its first half predicts its second half in pieces.
 
-Two things are told of the next T seconds: the heading, which is the integral of the rate less its prediction,
-and Bias(T), the constant to take off meanwhile. The mean of the rate less Bias(T) spreads by σ² + N²/T, σ
-that of the bias and N²/T what the noise leaves in a mean.
+Two things are predicted for the next T seconds. The first is the heading, the integral of the rate less its
+prediction. The second is Bias(T), the constant to subtract meanwhile. The mean of the rate less Bias(T) has
+the
+variance σ² + N²/T, where σ is that of the bias and N²/T is what the noise leaves in a mean.
 """
 
 import math
@@ -25,86 +26,86 @@ from fltea.records.plus_minus import NORMAL_95
 
 TIMES_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 FEWEST = 5
-"""Pieces without which nothing is said of a time."""
+"""Least number of pieces with which a time is judged."""
 WRONG = 0.01
-"""How often a right model fails, at any of the times."""
+"""Probability that a right model fails at any of the times."""
 UNLIKELY = 0.005
-"""What an offset does less likely than that is no doubt about a forecast."""
+"""Behaviours of the offset that are less likely than this do not widen the doubt about a forecast."""
 NODES_AT, NODES_WEIGH = np.polynomial.hermite_e.hermegauss(9)
 NODES_WEIGH = NODES_WEIGH / NODES_WEIGH.sum()
-"""Points that stand for a normal distribution, and their weights."""
+"""Points that stand for a normal distribution (Gauss–Hermite), and their weights."""
 GROWTH = 1.1
-"""What is known of x is found again for a rest that is so much longer."""
+"""Ratio by which the rest has to grow before the covariance of x is computed anew."""
 LEARNT = 4
-"""The first half's own pieces begin at this part of it."""
+"""The first half judges itself from this fraction (1 / LEARNT) of its length on."""
 HELD = 0.95
-"""The share of pieces that a band of 95 % has to hold."""
+"""Share of pieces that a 95 % band has to hold."""
 MANY = 20
-"""Pieces without which their tails are those of shorter ones."""
+"""With fewer pieces than this at a time, its tails are taken from the time before."""
 NORMAL_TAILS = 3.0
-"""Fourth moment over the square of the second."""
+"""Fourth moment of a normal distribution over its squared second moment."""
 TINY = 1e-300
 
 
 class Piece(msgspec.Struct, frozen=True):
-    """What the pieces of one length say of a forecast of the heading."""
+    """The judgement of heading forecasts over pieces of one length."""
 
     t_s: float
     pieces: int
-    """of which none overlaps another"""
+    """Number of pieces; none overlaps another."""
     said: float
-    """standard deviation"""
+    """Predicted standard deviation."""
     seen: float
-    """standard deviation"""
+    """Observed standard deviation."""
     within: float
-    """share inside of the band of 95 %"""
+    """Share of the pieces inside the 95 % band."""
     deviations: float
-    """by which the mean square over that said is off, as a normal one"""
+    """Number of deviations by which the ratio of the observed to the predicted mean square is off."""
     fails: bool
     needed: float
-    """how many times as wide the band has to be for 95 % to be inside"""
+    """Factor by which the band has to be wider to hold 95 % of the pieces."""
 
 
 class BiasPiece(msgspec.Struct, frozen=True):
-    """What the pieces of one length say of Bias(t_s), the constant to take off meanwhile."""
+    """The judgement of Bias(t_s), the constant to subtract meanwhile, over pieces of one length."""
 
     t_s: float
     pieces: int
-    """of which none overlaps another"""
+    """Number of pieces; none overlaps another."""
     bias_std: float
-    """of the mean of the bias about Bias(t_s): σ"""
+    """Standard deviation of the mean of the bias about Bias(t_s): σ."""
     noise_std: float
-    """what noise leaves in a mean of so long: N/√t_s"""
+    """Standard deviation that noise leaves in a mean over `t_s`: N/√t_s."""
     said: float
-    """standard deviation of the mean of the rate about Bias(t_s): both together"""
+    """Predicted standard deviation of the mean of the rate about Bias(t_s): both contributions together."""
     seen: float
     within: float
-    """share inside of the band of 95 %"""
+    """Share of the pieces inside the 95 % band."""
     deviations: float
-    """by which the mean square over that said is off, as a normal one"""
+    """Number of deviations by which the ratio of the observed to the predicted mean square is off."""
     fails: bool
 
 
 class Judgement(NamedTuple):
-    """What a recording says of forecasts, by time."""
+    """The judgement of heading and bias, one entry for each time."""
 
     heading: tuple[Piece, ...]
     bias: tuple[BiasPiece, ...]
 
 
 class Learned(NamedTuple):
-    """The system of a noise that was found in so many samples, with what its offset may do."""
+    """The system of a noise that was fitted to `samples` samples, with the model of its offset."""
 
     parts: Sequence[Part]
     samples: int
     system: System
     walk: OffsetWalk
     steps_recur: bool = False
-    """Whether the system has steps of the bias, which are expected to come again."""
+    """Whether the system includes steps of the bias, which are expected to recur."""
 
 
 def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:
-    """Return the system of a noise that was found in y."""
+    """Return the system of the noise that was found in y. `h`: sampling period [s]."""
     tracker = Tracker([None])
     tracker.take(y)
     followed = system_of(parts, h, len(y), tracker.remembered(0))
@@ -112,16 +113,16 @@ def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:
 
 
 class Forecasts(NamedTuple):
-    """What is said of the next n samples, by x and its covariance at their beginning."""
+    """Predictions of the next n samples, from x and its covariance at their beginning."""
 
     n: int
     heading: Ahead
     bias: Ahead
 
     def mean_std(self, system: System, P: Array, h: float) -> float:
-        """Return the deviation of the mean of the samples about that of the bias, as expected.
+        """Return the expected standard deviation of the samples' mean about Bias(T).
 
-        Of noise that is no signal Bias(T) has nothing, whatever the filter knows of it.
+        Noise that is not part of the bias has no share in Bias(T), whatever the filter knows of that noise.
         """
         of_all, of_bias = self.heading.row / (self.n * h), self.bias.row
         of_noise = of_all - of_bias
@@ -131,38 +132,39 @@ class Forecasts(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Errors of forecasts of the pieces of a time, and their standard deviations as said; (pieces,)."""
+    """Errors of the forecasts for the pieces of one time, and their predicted deviations; (pieces,)."""
 
     seen: Array
     said: Array
 
     @property
     def squares(self) -> Array:
-        """Over what is said."""
+        """Squares of the errors, each over the predicted variance."""
         return np.asarray((self.seen / self.said) ** 2)
 
     @property
     def within(self) -> float:
-        """The share inside of the band of 95 %."""
+        """Share of the pieces inside the 95 % band."""
         return float((self.squares <= NORMAL_95**2).mean())
 
     @property
     def needed(self) -> float:
-        """How many times as wide the band of 95 % has to be, at least, for 95 % to be inside."""
+        """Least factor by which the 95 % band has to be wider to hold 95 % of the pieces."""
         ranked = np.sort(np.sqrt(self.squares))
         return float(ranked[math.ceil(len(ranked) * HELD) - 1]) / NORMAL_95
 
     @property
     def rms(self) -> tuple[float, float]:
-        """That said, and that seen."""
+        """Root mean squares: predicted and observed."""
         return math.sqrt(float((self.said**2).mean())), math.sqrt(float((self.seen**2).mean()))
 
 
 def judged(model: Learned, y: Array, begin: int, h: float) -> Judgement:
-    """Judge the forecasts of a system from sample `begin` of y on; what is before teaches its filter.
+    """Judge the forecasts of a system from sample `begin` of y on; the samples before teach its filter.
 
-    A filter's errors of successive pieces are independent. But all pieces are told by one model. So their
-    mean square is off by chance, by how well that is known, and by tails that the first half has shown.
+    A filter's errors of successive pieces are independent, but one model predicts all pieces. So their mean
+    square
+    may be off by chance, by the uncertainty of the model, and by heavy tails as seen in the first half.
     """
     m = max(round(1 / h), 1)
     begin -= begin % m
@@ -195,7 +197,7 @@ def judged(model: Learned, y: Array, begin: int, h: float) -> Judgement:
 
 
 def _tails(errors: Errors) -> float:
-    """Return the fourth moment of errors over the square of the second, of normal ones at least."""
+    """Return the errors' fourth moment over their squared second moment; at least that of normal errors."""
     squares = errors.squares
     return max(float((squares**2).mean() / squares.mean() ** 2), NORMAL_TAILS)
 
@@ -224,7 +226,7 @@ def _errors(
 
 
 def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Array, list[Array]]:
-    """Return origin, x and P of the tracker after `begin`, begin + m, begin + 2 m … samples of y."""
+    """Return origin, x and P of the tracker after begin, begin + m, begin + 2 m … samples of y."""
     tracker = Tracker([None])
     tracker.set(0, model)
     tracker.take(y[:begin])
@@ -242,18 +244,19 @@ def _estimates(model: System, y: Array, begin: int, m: int) -> tuple[Array, Arra
 
 
 class Doubt(NamedTuple):
-    """What a record leaves open of the variance of a forecast: factors of it, and how likely each is."""
+    """The uncertainty of a forecast's variance: factors of the variance, and how likely each factor is."""
 
     factors: Array
     weights: Array
     spread: float
-    """Standard deviation of the logarithm of what is beside them."""
+    """Standard deviation of the logarithm of the variance, in addition to `factors`."""
 
     def deviations(self, squares: Array, tails: float) -> float:
-        """Return by how many deviations the mean of squares is off, as a normal figure; + is too much.
+        """Return by how many normal deviations the mean of `squares` is off; a positive number is too much.
 
-        With heavier tails the mean is as uncertain as that of fewer squares; so is the variance that the
-        record tells, by the same factor.
+        Heavier tails make the mean as uncertain as that of fewer squares. They make the model's variance more
+        uncertain
+        by the same factor.
         """
         heavy = (tails - 1) / (NORMAL_TAILS - 1)
         count = len(squares) / heavy
@@ -271,10 +274,11 @@ class Doubt(NamedTuple):
 
 
 def left_open(model: Learned, h: float, times_s: Sequence[float]) -> list[Doubt]:
-    """Return what the record of a model leaves open of the heading's variance at each time.
+    """Return the uncertainty of the heading's variance at each time, as the record of the model leaves it.
 
-    The figures of its parts are off as a normal figure is by the logarithm of the variance. What the offset
-    does is one of several.
+    Errors in the parts' figures change the logarithm of the variance, which is taken as normal. The offset
+    follows
+    one of several models, each with its probability.
     """
     n = model.samples
 

@@ -1,4 +1,4 @@
-"""Tables of how a forecast was judged: what was said of the heading and the bias, and what was seen."""
+"""Make tables of how a forecast was judged: predicted and observed deviations of heading and bias."""
 
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.forecast import angle
@@ -8,7 +8,7 @@ BIAS_HEADINGS = ("σ", "N/√T", "predicted", "seen", "within 95 %", "pieces", "
 
 
 def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
-    """Return what was said and seen by time, under `FORECAST_HEADINGS`."""
+    """Return the predicted and the observed heading for each time, under `FORECAST_HEADINGS`."""
     if axis.forecast is None:
         return []
     return [
@@ -25,7 +25,7 @@ def forecast_rows(axis: AxisReport) -> list[tuple[str, ...]]:
 
 
 def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
-    """Return what was said and seen of Bias(T) in the axis' unit, under a time and `BIAS_HEADINGS`."""
+    """Return the predicted and the observed Bias(T) by time in the axis' unit, under `BIAS_HEADINGS`."""
     if axis.forecast is None:
         return []
     return [
@@ -41,7 +41,7 @@ def bias_rows(axis: AxisReport) -> list[tuple[str, ...]]:
 
 
 def forecast_tables(axis: AxisReport) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
-    """Return the tables that the judge of a forecast fills: headings and rows."""
+    """Return the tables of the judgement that have rows: headings and rows."""
     of_bias = (f"Bias in {axis.unit}, for", *BIAS_HEADINGS)
     tables = (FORECAST_HEADINGS, forecast_rows(axis)), (of_bias, bias_rows(axis))
     return [(headings, rows) for headings, rows in tables if rows]

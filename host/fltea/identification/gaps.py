@@ -1,9 +1,10 @@
-"""Where samples are missing in a record, and what stands for the few that are lost between others (pure).
+"""Describe the gaps of a record, and bridge short gaps with samples that are drawn.
 
-Across a short gap a record goes on: its lost samples are drawn, with the mean and the variance that their
-neighbours and the autocovariance of the record leave them, so that the spectrum stays what it is. A straight
-line would not do: of white noise with 1 % of its samples lost it tilts the spectrum by 4 %, and a null test
-sees that in ten minutes. Across a longer gap nothing is made up: what follows is another stretch.
+The samples lost in a short gap are drawn with the mean and the variance that follow from their neighbours and
+from the autocovariance of the record, so that the spectrum stays what it is. A straight line between the
+neighbours is not good enough: with 1 % of the samples of white noise lost it tilts the spectrum by 4 %, which
+a
+null test sees after ten minutes. Nothing is drawn for a longer gap: the samples after it are another stretch.
 """
 
 from collections.abc import Sequence
@@ -15,92 +16,101 @@ from numpy.typing import NDArray
 from fltea.records.arrays import Array, Mask
 
 LONGEST_BRIDGE = 8
-"""Lost samples, as of the live sums (firmware/core/engine/gate.hpp)."""
+"""Longest gap that is bridged, in lost samples, as for the live sums (firmware/core/engine/gate.hpp)."""
 MOST_BRIDGED = 0.1
-"""The largest share of samples that are drawn; if more are missing, the rate may be wrong, and none is."""
+"""Largest share of samples that are drawn.
+
+If more are missing, the rate may be wrong, and no gap is bridged.
+"""
 LONGEST_PREDICTION = 100
-"""Lost samples that FLTEA predicts, as `link.max_gap`; after more of them it begins again."""
+"""Longest gap in lost samples that FLTEA predicts across, as `link.max_gap`; after more it restarts."""
 AROUND = 16
-"""Neighbours on either side that a drawn sample depends on."""
+"""Number of neighbours on either side that a drawn sample depends on."""
 LEAST_VARIANCE = 1e-9
-"""The least variance over the largest in a covariance, which few pairs can make negative."""
+"""Least ratio of an eigenvalue of a covariance to the largest; with few pairs one may come out negative."""
 SEED = 16
 ROUNDED = 5
-"""Samples a value, from which on the record is one of counts, and what is drawn is one of its values."""
+"""Number of samples per distinct value above which the record holds rounded counts.
+
+Drawn samples are then rounded to values of the record.
+"""
 
 
 class Gaps(NamedTuple):
-    """Where samples are missing between those of a series: before number `at` of it, `missing` of them."""
+    """The gaps of a series: before sample `at[i]`, `missing[i]` samples are missing."""
 
     at: NDArray[np.int64]
-    """The rising positions (k,) of gaps, above 0."""
+    """Index of the first sample after each gap, (k,), rising and above 0."""
     missing: NDArray[np.int64]
-    """The number of lost samples of each, (k,), or 0 where time was lost and the number is unknown."""
+    """Number of samples lost in each gap, (k,); 0 where time was lost and the number is not known."""
 
     def within(self, begin: int, end: int) -> "Gaps":
-        """Return those between the samples begin … end - 1, which are numbered from 0 then."""
+        """Return the gaps between samples begin … end - 1, with `begin` as the new sample 0."""
         first, last = np.searchsorted(self.at, (begin + 1, end)).tolist()
         return Gaps(self.at[first:last] - begin, self.missing[first:last])
 
     def lost_up_to(self, longest: int) -> int:
-        """Return lost samples in gaps of so many or fewer."""
+        """Return the number of samples lost in gaps of at most `longest` samples."""
         return int(self.missing[self.missing <= longest].sum())
 
     def place(self, number: int) -> int:
-        """Return the number of a sample, lost ones counted."""
+        """Return the index of a sample if lost samples are counted, too."""
         return number + int(self.missing[: np.searchsorted(self.at, number, "right")].sum())
 
 
 def no_gaps() -> Gaps:
-    """Return the gaps of an unbroken series: none."""
+    """Return the gaps of an unbroken series."""
     none = np.empty(0, dtype=np.int64)
     return Gaps(none, none)
 
 
 class Stretch(NamedTuple):
-    """A part of a series without a gap; short ones are filled. missing: before it, 0 if nobody knows."""
+    """A part of a series without a long gap; short gaps are filled.
+
+    `missing`: number of samples lost before it, 0 if not known.
+    """
 
     y: Array
     missing: int
 
 
 def bridge(n: int, gaps: Gaps) -> int:
-    """Return the longest gap between n samples that is bridged; 0: none is."""
+    """Return the length of the longest gap between n samples that is bridged; 0 if none is."""
     return LONGEST_BRIDGE if gaps.lost_up_to(LONGEST_BRIDGE) <= MOST_BRIDGED * n else 0
 
 
 def cut(n: int, gaps: Gaps, longest: int) -> list[tuple[int, int, int]]:
-    """Return begin, end and the number missing before each part between gaps of more than `longest`."""
+    """Return the parts between gaps of more than `longest`: begin, end, and number missing before each."""
     broken = (gaps.missing == 0) | (gaps.missing > longest)
     edges = [0, *gaps.at[broken].tolist(), n]
     return list(zip(edges[:-1], edges[1:], [0, *gaps.missing[broken].tolist()], strict=True))
 
 
 def longest_epoch(n: int, gaps: Gaps) -> tuple[int, int]:
-    """Begin and end of the longest part of n samples that FLTEA goes through without beginning again."""
+    """Return begin and end of the longest part of n samples that FLTEA runs over without a restart."""
     begin, end, _ = max(cut(n, gaps, LONGEST_PREDICTION), key=lambda part: part[1] - part[0])
     return begin, end
 
 
 def spread(y: Array, gaps: Gaps) -> tuple[Array, Mask | None]:
-    """Return the series y (n,) with a 0 in place of each lost sample, and which these are.
+    """Return the series y (n,) with a 0 in place of each lost sample, and a mask of the lost samples.
 
-    None without any.
+    The mask is None if no sample is lost.
     """
     lost = int(gaps.missing.sum())
     if not lost:
         return y, None
     missing = np.ones(len(y) + lost, dtype=bool)
-    places = np.arange(len(y))
-    places += np.repeat(np.cumsum([0, *gaps.missing]), np.diff([0, *gaps.at, len(y)]))
-    missing[places] = False
+    indices = np.arange(len(y))
+    indices += np.repeat(np.cumsum([0, *gaps.missing]), np.diff([0, *gaps.at, len(y)]))
+    missing[indices] = False
     found = np.zeros(len(missing))
-    found[places] = y
+    found[indices] = y
     return found, missing
 
 
 def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
-    """Return the stretches of y (n,), finite numbers; the very same array where there is no gap."""
+    """Return the stretches of y (n,), finite numbers. Without gaps the stretch holds y itself, not a copy."""
     if not len(gaps.at):
         return [Stretch(y, 0)]
     parts = cut(len(y), gaps, bridge(len(y), gaps))
@@ -118,7 +128,7 @@ def bridged(y: Array, gaps: Gaps) -> list[Stretch]:
 
 
 def redrawn(stretches: Sequence[Stretch], masks: Sequence[Mask]) -> list[Stretch]:
-    """Return stretches whose samples in masks (n,) are drawn as lost ones are."""
+    """Return stretches in which the samples marked by `masks` (n,) are drawn anew, as lost samples are."""
     spaced: list[tuple[Array, Mask | None]] = [
         (np.where(mask, 0.0, one.y), mask) for one, mask in zip(stretches, masks, strict=True)
     ]
@@ -129,13 +139,13 @@ def redrawn(stretches: Sequence[Stretch], masks: Sequence[Mask]) -> list[Stretch
 
 
 def _values(y: Array) -> Array | None:
-    """Return the values of y in order, if they were rounded."""
+    """Return the distinct values of y in order, if y was rounded; else None."""
     values = np.unique(y)
     return values if len(values) * ROUNDED <= len(y) else None
 
 
 class _Drawn:
-    """Draws lost samples between their neighbours, with the autocovariance of the record."""
+    """Draw lost samples between their neighbours, with the autocovariance of the record."""
 
     def __init__(self, parts: Sequence[tuple[Array, Mask | None]], values: Array | None) -> None:
         self._covariance = _covariance(parts)
@@ -144,7 +154,7 @@ class _Drawn:
         self._known: dict[bytes, tuple[Array, Array]] = {}
 
     def fill(self, y: Array, missing: Mask) -> None:
-        """Put numbers in the place of the lost samples of y (n,)."""
+        """Fill the lost samples of y (n,) with drawn ones."""
         mean = float(y.sum()) / int((~missing).sum())
         open_ = missing.copy()
         for begin, end in _runs(missing):
@@ -157,7 +167,7 @@ class _Drawn:
             open_[begin:end] = False
 
     def _rule(self, seen: Mask, at: int, count: int) -> tuple[Array, Array]:
-        """Return the neighbours' weights (count, seen), and the root (count, count) of what they leave."""
+        """Return the neighbours' weights (count, seen), and a root (count, count) of what they leave open."""
         key = bytes([at, count]) + seen.tobytes()
         if key not in self._known:
             whole = self._covariance[: len(seen), : len(seen)]
@@ -178,14 +188,14 @@ def _runs(missing: Mask) -> list[tuple[int, int]]:
 
 
 def _covariance(parts: Sequence[tuple[Array, Mask | None]]) -> Array:
-    """Return the autocovariance of as many lags as the rule takes, each from the pairs that are there."""
+    """Return the autocovariance matrix for the lags that `_rule` needs, each from the pairs that exist."""
     lags = 2 * AROUND + LONGEST_BRIDGE
     sums, pairs = np.zeros(lags), np.zeros(lags)
     for values, missing in parts:
         there = np.ones(len(values)) if missing is None else (~missing).astype(np.float64)
-        apart = (values - float(values.sum()) / float(there.sum())) * there
+        centred = (values - float(values.sum()) / float(there.sum())) * there
         for k in range(min(lags, len(values))):
-            sums[k] += apart[k:] @ apart[: len(apart) - k]
+            sums[k] += centred[k:] @ centred[: len(centred) - k]
             pairs[k] += there[k:] @ there[: len(there) - k]
     lag = np.arange(lags)
     whole = (sums / np.maximum(pairs, 1.0))[np.abs(lag[:, np.newaxis] - lag)]

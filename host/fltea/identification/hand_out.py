@@ -1,7 +1,8 @@
-"""Hands tasks to workers, and takes what they give, whoever dies meanwhile.
+"""Hand tasks to workers and collect their results, even if worker processes die.
 
-Nobody can tell of which task a process died, so all that were under way are tried again, one at a time: who
-dies then did it.
+When a process dies, it is not known which task caused it. So all tasks under way are tried again, one at a
+time:
+the task during which a process dies then is the cause.
 """
 
 from collections import deque
@@ -13,24 +14,24 @@ from fltea.identification.workers import UnfitWorker, Workers
 from fltea.records.errors import FlteaError
 
 CHECK_S = 5.0
-"""Seconds between two looks at whether the workers are still there."""
+"""Time between two checks that the workers are still alive [s]."""
 
 
 @dataclass
 class Task:
-    """Something to do, with its arguments."""
+    """A function to call, with its arguments."""
 
     do: Any
     arguments: tuple[Any, ...]
     again: bool = field(default=False, kw_only=True)
-    """Whether a process has died of it, or of what was under way at the same time."""
+    """Whether a process has died while this task was under way."""
 
 
 T = TypeVar("T", bound=Task)
 
 
 class HandOut(Generic[T]):
-    """Gives workers as many tasks as they have room for, until there are no more."""
+    """Keep the workers busy with tasks until there are no more."""
 
     def __init__(self, workers: Workers) -> None:
         self._workers = workers
@@ -39,19 +40,19 @@ class HandOut(Generic[T]):
         self._pending: dict[Future[Any], T] = {}
 
     def next_task(self) -> T | None:
-        """Return the next task, one of those to be tried alone if there are any; None: there is none now."""
+        """Return the next task to do, or None if there is none now. Tasks to be tried alone come first."""
         raise NotImplementedError
 
     def settle(self, task: T, result: Any) -> None:
-        """Take the result of a task, or the exception that it ended with."""
+        """Handle the result of a task, or the exception that it ended with."""
         raise NotImplementedError
 
     def submit(self, task: T) -> "Future[Any]":
-        """Hand over a task."""
+        """Submit a task to the workers."""
         return self._workers.submit(task.do, *task.arguments)
 
     def work(self) -> None:
-        """Work until nothing is left.
+        """Work until no task is left.
 
         Raises:
             FlteaError: the workers are gone, or one of them is unfit.
@@ -64,14 +65,14 @@ class HandOut(Generic[T]):
                 self._after_death()
 
     def _fill(self) -> bool:
-        """Give the workers what they have room for; False if there is nothing more."""
+        """Submit tasks until the workers' room is used; False if there are no more tasks."""
         while len(self._pending) < self._room():
             task = self.next_task()
             if task is None:
                 return False
             try:
                 self._pending[self.submit(task)] = task
-            except BrokenExecutor:  # died since the last look
+            except BrokenExecutor:  # the process died since the last check
                 self._alone.appendleft(task)
                 self._after_death()
         return True
@@ -81,7 +82,7 @@ class HandOut(Generic[T]):
         return 1 if alone else self._workers.slots
 
     def _take(self, future: "Future[Any]") -> bool:
-        """Take a result; False if there is none because a process died."""
+        """Handle the result of a task; False if there is none because a process died."""
         try:
             result = future.result()
         except BrokenExecutor:

@@ -1,9 +1,12 @@
-"""By how much the figures of an axis have to be larger, for its own recording to go as they foretell (pure).
+"""Compute the factor by which the figures of an axis must grow to cover what its recording shows.
 
-The model of the first half foretells how far the heading goes in the second (`forecast_judge`). Where it goes
-further, by more than chance, the figures of the whole recording get a factor. One on white noise and walks
-alike is the same factor on the heading's standard deviation, so the least with which a band of 95 % holds
-what was seen is read from the pieces of the second half, at each time that has enough of them.
+The model of the first half predicts how far the heading drifts in the second half (`forecast_judge`). Where
+the
+heading drifts further, by more than chance, the figures of the whole recording get a factor. A factor on
+white
+noise and random walks alike is the same factor on the heading's standard deviation. So it is the least factor
+with which a 95 % band holds what was observed, read from the pieces of the second half at each time that has
+enough of them.
 """
 
 import math
@@ -18,28 +21,30 @@ from fltea.records.errors import UsageError
 from fltea.spectrum.wording import duration
 
 LEAST_S = 10.0
-"""A shorter time says nothing of walks: nearly all of its heading is white noise."""
+"""Shortest time that counts [s]: before it, nearly all of the heading's error is white noise."""
 
 
 class Foretold(Protocol):
-    """An axis whose second half judged the model of its first."""
+    """An axis whose second half judged the model of its first half."""
 
     @property
     def unit(self) -> str:
-        """Of its samples."""
+        """Unit of the samples."""
 
     @property
     def forecast(self) -> Forecast | None:
-        """None if nothing could be foretold."""
+        """The forecast; None if none could be made."""
 
 
 def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
-    """Return the factor of each axis, with sentences on what it is for. The axes have forecasts.
+    """Return the factor of each axis, with sentences on what the factor is for.
 
-    up_to_s: the time for which the heading is to hold. A time counts that has `MANY` pieces or more.
+    Args:
+        axes: axes with their forecasts.
+        up_to_s: time for which the heading has to hold [s]. A time counts if it has at least `MANY` pieces.
 
     Raises:
-        UsageError: the second half of an axis is too short to tell, or nothing was foretold of it.
+        UsageError: the second half of an axis is too short to judge, or there is no forecast for it.
     """
     factors: dict[str, float] = {}
     said: dict[str, list[str]] = {}
@@ -57,19 +62,19 @@ def own_inflation(axes: Mapping[str, Foretold], up_to_s: float) -> Inflation:
 def _forecast(name: str, axis: Foretold) -> Forecast:
     if axis.forecast is None or not axis.forecast.judged_made_of:
         raise UsageError(
-            f"--inflate auto: {name}: no filter can work with its noise, or with that of its first half, so "
-            "nothing is foretold. Give a factor, such as 10."
+            f"--inflate auto: {name}: no filter works with its noise, or with that of its first half, so "
+            "nothing is predicted. Give a factor, such as 10."
         )
     return axis.forecast
 
 
 def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], list[Piece]]:
-    """Return times that count, and longer ones, which have too few pieces."""
+    """Return the times that count, and the longer times, which have too few pieces."""
     asked = [one for one in found.judged if one.t_s <= max(up_to_s, LEAST_S)]
     counted = [one for one in asked if one.pieces >= MANY]
     if not counted or counted[-1].t_s < LEAST_S:
         raise UsageError(
-            f"--inflate auto: {name}: to tell takes {MANY} pieces of {LEAST_S:g} s in the second half of the "
+            f"--inflate auto: {name}: this needs {MANY} pieces of {LEAST_S:g} s in the second half of the "
             f"longest rest without a break. Record for {duration(_takes_s(LEAST_S))} or longer, or give a "
             "factor, such as 10."
         )
@@ -77,22 +82,22 @@ def _counted(name: str, found: Forecast, up_to_s: float) -> tuple[list[Piece], l
 
 
 def _takes_s(t_s: float) -> float:
-    """Return how long a recording has to be for this time to count."""
+    """Return the length of a recording in which this time counts [s]."""
     return 2 * MANY * t_s
 
 
 def _is_exceeded(one: Piece) -> bool:
-    """Whether the heading goes further than foretold, by more than chance and what was left open."""
+    """Whether the heading drifts further than predicted, by more than chance and the model's uncertainty."""
     return one.fails and one.deviations > 0
 
 
 def _factor(one: Piece, found: Forecast) -> float:
-    """Return the factor on the figures of the whole recording, which describe some of the second half."""
+    """Return the factor for the figures of the whole recording, which cover part of the excess already."""
     return one.needed * one.said / found.heading_std[found.t_s.index(one.t_s)]
 
 
 def _two_digits(factor: float) -> float:
-    """Return the least number of two digits that is not below."""
+    """Round a factor up to two digits."""
     step = 10.0 ** (math.floor(math.log10(factor)) - 1)
     return float(f"{math.ceil(factor / step - 1e-9) * step:.2g}")
 
@@ -108,16 +113,16 @@ def _why(unit: str, factor: float, held_s: float, *, is_exceeded: bool) -> str:
         )
     return (
         f"times {factor:g}: the {of} of the second half went beyond the first half's 95 % band. With this "
-        f"factor it holds, for up to {held_s:g} s: it is for what the model does not describe."
+        f"factor it holds, for up to {held_s:g} s: it covers what the model does not describe."
     )
 
 
 def _of_longer(factor: float, held_s: float, up_to_s: float, others: Sequence[Piece], found: Forecast) -> str:
-    """Return what is not told of longer times, up to that for which the heading is to hold."""
+    """Return a sentence on the longer times, up to `up_to_s`, for which the recording is too short."""
     longest = max(one for one in TIMES_S if one <= max(up_to_s, LEAST_S))
     if held_s >= longest:
         return ""
-    said = f" To tell of {longest:g} s takes a recording of {duration(_takes_s(longest))}"
+    said = f" A check up to {longest:g} s needs a recording of {duration(_takes_s(longest))}"
     wanted = {one.t_s: _factor(one, found) for one in others if _is_exceeded(one)}
     worst = max(wanted, key=lambda t_s: wanted[t_s], default=None)
     if worst is None or wanted[worst] <= factor:

@@ -1,8 +1,9 @@
-"""Whether a reading can be what it says: checks of physics on all axes of it, before any figure (pure).
+"""Check the physics of a reading over all its axes before any figure: can the data be what they claim?
 
-A file may hold other things than its reading has it: rows of two sensors by turns, an old value for a new
-one, bytes that were never a measurement, another unit. Each check has a threshold that clean noise, white or
-coloured, hardly ever reaches.
+A file may hold other data than its reading assumes: rows of two sensors in turns, old values repeated in
+place
+of new ones, bytes that were never a measurement, another unit. Each check has a threshold that clean noise,
+white or coloured, hardly ever exceeds.
 """
 
 import math
@@ -24,39 +25,45 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
 
 TURNS, TURN = 32, 12
-"""Parts of a record whose spread gives the error of what recurs; samples that 2, 3 and 4 sensors divide."""
+"""Number of parts of a record, whose spread gives the error of a pattern; length that 2, 3 and 4 divide."""
 ALTERNATES = {2: 50.0, 3: 25.0, 4: 25.0}
-"""The mean over its error, squared, that chance exceeds less than once in ten million, by sensors."""
+"""Squared ratio of a mean to its error, by number of sensors; chance exceeds it once in ten million."""
 ALTERNATES_SHARE, SCATTER_SHARE = 0.01, 0.1
-"""Shares of the noise's power, and of its mean size, below which what alternates does little harm."""
+"""Shares of the noise's power, and of its mean size, below which an alternating pattern does little harm."""
 GLITCH, GLITCHES = 4.5, 0.05
-"""A glitch over the median size, which is three standard deviations; the largest share of such samples."""
+"""Ratio of a glitch to the median size (three standard deviations); largest share of such samples."""
 ALTERNATES_S = 20.0
-"""Mains at nearly half the rate looks like two sensors for less."""
+"""Least length of a record [s]; in shorter ones mains at nearly half the rate looks like two sensors."""
 GROUP_SHARE, GROUP_WIDTH = 0.005, 0.2
-"""Groups of values: a share of samples on both sides, and a share of the range that is empty between them."""
+"""Least share of samples on either side of a gap in the values, and least share of their range it spans."""
 SELDOM = 0.1
-"""Of the jumps between groups that chance has: fewer are turns of the sensor."""
+"""Least number of jumps between groups over that expected by chance; fewer are rotations of the sensor."""
 FAR_COUNTS, FAR_STEPS = 32.0, 8.0
-"""Between groups: more counts, or more of the least steps within them, than coarse rounding leaves out."""
+"""Least distance between groups, in counts, or in smallest steps within the groups.
+
+Coarse rounding leaves smaller gaps.
+"""
 FAR = {"deg/s": 20.0, "m/s²": 5.0}
-"""Where nobody knows what one count is: no sensor has so large a one."""
+"""Least distance between groups where the count is not known; no sensor has so large a count."""
 HELD_SHARE = 0.05
-"""Of samples: from there on N is that of another rate."""
+"""Share of repeated samples above which N is that of another rate."""
 GRAVITY = 0.1
-"""By so much an accelerometer at rest may be off."""
+"""Largest relative error of gravity that an accelerometer at rest may show."""
 QUIET, SHAKES = 8, 0.05
-"""Parts of a record, of which the quietest is rest; and of gravity, what no accelerometer scatters there."""
+"""Number of parts of a record, the quietest of which is taken as rest.
+
+SHAKES is a share of gravity: no accelerometer at rest scatters by more.
+"""
 ROOT_HOUR = 60.0
 LEAST_MS2 = 0.5
-"""Some loggers take gravity off, or write zeros."""
+"""Least length of gravity that is judged [m/s²], since some loggers subtract gravity or write zeros."""
 UNITS_OF_GRAVITY = (
     ("That is 1 g.", STANDARD_GRAVITY_MS2, "--accel-units g"),
     ("That is 1 g in mg.", STANDARD_GRAVITY_MS2 / 1000, "--accel-units mg"),
     ("That is 9.81 m/s² read as g.", 1 / STANDARD_GRAVITY_MS2, "--accel-units m/s^2"),
     ("That is 9.81 m/s² in mm/s², or 1 g in mg.", 1 / 1000, "--accel-units mm/s^2, or mg"),
 )
-"""Of a length that is not 9.81 m/s²: what it is, the factor that makes it m/s², and how to say it."""
+"""For a length that is not 9.81 m/s²: what it is, the factor that makes it m/s², and the option to give."""
 ORDINALS = {2: "second", 3: "third", 4: "fourth"}
 BROKEN_REMEDY = (
     "The reads are broken: look at the bus, the wires and the order of bytes, or at whether these columns "
@@ -65,21 +72,21 @@ BROKEN_REMEDY = (
 
 
 class Turns(NamedTuple):
-    """What recurs every `sensors` samples."""
+    """A pattern that recurs every `sensors` samples."""
 
     sensors: int
     severe: bool
-    """Whether it makes up a good part of the noise."""
+    """Whether the pattern is a good part of the noise."""
     what: str
 
 
 class Axis(NamedTuple):
-    """What the checks take from the samples of one axis."""
+    """What the checks use of the samples of one axis."""
 
     samples: int
     mean: float
     noise: float
-    """Standard deviation of what is fast."""
+    """Standard deviation of the fast noise."""
     turns: Turns | None
     broken: str
     rest: tuple[float, float]
@@ -93,15 +100,19 @@ def judge(
     gaps: Gaps,
     reading: Sequence[Answer] = (),
 ) -> Iterator[DataCheck]:
-    """Look at all axes of a recording, at a sampling period of h s.
+    """Yield the data checks for all axes of a recording.
 
-    read: returns the samples (n,) of an axis; one axis at a time is in memory. lsb: one count of each axis in
-    its unit, if it is known. reading: how the file was understood, as far as that is told.
+    Args:
+        read: returns the samples (n,) of an axis; so only one axis at a time is in memory.
+        lsb: one count of each axis in its unit; None if not known.
+        h: sampling period [s].
+        gaps: where samples are missing.
+        reading: how the file was read, as far as that is known.
     """
     seen = {name: _look(read(name), one, unit_of(name), gaps) for name, one in lsb.items()}
     kept = [data_check for names in (AXES, ACCEL_AXES) for data_check in _held(read, lsb, h, names)]
     yield from kept
-    # Of values that are held regularly some samples are always the same as their neighbours.
+    # Where values are held regularly, some samples always equal their neighbours, which looks like turns.
     by_turns = [] if any(data_check.severity == "bad" for data_check in kept) else list(_alternating(seen, h))
     yield from by_turns
     for name, axis in seen.items():
@@ -115,7 +126,7 @@ def judge(
 
 
 def judge_one(y: Array, unit: str, lsb: float | None, h: float) -> Iterator[DataCheck]:
-    """Look at one axis (n,) that comes from no recording."""
+    """Yield the data checks for one axis (n,) that comes from no recording."""
     seen = _look(y, lsb, unit, no_gaps())
     if not any(data_check.kind in HIDE for data_check in value_data_checks(y, unit)):
         yield from held([y], [lsb], h)
@@ -134,9 +145,13 @@ def _held(
 def held(
     y: Iterable[Array], lsb: Sequence[float | None], h: float, names: tuple[str, ...] = ()
 ) -> tuple[DataCheck, ...]:
-    """Look for samples of all axes of a sensor, each (n,), that were delivered twice; lsb of each, if known.
+    """Check whether samples were delivered twice on all axes of a sensor.
 
-    names: the axes, for the data check.
+    Args:
+        y: the samples of each axis, (n,).
+        lsb: one count of each axis, if known.
+        h: sampling period [s].
+        names: names of the axes, for the result.
     """
     filtered = []
 
@@ -146,7 +161,7 @@ def held(
             yield axis, one or step(axis)
 
     seen = repeats(each())
-    if seen is None or not seen.found or all(filtered):  # a median filter repeats values by itself
+    if seen is None or not seen.found or all(filtered):  # a median filter repeats values, too
         return ()
     share = (seen.same - seen.expected) / seen.pairs
     every = seen.change_every if share > HELD_SHARE else None
@@ -154,7 +169,7 @@ def held(
         DataCheck(
             "repeated",
             "bad" if share > HELD_SHARE else "warning",
-            f"{seen.same} samples ({seen.same / seen.pairs:.2%}) are the same as the one before on every "
+            f"{seen.same} samples ({seen.same / seen.pairs:.2%}) equal the sample before on every "
             f"axis; chance gives {seen.expected:.0f}."
             + (f" The values change {1 / h / every:.4g} times a second, not {1 / h:.4g}." if every else ""),
             "The sensor is read faster than it measures, or reads fail and the old value is kept: set its "
@@ -165,7 +180,7 @@ def held(
 
 
 def unit_of(name: str) -> str:
-    """Return the unit of an axis: of a gyroscope deg/s, of an accelerometer m/s²."""
+    """Return the unit of an axis: deg/s for a gyroscope, m/s² for an accelerometer."""
     return "m/s²" if name in ACCEL_AXES else "deg/s"
 
 
@@ -174,7 +189,7 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
     run = np.ascontiguousarray(y[begin : min(end, begin + LONG)], dtype=np.float64)
     if len(run) < 2 * TURNS or not np.ptp(run) > 0:
         return Axis(len(y), float(y.mean()), 0.0, None, "", (float(y.mean()), 0.0))
-    against = run[1:-1] - (run[:-2] + run[2:]) / 2  # neither offset nor drift is left in it
+    against = run[1:-1] - (run[:-2] + run[2:]) / 2  # this removes offset and drift
     noise = float(against.std()) / math.sqrt(1.5)
     parts = against[: len(against) // QUIET * QUIET].reshape(QUIET, -1).std(axis=1)
     begin = int(parts.argmin()) * (len(against) // QUIET)
@@ -183,9 +198,9 @@ def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
 
 
 def _turns(against: Array, noise: float, unit: str) -> Turns | None:
-    """Return what recurs every 2, 3 or 4 samples: their level, or how far they scatter.
+    """Return the pattern that recurs every 2, 3 or 4 samples: in the level, or in the scatter.
 
-    against: samples (n,) less the mean of both neighbours. noise: the standard deviation of the samples.
+    `against`: samples (n,) less the mean of both neighbours. `noise`: the standard deviation of the samples.
     """
     size = len(against) // TURNS // TURN
     if not size:
@@ -202,7 +217,7 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
             mean = found.mean()
             error = float((np.abs(found - mean) ** 2).sum()) / (TURNS - 1) / TURNS
             power = float(abs(mean)) ** 2 * (1 if sensors == 2 else 2)
-            if values is against:  # what the neighbours added
+            if values is against:  # remove the gain of subtracting the neighbours
                 power /= (1 - math.cos(2 * math.pi / sensors)) ** 2
             if abs(mean) ** 2 <= ALTERNATES[sensors] * error or power < most * share / 10:
                 continue
@@ -216,9 +231,9 @@ def _turns(against: Array, noise: float, unit: str) -> Turns | None:
 
 
 def _without_glitches(against: Array) -> Array:
-    """Return the same with 0 for a few samples that stand out, and for their neighbours.
+    """Replace a few samples that stand out, and their neighbours, by 0.
 
-    A glitch each second is at the same turn each time; of sensors by turns more samples stand out.
+    A glitch each second recurs at the same turn each time. With sensors in turns, more samples stand out.
     """
     size = np.abs(against)
     far = size > GLITCH * median(size)
@@ -231,7 +246,7 @@ def _without_glitches(against: Array) -> Array:
 
 
 def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
-    """Yield the data check of rows by turns, which is of all axes: rows are mixed, not axes."""
+    """Yield one data check for rows in turns; it concerns all axes, since rows are mixed, not axes."""
     found = {name: axis.turns for name, axis in seen.items() if axis.turns is not None}
     if not found:
         return
@@ -240,7 +255,7 @@ def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
     yield DataCheck(
         "alternates",
         "bad" if worst.severe and long else "warning",
-        f"The rows alternate: every {ORDINALS[worst.sensors]} sample is of another kind, for "
+        f"The rows alternate: every {ORDINALS[worst.sensors]} sample is of another kind, since "
         f"{', '.join(found)} alternate between {worst.what}.",
         f"Are there {worst.sensors} sensors by turns in these rows, or rows computed between others? Choose "
         f"one (--sensor 1/{worst.sensors} takes the first of {worst.sensors} in turns). If neither is so, it "
@@ -249,16 +264,16 @@ def _alternating(seen: Mapping[str, Axis], h: float) -> Iterator[DataCheck]:
 
 
 def _broken(y: Array, lsb: float | None, unit: str) -> str:
-    """Return a sentence on values in groups far apart among which the samples jump, "" if there are none."""
+    """Return a sentence if the values form groups far apart between which samples jump; else ""."""
     some = thin(y)
     ordered = np.sort(some)
     edge = max(int(GROUP_SHARE * len(ordered)), 5)
-    apart = np.diff(ordered)
-    inner = apart[edge:-edge]
+    steps = np.diff(ordered)
+    inner = steps[edge:-edge]
     if not len(inner):
         return ""
     at = edge + int(inner.argmax())
-    width, fine = float(apart[at]), float(apart[apart > 0].min())
+    width, finest = float(steps[at]), float(steps[steps > 0].min())
     if width < GROUP_WIDTH * (ordered[-1] - ordered[0]):
         return ""
     above = y > ordered[at]
@@ -267,7 +282,7 @@ def _broken(y: Array, lsb: float | None, unit: str) -> str:
     if lsb is not None:
         far = width >= FAR_COUNTS * lsb
     else:
-        far = width >= FAR_STEPS * fine or width >= FAR.get(unit, math.inf)
+        far = width >= FAR_STEPS * finest or width >= FAR.get(unit, math.inf)
     if jumps < SELDOM or not far:
         return ""
     values = np.unique(some)
@@ -281,7 +296,10 @@ def _broken(y: Array, lsb: float | None, unit: str) -> str:
 
 
 def _gravity(means: Sequence[float]) -> Iterator[DataCheck]:
-    """Yield what is wrong with the length of gravity; means: of all axes of an accelerometer, in m/s²."""
+    """Yield the data check on the length of gravity.
+
+    `means`: means of all axes of an accelerometer [m/s²].
+    """
     length = math.hypot(*means)
     if len(means) < len(ACCEL_AXES) or length < LEAST_MS2 or _is_gravity(length):
         return
@@ -293,7 +311,7 @@ def _gravity(means: Sequence[float]) -> Iterator[DataCheck]:
     yield DataCheck(
         "gravity",
         "warning",
-        f"{shown} No usual unit makes it that.",
+        f"{shown} No usual unit explains this.",
         "Check its scale (--accel-units lsb:N says that N counts are 1 g), or was it moved?",
         ACCEL_AXES,
     )
@@ -304,7 +322,7 @@ def _is_gravity(length: float) -> bool:
 
 
 def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[DataCheck]:
-    """Yield what noise and mean at rest say against a unit that only a convention told."""
+    """Yield a data check if noise and mean at rest contradict a unit that is only assumed by convention."""
     gyro, accel = ([seen[name] for name in names if name in seen] for names in (AXES, ACCEL_AXES))
     shakes = math.hypot(*(axis.rest[1] for axis in accel)) > SHAKES * math.hypot(
         *(axis.rest[0] for axis in accel)

@@ -1,4 +1,4 @@
-"""What Kalibr's imu.yaml has of an axis, by its tracked system."""
+"""Convert an axis to the figures of Kalibr's imu.yaml, by its tracked system."""
 
 import math
 
@@ -9,20 +9,22 @@ from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.noise.system import System
 from fltea.spectrum.wording import duration
 
-NO_FILTER = "no filter can work with this noise, so its walk is not known"
-CONSTANT = "the offset is as good as constant here, and a record ten times as long tells a tenth of the bound"
-NOT_TOLD = "the record is too short to tell a walk from a constant offset"
-TAKEN_OUT = "a high-pass has taken the walk out (AC coupling, an auto-zero): the sensor may well have one"
+NO_FILTER = "no filter works with this noise, so its random walk is not known"
+CONSTANT = "the offset is as good as constant here; a record ten times as long tells a tenth of the bound"
+NOT_TOLD = "the record is too short to tell a random walk from a constant offset"
+TAKEN_OUT = "a high-pass has removed the walk (AC coupling, an auto-zero): the sensor itself may have one"
 MATTERS, MOST = 1.1, 3
-"""The density grows by this ratio at a correlation time that is told, and how many are told."""
+"""Least growth of the density at a correlation time that is listed, and the largest number of them."""
 
 
 def axis_noise(axis: AxisReport) -> AxisNoise:
     """Return N and K of an axis.
 
-    Where the offset walks, K is that of the walk, or of the filter of `--gauss-markov` where a slope makes it
-    larger. N is that of the white noise, or of the filter where white noise cannot be told from what else is
-    fast.
+    Where the offset follows a random walk, K is that of the walk; if a slope makes the K of the
+    `--gauss-markov`
+    filter larger, K is that. N is that of the white noise. Where white noise cannot be told from other fast
+    noise,
+    N is that of the filter.
     """
     level, plain, tracked = axis.result.level, axis.filter, axis.tracked
     if plain is None or axis.walk is None or tracked is None:
@@ -36,7 +38,7 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
 
 def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Shown:
     if walk.said == "walks":
-        # A filter has a walk within bounds as a state, which imu.yaml has not; it has a slope as a walk.
+        # The filter has a bounded walk as a state, which imu.yaml lacks. It has a slope as a random walk.
         K = walk.K.value or 0.0
         return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":
@@ -48,7 +50,7 @@ def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Sh
 
 
 def _slower(N: float, plain: NavigationFilter) -> tuple[tuple[float, float], ...]:
-    """Return correlation times at which the density is larger than what is faster has together."""
+    """Return correlation times at which the density exceeds that of all faster parts together."""
     total, found = max(N, plain.N) ** 2, []
     for state in reversed(plain.gauss_markov):
         before, total = total, total + 2 * state.sigma**2 * state.tau_s

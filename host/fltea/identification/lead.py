@@ -1,4 +1,4 @@
-"""The first line on an axis: what its noise is, and the figures that people look for first."""
+"""Compose the leading text line on an axis: what its noise is, and the figures most people want."""
 
 from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport
@@ -12,9 +12,9 @@ UNDEFINED = "undefined"
 
 
 def lead(axis: AxisReport) -> str:
-    """Return the verdict, the order if there is one, N, K, B, the bias at the end, and the heading.
+    """Return verdict, order if there is one, N, K, B, bias at the end, and heading in one text line.
 
-    A figure that the recording does not tell, and of which it knows no bound, is left out.
+    A figure that has neither a value nor a bound is left out.
     """
     r = axis.result
     found: list[str] = [r.verdict.kind]
@@ -27,7 +27,7 @@ def lead(axis: AxisReport) -> str:
 
 
 def _level(axis: AxisReport) -> list[str]:
-    """Return N, K and B in the units of data sheets, each as a value or a bound."""
+    """Return N, K and B in the units of data sheets, each as a value or an upper bound."""
     known = quantities(axis.unit, axis.result.level, axis.allan, axis.now)
     units = scales(axis.unit)
     figures = (("N", known.N, units.N), ("K", known.K, units.K), ("B", known.B, units.B))
@@ -39,7 +39,10 @@ def _level(axis: AxisReport) -> list[str]:
 
 
 def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
-    """Return the bias, of which it matters when it is read if it walks, and what it does to the heading."""
+    """Return the bias and the heading error that follows from it.
+
+    If the offset walks, the bias is marked as that of the end of the recording.
+    """
     end = f"({now.bias_s:g} s)" + (" at the end" if walks else "")
     if is_any_heading(now.heading_std, unit):
         ahead = "no heading left"
@@ -50,12 +53,12 @@ def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
 
 
 def interval(one: Interval) -> str:
-    """Return a value with the ends of its interval, or that it is undefined."""
+    """Format a value with the ends of its interval, or as undefined."""
     if one.value is None or one.low is None or one.high is None:
         return UNDEFINED
     return f"{_number(one.value)} ({_number(one.low)}…{_number(one.high)})"
 
 
 def _number(value: float) -> str:
-    """Return a number with two or three significant digits; less than a thousandth is 0."""
+    """Format a number with two or three significant digits; less than a thousandth becomes 0."""
     return "0" if abs(value) < 5e-4 else f"{value:.2f}" if abs(value) < 10 else f"{value:.3g}"

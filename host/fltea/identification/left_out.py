@@ -1,6 +1,6 @@
-"""What a look at the spectrum leaves out: samples in motion; and where it breaks off: at steps of the bias.
+"""Leave samples in motion out of the spectral analysis, and break the record at steps of the bias.
 
-To the look both are gaps: what was left out counts as lost, and nothing is computed across a step.
+Both act as gaps: samples in motion count as lost, and nothing is computed across a step.
 """
 
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
 
 SAME = 256
-"""Samples by which steps and motion may be elsewhere without another look: they are not known better."""
+"""Number of samples by which steps and motion may move without a refit; they are not known any better."""
 
 
 class LeftOut(NamedTuple):
-    """Samples begin … end - 1 of each motion, and the first sample after each step, in the order of time."""
+    """Spans begin … end - 1 of samples in motion, and the first sample after each step, in order of time."""
 
     moved: tuple[tuple[int, int], ...] = ()
     steps: tuple[int, ...] = ()
 
     def is_like(self, other: "LeftOut") -> bool:
-        """Whether a look that leaves this out says the same as one that leaves out the other."""
+        """Whether an analysis with `self` left out gives the same result as one with `other` left out."""
         mine, its = ([*one.steps, *(edge for span in one.moved for edge in span)] for one in (self, other))
         same = len(self.steps) == len(other.steps) and len(self.moved) == len(other.moved)
         return same and all(abs(a - b) <= SAME for a, b in zip(mine, its, strict=True))
@@ -33,36 +33,36 @@ NOTHING = LeftOut()
 
 
 def without(series: Series, out: LeftOut) -> Series:
-    """Return the samples that a look takes, with gaps where it leaves samples out or breaks off."""
+    """Return the samples to analyse, with gaps where samples are left out and at steps."""
     if out == NOTHING:
         return series
     rest = np.ones(len(series.y), dtype=bool)
     for begin, end in out.moved:
         rest[begin:end] = False
     y, kept = series.y[rest], np.cumsum(rest)
-    # Between the samples that are kept: how many lost or moved; 0 where nobody knows, or at a step.
+    # Number of samples lost or left out before each kept sample; 0 where it is not known, and at a step.
     lost: dict[int, int] = {}
     breaks = {_place(kept, at) for at in out.steps}
     for at, missing in zip(series.gaps.at.tolist(), series.gaps.missing.tolist(), strict=True):
-        place = _place(kept, at)
-        lost[place] = lost.get(place, 0) + missing
+        index = _place(kept, at)
+        lost[index] = lost.get(index, 0) + missing
         if missing == 0:
-            breaks.add(place)
+            breaks.add(index)
     for begin, end in _joined(out.moved):
-        place = _place(kept, begin)
-        lost[place] = lost.get(place, 0) + end - begin
+        index = _place(kept, begin)
+        lost[index] = lost.get(index, 0) + end - begin
     at = np.array(sorted(one for one in {*lost, *breaks} if 0 < one < len(y)), dtype=np.int64)
     missing = np.array([0 if one in breaks else lost[one] for one in at.tolist()], dtype=np.int64)
     return series._replace(y=y, gaps=Gaps(at, missing))
 
 
 def _place(kept: NDArray[np.int64], at: int) -> int:
-    """Return the number of samples that are kept before the sample `at`."""
+    """Return the number of samples that are kept before sample `at`."""
     return int(kept[at - 1]) if at else 0
 
 
 def _joined(spans: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return spans in order, of which none overlaps another."""
+    """Return the spans in order, without overlaps."""
     found: list[tuple[int, int]] = []
     for begin, end in sorted(spans):
         low = max(begin, found[-1][1]) if found else begin

@@ -1,7 +1,8 @@
-"""Recordings to axes that can be identified: all samples of one rate and scale, and where some are missing.
+"""Load recordings as axes: all samples of one rate and scale, and the gaps between them.
 
-What may be done across a gap is for whoever uses the samples to say (`identification.gaps`). Of several rates
-or scales the one with the most samples is taken. What is left out is counted.
+The user of the samples decides how to treat a gap (`identification.gaps`). If a recording has several rates
+or
+scales, the one with the most samples is loaded. Samples that are left out are counted.
 """
 
 from collections.abc import Collection, Sequence
@@ -33,13 +34,13 @@ from fltea.wire.layout import SampleFlags
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 MAX_GAP = 100
-"""Samples, as `link.max_gap`: what it decides is only how a break is counted."""
+"""Longest gap, in samples, as `link.max_gap`; here it only decides how a break is counted."""
 
 MOST_REPORTED = 5
-"""The largest number of troubles of a recording that are reported one by one."""
+"""Largest number of faults of a recording that are reported one by one."""
 
 MOST_GROUPS = 8
-"""Rates and scales whose samples are kept at a time: each has its files."""
+"""Largest number of rates and scales kept at the same time, as each has its own files."""
 
 GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 
@@ -47,8 +48,12 @@ GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
 class Request(msgspec.Struct, frozen=True):
     """What to read: the files of one recording, and how.
 
-    channels: axes; None for all of the gyroscope's. accel: and all of the accelerometer's then, if there is
-    one. limits: how much memory it may take.
+    Attributes:
+        paths: the files of the recording.
+        channels: names of the axes; None for all axes of the gyroscope.
+        how: how to read the files.
+        limits: the memory that reading may take.
+        accel: whether to read all axes of the accelerometer, too, if there is one and `channels` is None.
     """
 
     paths: tuple[Path, ...]
@@ -59,13 +64,13 @@ class Request(msgspec.Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """What to call the recording: its file, or the session that its files are of."""
+        """Name of the recording: its file, or the session that its files belong to."""
         first = self.paths[0]
         return str(first) if len(self.paths) == 1 else str(first.with_name(first.stem.rpartition("_")[0]))
 
 
 class Series(NamedTuple):
-    """One axis: y (n,) and one LSB, if it is known, in `unit`; gaps: where samples are missing in it."""
+    """The samples y (n,) of one axis and one LSB (None if not known), both in `unit`, and the gaps in y."""
 
     y: Array
     unit: str
@@ -74,10 +79,16 @@ class Series(NamedTuple):
 
 
 class Loaded(NamedTuple):
-    """One recording. clock_ppm: how much faster the device's clock runs than the host's, None if unknown.
+    """One recording.
 
-    data checks: those of the recording as a whole. topic: of a bag, "" of other files. reading: how another
-    program's file was understood, each answer with its evidence.
+    Attributes:
+        hello: the device and its settings.
+        counts: what became of the samples.
+        axes: the axes by name.
+        clock_ppm: how much faster the device's clock runs than the host's; None if not known.
+        data checks: data checks of the recording as a whole.
+        topic: topic of a bag; empty for other files.
+        reading: how another program's file was read, each answer with its evidence.
     """
 
     hello: Hello
@@ -88,24 +99,26 @@ class Loaded(NamedTuple):
     topic: str = ""
     reading: tuple[Answer, ...] = ()
     accel: tuple[Array, ...] = ()
-    """The samples of each axis of the accelerometer in m/s², asked for or not: they show motion. None where
-    there is no accelerometer, or where it says nothing."""
+    """Samples of each accelerometer axis in m/s², loaded whether asked for or not, since they show motion.
+
+    Empty if there is no accelerometer, or if all its samples are constant.
+    """
 
     @property
     def h(self) -> float:
-        """The sampling period in s."""
+        """Sampling period [s]."""
         return 1 / self.hello.rate_hz
 
 
 class Unreadable(NamedTuple):
-    """Stands for a recording that cannot be read, with the reason."""
+    """A recording that cannot be read, with the reason."""
 
     name: str
     error: FlteaError
 
 
 def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
-    """Return the recordings in files, folders and names of sessions, each as the files it is made of."""
+    """Return the recordings in files, folders and session names, each as a tuple of its files."""
     found: list[tuple[Path, ...] | Unreadable] = []
     paths = [path for one in paths for path in bags_in(one) or [one]]
     mcap = [path for path in paths if not is_one_file(path)]
@@ -118,7 +131,7 @@ def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
 
 
 def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
-    """Return all sessions at once, so that files of one are put together, or else one by one."""
+    """Return all sessions. If that fails, read the files one by one, so that only the faulty ones fail."""
     try:
         return [tuple(files) for files in sessions(paths)]
     except FlteaError as error:
@@ -130,10 +143,10 @@ def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
 def load(request: Request, folder: Path | None = None) -> Loaded:
     """Read one recording.
 
-    folder: where the samples are kept in files, for as long as they are used; None: in memory.
+    `folder`: where files hold the samples for as long as they are used; None: they are kept in memory.
 
     Raises:
-        UsageError: it cannot be read, holds no samples, or not the axes that are asked for.
+        UsageError: the recording cannot be read, holds no samples, or lacks axes that are asked for.
     """
     path = request.paths[0]
     topic, reading = "", tuple[Answer, ...]()
@@ -183,11 +196,11 @@ def load(request: Request, folder: Path | None = None) -> Loaded:
 
 def _accel(axes: dict[str, Series]) -> tuple[Array, ...]:
     found = tuple(axes[name].y for name in ACCEL_AXES if name in axes)
-    return found if any(np.ptp(y) > 0 for y in found) else ()  # some put zeros there
+    return found if any(np.ptp(y) > 0 for y in found) else ()  # some recorders write zeros for it
 
 
 def _most(reported: list[DataCheck]) -> list[DataCheck]:
-    """Return as many as a person reads, and all files that are not used."""
+    """Return the first few faults, and all that name an unused file."""
     unread = [data_check for data_check in reported if data_check.kind == "unread_file"]
     return (
         unread + [data_check for data_check in reported if data_check.kind != "unread_file"][:MOST_REPORTED]
@@ -202,7 +215,7 @@ def _data_checks(
     wanted: Collection[str],
     reading: Sequence[Answer] = (),
 ) -> tuple[DataCheck, ...]:
-    """Return what is wrong with the recording, or with axes of it that are wanted."""
+    """Return the data checks of the recording, and of those axes that are wanted."""
     assert used.hello is not None
     of_time = timing_data_checks(counts, used.hello.rate_hz, clock_ppm)
     lsb = {name: one.lsb for name, one in axes.items()}
@@ -213,7 +226,7 @@ def _data_checks(
 
 
 def _chosen(axes: dict[str, Series], request: Request, reading: Sequence[Answer]) -> dict[str, Series]:
-    # An accelerometer that nobody asked for is left out where it says nothing: some put zeros there.
+    # An accelerometer that was not asked for is left out if it is constant: some recorders write zeros.
     wanted = request.channels or tuple(
         name for name, one in axes.items() if name in AXES or (request.accel and np.ptp(one.y) > 0)
     )
@@ -226,7 +239,7 @@ def _chosen(axes: dict[str, Series], request: Request, reading: Sequence[Answer]
 
 
 class _Groups:
-    """The samples of a recording, those of each rate and scale by themselves."""
+    """The samples of a recording, grouped by rate and scale."""
 
     def __init__(self, folder: Path | None, gyro_names: Sequence[str]) -> None:
         self.samples = self.stretches = 0
@@ -235,11 +248,11 @@ class _Groups:
         self._last: _Group | None = None
 
     def add(self, found: Decoded, decoder: Decoder) -> None:
-        """Take the next samples."""
+        """Add the next samples."""
         group = self._of(found)
         broken = group is not self._last or found.missing > 0 or found.new_epoch is not None
         self.stretches += broken
-        # Where another rate, scale or start of the sensor came between, nobody knows how many are missing.
+        # After another rate, scale or start of the sensor, the number of missing samples is not known.
         known = group is self._last and found.new_epoch in (None, "gap")
         missing = found.missing if known else 0
         group.add(found, decoder, missing if broken else None)
@@ -247,7 +260,7 @@ class _Groups:
         self._last = group
 
     def largest(self) -> "_Group":
-        """Return the series with the most samples, the first of equals, and forget the others."""
+        """Return the group with the most samples, the first among equals, and drop the others."""
         largest = max(self._groups.values(), key=len, default=_Group(0, None, ()))
         for group in self._groups.values():
             if group is not largest:
@@ -274,7 +287,7 @@ class _Groups:
 
 
 class _Group:
-    """Samples of one rate and scale, and the breaks between them."""
+    """The samples of one rate and scale, and the breaks between them."""
 
     def __init__(self, first: int, folder: Path | None, gyro_names: Sequence[str]) -> None:
         self.first, self._gyro_names = first, gyro_names
@@ -293,11 +306,13 @@ class _Group:
         return self._samples
 
     def gaps(self) -> Gaps:
-        """Return where samples are missing."""
         return Gaps(np.array(self._at, dtype=np.int64), np.array(self._missing, dtype=np.int64))
 
     def add(self, found: Decoded, decoder: Decoder, missing: int | None) -> None:
-        """Take the next ones; missing: that many before them, 0 if nobody knows, None: they follow on."""
+        """Add the next samples.
+
+        `missing`: number of samples lost before them; 0 if not known; None if nothing is lost.
+        """
         block = found.block
         if self.hello is None:
             self.hello = found.hello
@@ -311,7 +326,7 @@ class _Group:
         if block.flags is not None and block.flags.any():
             for i, flag in enumerate((SampleFlags.LATE, SampleFlags.RETRIED, SampleFlags.SATURATED)):
                 self.flagged[i] += int(np.count_nonzero(block.flags & flag))
-        # Of a recording without arrival times the device's are given out for them.
+        # A recording without arrival times has the device's times in their place.
         self.no_clock = self.no_clock and bool((found.raw.host_ns == block.device_us * 1000).all())
         self._ask(decoder, len(block))
 
@@ -320,7 +335,7 @@ class _Group:
         return self._spool.whole(name)
 
     def axes(self, gaps: Gaps) -> dict[str, Series]:
-        """Return all of them by name."""
+        """Return all axes by name."""
         assert self.hello is not None
         found = {}
         for names, unit, lsb in (
@@ -334,11 +349,11 @@ class _Group:
         return found
 
     def close(self) -> None:
-        """Forget the samples."""
+        """Drop the samples."""
         self._spool.remove()
 
     def _ask(self, decoder: Decoder, samples: int) -> None:
-        """Return how the device's clock goes against the host's in the longest epoch."""
+        """Update the rate of the device's clock against the host's; that of the longest epoch counts."""
         self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
         self._epoch = decoder.epoch
         if self._of_epoch > self._most_of_epoch:

@@ -1,4 +1,4 @@
-"""Identified models as files: JSON that `fltea simulate --model` reads."""
+"""Store identified models in files: JSON that `fltea simulate --model` reads."""
 
 import math
 from collections.abc import Mapping
@@ -17,18 +17,18 @@ from fltea.records.whole_file import whole_file
 FORMAT = "fltea-noise-model"
 VERSION = 5
 READABLE = (4, 5)
-"""Version 4 has no walk of the offset."""
+"""Versions that can be read; version 4 has no random walk of the offset."""
 
 T = TypeVar("T")
 
 
 class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The models of a gyroscope's axes, gyro_x first, and of an accelerometer's, and what they are from."""
+    """The models of a gyroscope's axes, gyro_x first, and of an accelerometer's axes, with their source."""
 
     rate_hz: float
     h_s: float
     source: str
-    """File or session that was identified."""
+    """The file or session that was identified."""
     axes: dict[str, AxisModel]
     """The axes of the gyroscope, in deg/s."""
     accel_axes: dict[str, AxisModel] = {}
@@ -54,42 +54,42 @@ class NoiseModels(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def by_sensor(axes: Mapping[str, T]) -> tuple[dict[str, T], dict[str, T]]:
-    """Return what is of axes of the gyroscope, and what is of those of the accelerometer."""
+    """Split a mapping by axis into the gyroscope's and the accelerometer's entries."""
     accel = {name: one for name, one in axes.items() if name in ACCEL_AXES}
     return {name: one for name, one in axes.items() if name not in accel}, accel
 
 
 class _Head(msgspec.Struct):
-    """What every version of the format begins with."""
+    """The fields that every version of the format has."""
 
     format: str = ""
     version: int = 0
 
 
 def write_json(path: Path, found: msgspec.Struct) -> None:
-    """Write a file as JSON; it appears whole or not at all.
+    """Write `found` as a JSON file; the file appears whole or not at all.
 
     Raises:
-        FlteaError: it cannot be written.
+        FlteaError: the file cannot be written.
     """
     write_text(path, msgspec.json.format(msgspec.json.encode(found), indent=2).decode() + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file whole, or not at all.
+    """Write a text file; it appears whole or not at all.
 
     Raises:
-        FlteaError: it cannot be written.
+        FlteaError: the file cannot be written.
     """
     with whole_file(path) as file:
         file.write(text.encode())
 
 
 def read_models(path: Path) -> NoiseModels:
-    """Read what `write_json` wrote of `NoiseModels`.
+    """Read `NoiseModels` that `write_json` wrote.
 
     Raises:
-        UsageError: no such file, another kind or version, or models that cannot be.
+        UsageError: there is no such file, it is of another kind or version, or its models are impossible.
     """
     data = read_small(path)
     try:
@@ -103,8 +103,8 @@ def read_models(path: Path) -> NoiseModels:
         )
     if head.version not in READABLE:
         raise UsageError(
-            f"{path}: is of version {head.version}; this fltea reads versions {READABLE[0]} to {VERSION}. "
-            "Identify again, or use the fltea that wrote it."
+            f"{path}: has version {head.version}; this fltea reads versions {READABLE[0]} to {VERSION}. "
+            "Identify again, or use the fltea that wrote the file."
         )
     try:
         return msgspec.json.decode(data, type=NoiseModels)

@@ -1,11 +1,14 @@
-"""Which samples a first look at an axis leaves out, since the sensor was moved there (pure).
+"""Guess which samples to leave out of the first analysis of an axis, because the sensor moved.
 
-The tracker tells motion (`identification.sensor_events`), by the noise of the sensor at rest. To find that
-noise takes samples at rest, so the first look needs a guess which ones these are. It needs no model: samples
-are judged as the live fit judges them (firmware/core/engine/gate.hpp), in chunks of 128, of which one is a
-knock if its power about its own mean, the largest sample not counted, is sixteen times the usual. Eight in a
-row are motion, if the samples in them follow each other smoothly, as those of noise that has grown do not. So
-is what stays away from the usual offset by as many deviations as the live fit limits samples to.
+Later the tracker detects motion (`identification.sensor_events`) by the noise of the sensor at rest. To find
+that noise takes samples at rest, so the first analysis needs a guess, which uses no model. Samples are judged
+as
+in the live fit (firmware/core/engine/gate.hpp), in chunks of 128. A chunk is a knock if its power about its
+own
+mean, without its largest sample, is sixteen times the usual power. Eight such chunks in a row are motion if
+their samples follow each other smoothly, which samples of increased noise do not. A chunk whose mean is as
+far
+from the usual offset as the limit for single samples of the live fit counts like a knock.
 """
 
 import math
@@ -20,20 +23,20 @@ from fltea.identification.load import Series
 from fltea.records.arrays import Array
 
 KNOCK, IN_A_ROW = 16.0, 8
-"""The same numbers as in gate.hpp: power over the usual, chunks."""
+"""As in gate.hpp: ratio of a chunk's power to the usual power, and number of chunks in a row."""
 SMOOTH = 0.5
-"""Mean square of the steps over that of neighbours that know nothing of each other."""
+"""Largest ratio of the mean square of steps to that of independent samples at which samples are smooth."""
 
 
 def likely_motion(series: Series) -> LeftOut:
-    """Return what the first look leaves out."""
+    """Return the motion to leave out of the first analysis."""
     n = len(series.y)
     parts = [(begin, series.y[begin:end]) for begin, end, _ in cut(n, series.gaps, bridge(n, series.gaps))]
     chunks = [_chunks(np.asarray(y, dtype=np.float64)) for _, y in parts]
     mean, power, steps, resolution = (np.concatenate(one) for one in zip(*chunks, strict=True))
     if len(power) < 2 * IN_A_ROW:
         return LeftOut()
-    # As the live fit's running mean, which knows of no knock.
+    # As the live fit's running mean, this leaves knocks out.
     usual = float(power[power <= KNOCK * np.median(power)].mean())
     usual = max(usual, float(np.min(resolution)) ** 2 / 12)
     apart = np.abs(mean - np.median(mean))
@@ -45,7 +48,7 @@ def likely_motion(series: Series) -> LeftOut:
         for begin, end in _runs(moved[at : at + count]):
             inside = slice(at + begin, at + end)
             smooth = steps[inside].sum() < SMOOTH * 2 * (power + apart**2)[inside].sum()
-            # Drift goes far, too, but not by a knock.
+            # Drift goes as far from the usual offset, but has no knock.
             if smooth and knock[inside].any():
                 spans.append((start + begin * CHUNK, start + end * CHUNK))
         at += count
@@ -53,13 +56,13 @@ def likely_motion(series: Series) -> LeftOut:
 
 
 def is_smooth(y: Array) -> bool:
-    """Whether samples (n,) follow each other as those of a motion do, and as those of noise do not."""
-    apart = np.diff(y)
-    return float(apart @ apart) < SMOOTH * 2 * float(((y - np.median(y)) ** 2).sum())
+    """Whether samples (n,) follow each other as smoothly as in a motion; noise does not."""
+    steps = np.diff(y)
+    return float(steps @ steps) < SMOOTH * 2 * float(((y - np.median(y)) ** 2).sum())
 
 
 def _chunks(y: Array) -> tuple[Array, Array, Array, Array]:
-    """Return of each chunk: mean, power, mean square of steps, least step."""
+    """Return for each chunk: mean, power, mean square of the steps, smallest step."""
     whole = y[: len(y) // CHUNK * CHUNK].reshape(-1, CHUNK)
     mean = whole.mean(axis=1)
     apart = np.abs(whole - mean[:, np.newaxis])
@@ -71,7 +74,10 @@ def _chunks(y: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _runs(knock: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return begin and end of where knocks are at most IN_A_ROW chunks apart, and take that many in all."""
+    """Return begin and end of groups of knocks that are at least IN_A_ROW chunks long.
+
+    Knocks up to IN_A_ROW chunks apart belong to one group.
+    """
     at = np.flatnonzero(knock)
     if not len(at):
         return []

@@ -1,4 +1,4 @@
-"""What a navigation filter is set up with: continuous, and discrete at the sample rate."""
+"""Write the parameters of a navigation filter: continuous, and discrete at the sample rate."""
 
 import math
 from collections.abc import Mapping
@@ -19,55 +19,58 @@ from fltea.spectrum.noise_figures import SentenceSummary
 
 FORMAT = "fltea-navigation-model"
 VERSION = 4
-"""Version 3 had no filter: what was not found had to be guessed."""
+"""Version of the format. Version 3 had no filter: users had to guess what was not found."""
 STATES = {row.name for row in ROWS if "entry" in row.traits}
-"""Parts that have a place of their own in an entry."""
+"""Parts of the model that have fields of their own in an entry."""
 
 
 class GaussMarkovState(msgspec.Struct, frozen=True):
-    """A state of the filter: dx/dt = -x / τ + w with w of density q; x_k = phi x_{k-1} + noise of s2."""
+    """A state of the filter: dx/dt = -x / τ + w, where w has the density q.
+
+    Discrete: x_k = phi x_{k-1} + noise of variance s2.
+    """
 
     sigma: Interval
     tau_s: Interval
     q: float
-    """2 σ² / τ."""
+    """Density 2 σ² / τ."""
     phi: float
     s2: float
 
 
 class NavigationAxis(msgspec.Struct, frozen=True):
-    """One axis, in `unit`: what was found with its intervals, and the filter that follows.
+    """One axis, in `unit`: the figures found with their intervals, and the filter that follows from them.
 
-    What is null was not found; an end of an interval that is null is not known. Nothing in `filter` is null.
+    Null means not found; for an end of an interval, not known. Nothing in `filter` is null.
     """
 
     unit: str
     model: str
     N: Interval
-    """Per √Hz."""
+    """White noise density, in `unit` per √Hz."""
     K: Interval
-    """Per √s."""
+    """Density of the random walk, in `unit` per √s."""
     Q: Interval
-    """Times s."""
+    """Quantisation noise, in `unit` · s."""
     gauss_markov: tuple[GaussMarkovState, ...]
     others: tuple[Estimated, ...]
-    """Parts and filters that are no state of such a filter."""
+    """Parts and filters that are no state of such a Kalman filter."""
     drift_rate: Interval
-    """Per s."""
+    """Slope of the offset, in `unit` per s."""
     from_hz: float
-    """Nothing is known of what is slower."""
+    """Lowest frequency that the model describes [Hz]."""
     knee_hz: float | None
-    """Where N is null, since white noise cannot be told from the fastest part: the corner of that."""
+    """Corner frequency of the fastest part [Hz] where N is null, as white noise cannot be told from it."""
     knee_density: float | None
-    """The density there, as N."""
+    """Noise density at `knee_hz`, in the unit of N."""
     without_order: SentenceSummary | None
-    """Where the noise has an order, which is no state: the best sentence without one."""
+    """The best model without an order, where the noise has an order, since an order is no state."""
     filter: NavigationFilter
-    """All that a plain Kalman filter is built from."""
+    """All parameters of a plain Kalman filter."""
 
 
 class NavigationModels(msgspec.Struct, frozen=True):
-    """The axes of a gyroscope, and of an accelerometer."""
+    """The entries of a gyroscope's axes and of an accelerometer's axes."""
 
     rate_hz: float
     h_s: float
@@ -105,13 +108,13 @@ def write_navigation(path: Path, axes: Mapping[str, AxisReport], rate_hz: float,
     """Write the file; it appears whole or not at all.
 
     Raises:
-        FlteaError: it cannot be written, or no filter can work with the noise of an axis.
+        FlteaError: the file cannot be written, or no filter works with the noise of an axis.
     """
     entries = {}
     for name, axis in axes.items():
         if axis.filter is None:
             raise FlteaError(
-                f"--gauss-markov: {name}: no Kalman filter can work with its noise, "
+                f"--gauss-markov: {name}: no Kalman filter works with its noise, "
                 f"{axis.result.made_of}, which is at the edge of what is stationary. Record longer, or leave "
                 "the axis out (--channels)."
             )

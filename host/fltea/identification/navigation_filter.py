@@ -1,14 +1,19 @@
-"""The tracked system of an axis as a plain Kalman filter has it: white noise, a walk, Gauss-Markov states.
+"""Convert the tracked system of an axis to a plain Kalman filter.
 
-    rate = bias + the states + white noise of variance N²/h a sample
-    bias: walks by K² h a sample, and is `bias` with a deviation of `bias_std` after the last sample
-    a state: x_k = exp(-h/τ) x_k-1 + noise of variance σ² (1 - exp(-2 h/τ)); σ at first
+The filter has white noise, a random walk of the bias, and Gauss-Markov states:
 
-One least-squares fit finds N, K, the σ of each τ and `bias_std`, so that two curves are those of the tracked
-system: the spectrum, by which a filter learns from further samples, and the heading's variance by time when
-nothing but `bias` is subtracted from the end of the record on. Such a filter has no slope: for it, one that
-was found is a walk that gets as far. Nor has it a high-pass: it takes the noise as if it went on below the
-corner, so that its heading is less certain than the samples are.
+    rate = bias + the states + white noise with variance N²/h per sample
+    bias: walks by K² h per sample; after the last sample it is `bias` with a deviation of `bias_std`
+    a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); σ at first
+
+One least-squares fit finds N, K, the σ of each τ, and `bias_std`, so that two curves equal those of the
+tracked
+system. The first is the spectrum, by which a filter learns from further samples. The second is the heading's
+variance over time if only `bias` is subtracted after the end of the record. Such a filter has no slope: a
+slope
+that was found becomes a random walk of the same reach. Nor has it a high-pass: it takes the noise as if it
+went
+on below the corner, so that its heading is less certain than that of the samples.
 """
 
 import math
@@ -27,68 +32,71 @@ from fltea.noise.system import System
 from fltea.records.arrays import Array, Mask
 
 A_DECADE = 3
-"""Correlation times that are tried."""
+"""Number of correlation times per decade that are tried."""
 FASTEST, SLOWEST = 3.0, 0.1
-"""The least correlation time, in samples, and the largest, over the record's length; what is slower walks."""
+"""Smallest correlation time in samples, and largest as a share of the record; slower parts become a walk."""
 POINTS_A_DECADE = 12
 HEADINGS_A_DECADE = 6
 TOLD_S = (1.0, 10.0, 60.0, 300.0)
-"""Times for which the file tells the heading's σ."""
+"""Times for which the file gives the heading's σ [s]."""
 FROM_S = 1.0
-"""The least time that a heading is wanted for."""
+"""Shortest time for which a heading is wanted [s]."""
 PASSED = 0.5
-"""Share of white noise that a low-pass of the sensor has to let through for a frequency to count."""
+"""Share of white noise that a low-pass of the sensor has to pass for a frequency to count in the fit."""
 WORSE = 1.05
-"""A state is left out where the rest is off by no more than this ratio, or by less than ENOUGH."""
+"""Ratio of the fit's error without a state to that with it, up to which the state is left out.
+
+A state is also left out if the error without it stays below ENOUGH.
+"""
 ENOUGH = 0.01
 LEAST_WHITE = 0.01
-"""Variance of the white noise of a sample, over that of a state, below which the state counts as white."""
+"""Ratio of the white noise's variance per sample to that of a state below which the state becomes white."""
 FOLDED_S, FOLDED = 0.1, 10.0
-"""Correlation times, in s and in samples, up to which it may."""
+"""Longest correlation time of a state that may become white noise, in s and in samples."""
 NOTHING_LEFT = 0.1
-"""Variance of the bias over that of the tracked system, below which the latter counts."""
+"""Ratio of the bias's variance to that in the tracked system, below which the tracked system's is used."""
 LEAST_OF_ALL = 1e-4
-"""The same, over the variance of all states: no filter can do without any white noise."""
+"""Least ratio of the white noise's variance to that of all states, as no filter works without white noise."""
 
 
 class FilterState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A Gauss-Markov state, which is 0 at first, with a deviation of σ."""
+    """A Gauss-Markov state, which is 0 at first, with a standard deviation of σ."""
 
     sigma: float
     tau_s: float
 
 
 class HeadingStd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Standard deviation of the heading t_s after the record's end, in the unit of the axis times s.
+    """Standard deviation of the heading `t_s` seconds after the record's end, in the unit of the axis · s.
 
     The heading is the integral of the rate less `bias`.
     """
 
     t_s: float
     filter: float
-    """By this filter, if it is given no further sample."""
+    """As this filter predicts it without further samples."""
     forecast: float
-    """By `--forecast`, which knows also what value the states have at the end of the record."""
+    """As `--forecast` predicts it, which also knows the values of the states at the end of the record."""
 
 
 class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """All that a plain Kalman filter of one axis is built from, in `unit` of the axis; nothing is null."""
+    """All parameters of a plain Kalman filter of one axis, in `unit` of the axis; nothing is null."""
 
     N: float
-    """White noise, per √Hz: N²/h is the variance of a sample."""
+    """White noise per √Hz; the variance of a sample is N²/h."""
     K: float
-    """Random walk of the bias, per √s; 0: it is constant."""
+    """Random walk of the bias, per √s; 0 for a constant bias."""
     gauss_markov: tuple[FilterState, ...]
-    """From the slowest to the fastest; there may be none."""
+    """The states, from the slowest to the fastest; may be empty."""
     bias: float
-    """After the last sample of the record; the states are not in it."""
+    """The bias after the last sample of the record, without the states."""
     bias_std: float
     heading_std: tuple[HeadingStd, ...]
-    """How far the heading is off by time, to check a filter by."""
+    """Error of the heading at several times, to check an implementation of the filter by."""
 
 
 class _Target(NamedTuple):
-    """What the filter has to have: a spectrum at λ, and the heading's variance at times."""
+    """What the filter has to reproduce: a spectrum at λ, and the heading's variance at times."""
 
     lam: Array
     power: Array
@@ -97,10 +105,10 @@ class _Target(NamedTuple):
 
 
 def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
-    """Return the filter of an axis; y: the samples (n,), without a gap, at whose end it begins.
+    """Return the filter of an axis. `y`: samples without a gap, (n,), after which the filter starts.
 
     Raises:
-        ValueError: no filter can work with the noise.
+        ValueError: no filter works with the noise.
     """
     forecast = tracked.system
     P = of_forecast = rested(forecast, len(y))
@@ -141,18 +149,18 @@ def _count(ratio: float, a_decade: int) -> int:
 
 
 def _grid(tracked: Learned, h: float, length_s: float) -> list[float]:
-    """Return correlation times: those that were found, and a grid without their neighbours."""
+    """Return the correlation times to try: those of the parts, and a grid without their close neighbours."""
     low, high = FASTEST * h, SLOWEST * length_s
     if high <= low:
         return []
     own = [part.tau_s for part in tracked.parts if isinstance(part, Relaxation) and low <= part.tau_s <= high]
-    apart = 10 ** (0.5 / A_DECADE)
+    ratio = 10 ** (0.5 / A_DECADE)
     grid = np.geomspace(low, high, _count(high / low, A_DECADE)).tolist()
-    return own + [tau for tau in grid if all(max(tau / one, one / tau) > apart for one in own)]
+    return own + [tau for tau in grid if all(max(tau / one, one / tau) > ratio for one in own)]
 
 
 def _frequencies(tracked: Learned, h: float, samples: int) -> Array:
-    """Return λ from one period of the record to where a low-pass takes half of the noise away."""
+    """Return λ from one period of the record up to where a low-pass stops half of the noise."""
     low = 2 * math.pi / samples
     lam = np.geomspace(low, math.pi, _count(math.pi / low, POINTS_A_DECADE))
     filters = [part for part in tracked.parts if isinstance(part, FILTERS)]
@@ -163,19 +171,19 @@ def _frequencies(tracked: Learned, h: float, samples: int) -> Array:
 
 
 def _of_bias(model: System, slow: float) -> Array:
-    """Return what the filter's bias has of each coordinate: those that remember `slow` samples or more."""
+    """Return the row of the filter's bias: states of the system that remember more than `slow` samples."""
     with np.errstate(divide="ignore"):
         memory = -1 / np.log(np.minimum(np.hypot(model.a, model.b), 1 - 1e-15))
     return np.asarray(np.where((memory > slow) & (model.a > 0), model.c, 0.0))
 
 
 def slope_of(model: System) -> Mask:
-    """Return which coordinate is the slope of the offset, which no such filter has."""
+    """Return a mask of the state that is the slope of the offset, which no such filter has."""
     return np.asarray((model.a < 1.0) & (np.diag(model.Q) == 0.0), dtype=np.bool_)
 
 
 def _always(model: System, x: Array, P: Array) -> Array:
-    """Return the mean squares of what moves, as large as it always is; of a slope, as it was found."""
+    """Return the stationary mean squares of the states that decay; for a slope, its estimated mean square."""
     moving, slope = model.a < 1.0, slope_of(model)
     always = model.P0 * np.outer(moving, moving)
     always[slope] = always[:, slope] = 0.0
@@ -184,17 +192,18 @@ def _always(model: System, x: Array, P: Array) -> Array:
 
 
 def _power(model: System, always: Array, lam: Array, samples: int) -> Array:
-    """Return the spectrum; a line's is that of a walk which gets as far in the record."""
+    """Return the spectrum. A slope contributes as a random walk that gets as far within the record."""
     slope = slope_of(model)
     per_sample = float((np.diag(always) * (1 - model.a) ** 2)[slope].sum())
     return np.asarray(model.spectrum(lam) + per_sample * samples / (4 * np.sin(lam / 2) ** 2))
 
 
 def _heading_variance(model: System, part: Array, always: Array, P: Array, h: float, times_s: Array) -> Array:
-    """Return the mean square of a heading from which `part` of the tracked x is subtracted, by time.
+    """Return the mean square of a heading after `part` of the tracked x is subtracted, at each time.
 
-    The angle is row @ x and noise on top. What is subtracted is t part @ E x, so (row - t part) @ x is left
-    as large as it always is, and t part @ (x - E x), whose covariance with x is P.
+    The angle is row @ x plus noise. The subtracted angle is t part @ E x. So (row - t part) @ x remains, as
+    large as
+    in the stationary state, and t part @ (x - E x), whose covariance with x is P.
     """
     moving = model.a < 1.0
     found = []
@@ -206,7 +215,7 @@ def _heading_variance(model: System, part: Array, always: Array, P: Array, h: fl
 
 
 def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
-    """Return a column of the spectrum for N², K², the bias, and each σ²."""
+    """Return the columns of the spectrum for N², K², the bias, and each σ²."""
     phi = np.exp(-h / np.array(tau_s))
     states = (1 - phi**2) / (1 - 2 * phi * np.cos(lam)[:, None] + phi**2)
     walk = h / (4 * np.sin(lam / 2) ** 2)
@@ -214,7 +223,7 @@ def _spectra(tau_s: Sequence[float], h: float, lam: Array) -> Array:
 
 
 def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
-    """Return a column of the heading's variance for N², K², the bias' variance, and each σ²."""
+    """Return the columns of the heading's variance for N², K², the bias' variance, and each σ²."""
     tau = np.array(tau_s)
     over = times_s[:, None] / tau
     states = 2 * tau**2 * (over + np.expm1(-over))
@@ -222,7 +231,7 @@ def _headings(tau_s: Sequence[float], h: float, times_s: Array) -> Array:
 
 
 def _solved(target: _Target, tau_s: Sequence[float], h: float) -> tuple[Array, float]:
-    """Return squares of N, K, bias_std and each σ, and the relative error of both curves."""
+    """Return the squares of N, K, bias_std and each σ, and the relative error of both curves."""
     rows = np.vstack(
         [
             _spectra(tau_s, h, target.lam) / target.power[:, None],
@@ -236,7 +245,7 @@ def _solved(target: _Target, tau_s: Sequence[float], h: float) -> tuple[Array, f
 
 
 def _fitted(target: _Target, tau_s: list[float], h: float) -> tuple[Array, list[float]]:
-    """Return squares of N, K, bias_std and the σ of those correlation times that matter."""
+    """Return the squares of N, K, bias_std and of each σ, and the correlation times that matter."""
     found, least = _solved(target, tau_s, h)
     used = found[3:] > 0
     tau_s, found = (
@@ -252,7 +261,7 @@ def _fitted(target: _Target, tau_s: list[float], h: float) -> tuple[Array, list[
 
 
 def _folded(found: Array, tau_s: list[float], h: float) -> tuple[Array, list[float]]:
-    """Return the same with states that white noise cannot be told from as white noise."""
+    """Turn states that cannot be told from white noise into white noise."""
     for tau in sorted(tau_s):
         at = 3 + tau_s.index(tau)
         if tau > max(FOLDED_S, FOLDED * h) or found[0] / h > LEAST_WHITE * found[at]:

@@ -1,4 +1,4 @@
-"""The model of the noise of one axis, and Gaussian noise that has its spectrum (pure)."""
+"""Model the noise of one axis, and draw Gaussian noise with the spectrum of the model."""
 
 import math
 from collections.abc import Iterator
@@ -13,12 +13,12 @@ from fltea.spectrum.candidate_models import Sentence
 from fltea.spectrum.spectral_lines import Peak
 
 AROUND = 4
-"""Noise is drawn for a circle of at least this many records, of which one is cut out."""
+"""Noise is drawn on a circle at least this many records long, from which one record is cut out."""
 SHORTEST_CIRCLE = 1 << 16
 
 
 class Lorentzian(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A line or resonance apart from the parts, of this variance and width at half its height."""
+    """A line or resonance in addition to the parts, with its variance and its width at half height."""
 
     frequency_hz: float
     width_hz: float
@@ -32,16 +32,18 @@ class Lorentzian(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The noise of one axis, without the constant of its offset."""
+    """The noise model of one axis, without the constant offset."""
 
     parts: tuple[AnyPart, ...]
     resonances: tuple[Lorentzian, ...] = ()
-    """Lines and resonances that were left out of the fit; nothing that happens at equal intervals."""
+    """Lines and resonances that were left out of the fit; events at equal intervals are not among them."""
     offset_walk: float = 0.0
-    """K of a random walk of the offset beside the parts, per √s, as the forecast has it; 0 where a part
-    walks."""
+    """K of the offset's random walk per √s, in addition to the parts, as in the forecast.
+
+    0 if one of the parts is a walk.
+    """
     offset_relaxation: Relaxation | None = None
-    """A walk of the offset within bounds beside the parts, as the forecast has it."""
+    """A bounded walk of the offset in addition to the parts, as in the forecast."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.offset_walk < math.inf:
@@ -49,22 +51,22 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def white(self) -> float:
-        """Variance of what is white and has gone through no filter."""
+        """Variance of the white noise that passes no filter."""
         filtered = any(isinstance(part, FILTERS) for part in self.parts)
         kinds = Floor if filtered else White | Floor
         return sum(part.R for part in self.parts if isinstance(part, kinds))
 
     @property
     def walk(self) -> float:
-        """K² of the random walks that go on without end; behind a high-pass none does."""
+        """K² of all unbounded random walks; behind a high-pass there is none."""
         endless = 0.0 if high_pass_of(self.parts) else sum(p.K**2 for p in self.parts if isinstance(p, Walk))
         return self.offset_walk**2 + endless
 
 
 def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
-    """Return the model of a sentence, and the peaks that were left out of its fit.
+    """Return the noise model made of the parts of `sentence` and the peaks that were left out of its fit.
 
-    std: standard deviation of the whole axis, of which the peaks' shares are taken. h in s.
+    `std`: standard deviation of the whole axis, which the peaks' shares refer to. `h`: sampling period [s].
     """
     return AxisModel(
         cast(tuple[AnyPart, ...], sentence.parts(h)),
@@ -77,7 +79,7 @@ def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) 
 
 
 def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
-    """Return the spectrum of y at λ > 0, normalised like `periodogram`."""
+    """Return the spectrum of the model at λ > 0, normalised like `periodogram`."""
     offset: list[Part] = [Walk(model.offset_walk)]
     if model.offset_relaxation is not None:
         offset.append(model.offset_relaxation)
@@ -87,13 +89,13 @@ def model_spectrum(model: AxisModel, lam: Array, h: float) -> Array:
         half = r.width_hz / 2
         shape = 1 / (1 + ((frequency_hz - r.frequency_hz) / half) ** 2)
         low, high = np.arctan(np.array([-r.frequency_hz, 0.5 / h - r.frequency_hz]) / half)
-        # Its mean over 0 ... Nyquist's frequency is to be the variance.
+        # The mean over 0 … the Nyquist frequency has to be the variance.
         total = total + r.variance * shape * (0.5 / h) / (half * (high - low))
     return total
 
 
 def check_possible(model: AxisModel, h: float) -> None:
-    """Raise ValueError if the model has no spectrum, or no finite variance, at a sampling period of h s."""
+    """Raise ValueError if the model has no spectrum or no finite variance. `h`: sampling period [s]."""
     for part in model.parts:
         kind = str(part.__struct_config__.tag)
         try:
@@ -113,20 +115,21 @@ def _told(part: AnyPart) -> Iterator[str]:
 
 
 def draw(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Draw n samples of Gaussian noise with the model's spectrum: y and, of it, what is not white, x; (n,).
+    """Draw n samples of Gaussian noise with the model's spectrum: y, and its part x that is not white; (n,).
 
-    Waves longer than AROUND records are left out, for they are offset; not those of a random walk.
+    Waves longer than AROUND records are left out, since they act as an offset. Waves of a random walk are
+    kept.
     """
     return next(draws(model, h, n, rng))
 
 
 def draws(model: AxisModel, h: float, n: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
-    """Yield the same again and again, without end."""
+    """Yield pairs as `draw` returns them, without end."""
     circle = 1 << (max(AROUND * n, SHORTEST_CIRCLE) - 1).bit_length()
     lam = 2 * np.pi * np.arange(1, circle // 2 + 1) / circle
     R = model.white
     size = np.sqrt(np.maximum(model_spectrum(model, lam, h) - R, 0.0) * (circle / 2))
-    # Steps of a random walk have a mean, too, which is the one wave that a circle does not have.
+    # The steps of a random walk also have a mean, which a circle cannot hold: add it as a slope.
     tilt = math.sqrt(model.walk * h / circle)
     while True:
         waves = np.zeros(circle // 2 + 1, dtype=np.complex128)

@@ -1,4 +1,4 @@
-"""Looks at one axis, and what follows for its report."""
+"""Analyse one axis, and complete its report."""
 
 import math
 from collections.abc import Sequence
@@ -31,30 +31,30 @@ from fltea.identification.slow_noise import with_slow_noise
 from fltea.records.fit import Interval
 
 MOST_LOOKS = 3
-"""How often an axis is looked at, at most: steps that go by a first model may be wrong."""
+"""Largest number of analyses of an axis, as the steps that a first model finds may be wrong."""
 
 
 class LookedAt(NamedTuple):
-    """An axis after its last look, as FLTEA is run over it."""
+    """An axis after its last analysis, as the input of FLTEA."""
 
     series: Series
     """All samples that were read."""
     left_out: LeftOut
     options: IdentifyOptions
     alpha: Interval
-    """The noise's order by the verdict, without ends if it has none."""
+    """Order of the noise by the verdict, without ends if the noise has none."""
 
     @classmethod
     def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "LookedAt":
-        """Return an axis of which `found` was found out."""
+        """Return the axis with the results in the report `found`."""
         return cls(series, found.left_out, options, found.result.order.alpha)
 
 
 def run_fltea(axes: Sequence[LookedAt], h: float) -> list[FlteaFits]:
-    """Run FLTEA over axes of a recording; h: sampling period in s.
+    """Run FLTEA over the axes of a recording. `h`: sampling period [s].
 
     Raises:
-        ValueError: settings that no filter can work with.
+        ValueError: the settings give no filter that works.
     """
     own = [samples_looked_at(one.series, h, one.left_out) for one in axes]
     return fltea_fits(
@@ -67,7 +67,7 @@ def run_fltea(axes: Sequence[LookedAt], h: float) -> list[FlteaFits]:
 
 
 def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
-    """Return the report of an axis with what follows from its tracked system."""
+    """Return the report of an axis with the conclusions from its tracked system."""
     h = 1 / axis.result.rate_hz
     walk = found.tracked.walk
     relaxation = walk.relaxation
@@ -91,7 +91,7 @@ def concluded(axis: AxisReport, found: Conclusions) -> AxisReport:
 
 
 def with_events(axis: AxisReport, found: AxisEvents) -> AxisReport:
-    """Return the report of an axis with what happened to it."""
+    """Return the report of an axis with its steps and motion."""
     is_left_out = axis.left_out.is_like(found.left_out)
     data_checks = (*event_checks(found, axis.unit, is_left_out=is_left_out), *axis.data_checks)
     axis = msgspec.structs.replace(
@@ -117,23 +117,28 @@ def examine(
     left_out: LeftOut | None = None,
     details: bool = True,
 ) -> AxisReport:
-    """Look at an axis: all that is found out about it but FLTEA and what follows from its tracked system.
+    """Analyse an axis: everything except FLTEA and the conclusions from its tracked system.
 
-    figures: make what figures are drawn from. known: what is wrong with it already by the recording as a
-    whole. left_out: steps and motion; None: what seems to be motion before there is a model. details: also
-    find out where the model reproduces the Allan deviation.
+    Args:
+        series: the samples of the axis.
+        h: sampling period [s].
+        options: how to identify.
+        figures: whether to compute the curves that figures show.
+        known: data checks of the recording as a whole that concern the axis.
+        left_out: steps and motion to leave out; None: what seems to be motion, as no model is known yet.
+        details: whether to find out where the model reproduces the Allan deviation.
 
     Raises:
-        ValueError: it is too short or constant.
+        ValueError: the axis is too short or constant.
     """
     looked, series, out, telegraph = look_at(series, h, options, left_out)
     result = described(looked)
-    # Whether FLTEA was asked for or not, the same looks are possible.
+    # Check this whether FLTEA was asked for or not, so that both accept the same recordings.
     why_no_path = fltea_axis(looked, series.lsb, options).why_not(h)
     model = modelled(looked.figures.sentence, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
-    with ThreadPoolExecutor(1) as beside:  # of a long record either takes as long as the spectrum
-        its_curve = beside.submit(allan_of, looked, series.unit)
+    with ThreadPoolExecutor(1) as in_parallel:  # with a long record, this takes as long as the spectrum
+        its_curve = in_parallel.submit(allan_of, looked, series.unit)
         data_checks = checks_of(looked, series, result, telegraph)
         why = withheld((*known, *data_checks))
         tracked = None if why else tracked_of(looked, telegraph)

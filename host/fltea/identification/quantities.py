@@ -1,4 +1,4 @@
-"""N, B, K and bias of an axis, which the command, its comparison and Python take from here (pure)."""
+"""Return N, B, K and bias of an axis, shared by the command, its comparison and Python."""
 
 from typing import NamedTuple
 
@@ -19,9 +19,9 @@ class Quantities(NamedTuple):
 
 
 def quantities(unit: str, level: Level, allan: Allan | None, now: Now | None) -> Quantities:
-    """Return the figures in the unit of the samples: N over √Hz, K over √s.
+    """Return the figures in the unit of the samples: N per √Hz, K per √s.
 
-    level: N and K. allan: B is that of its curve. now: has the bias at the end of the record.
+    `level`: has N and K. `allan`: the curve that has B. `now`: has the bias at the end of the record.
     """
     B = Quantity(None, None, None, None, unit)
     if allan is not None:

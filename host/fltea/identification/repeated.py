@@ -1,16 +1,19 @@
-"""Samples that were delivered twice, distinguished from neighbours that rounding makes equal (pure).
+"""Find samples that were delivered twice, as opposed to neighbours that rounding makes equal.
 
-Rounding makes neighbours equal on each axis by itself, the more often the coarser the counts and the slower
-the noise. A sample that is delivered twice is equal to the one before on all axes at once. With m_i the share
-of equal neighbours on axis i and J that of those equal on all axes, the share q of repeats is the root of
+Rounding makes neighbours equal on each axis independently, the more often the coarser the counts and the
+slower
+the noise. A sample that is delivered twice equals the sample before on all axes at once. With m_i the share
+of
+equal neighbours on axis i, and J the share that is equal on all axes, the share q of repeats is the root of
 
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
-which asks nothing of distribution or autocorrelation. Two things make axes alike without a repeat: a power
-that changes, and steps that are correlated (vibration). Samples two apart are alike then too, and the excess
-of J over Π m_i, times what the correlation allows, is small within each part of the record.
+This needs no assumption on distribution or autocorrelation. Two things make axes agree without a repeat:
+noise
+whose power changes, and correlated steps (vibration). Then samples two apart agree, too, and the excess of J
+over Π m_i, scaled by what the correlation allows, is small within each part of the record.
 
-Of a single axis, steps of one and of two counts tell how many of none there should be.
+With a single axis, the shares of steps of one and two counts give the expected share of zero steps.
 """
 
 import math
@@ -26,46 +29,49 @@ from fltea.records.arrays import Array
 Equal = NDArray[np.bool_]
 
 PARTS = 32
-"""Parts of the record whose spread gives the error, whatever the autocorrelation."""
+"""Number of parts of the record; their spread gives the error, whatever the autocorrelation."""
 SIGNIFICANT = 5.5
 """Student's t with PARTS - 1 degrees of freedom that chance exceeds once in 400,000."""
 LEAST_DETERMINANT = 1e-3
-"""The least determinant of the steps' correlation: axes that are more alike are one axis."""
+"""Least determinant of the steps' correlation; axes that are more alike count as one axis."""
 HALVINGS = 40
 FINE_COUNTS = 3.0
-"""Spread of the steps in LSB from which on their density is that of steps without rounding."""
+"""Spread of the steps in LSB above which rounding no longer changes their density."""
 UNIFORM_LSB = 0.7
-"""σ from which on the signal lies anywhere between two counts, also with heavy tails."""
+"""σ in LSB above which the signal lies anywhere between two counts, also with heavy tails."""
 LONG = 1 << 20
-"""Steps from which on the correlation is that of some of them, spread evenly."""
+"""Number of steps above which the correlation is computed from some of them, evenly spaced."""
 DIFFERENT = 0.9
-"""Share of samples of different values from which on they are not rounded, or too finely to matter."""
+"""Share of distinct values among the samples above which rounding does not matter."""
 IN_STEP, AT_ONCE = 0.6, 200
-"""Changes at a steady rate are within one sample of a straight line over so many, 0.29 by their deviation."""
+"""Test for changes at a steady rate, over AT_ONCE changes: largest deviation from a straight line.
+
+Changes at a steady rate lie within one sample of the line, with a standard deviation of 0.29 samples.
+"""
 TAILS = 1.15
-"""Times as many equal neighbours as of Gaussian steps are allowed for other distributions."""
+"""Factor on the equal neighbours of Gaussian steps that other distributions are allowed."""
 _STEPS = np.geomspace(0.6, 2 * FINE_COUNTS, 400)
-"""Spreads of steps before rounding, in LSB; of finer ones heavy tails alone decide how many are of two."""
+"""Spreads of steps before rounding [LSB]; below these, heavy tails alone produce steps of two counts."""
 
 
 class Repeats(NamedTuple):
-    """Samples that are equal to the one before on every axis."""
+    """Counts of samples that equal the sample before on every axis."""
 
     same: int
     pairs: int
-    """The number of pairs that were compared."""
+    """Number of pairs that were compared."""
     expected: float
-    """How many chance makes equal."""
+    """Number of equal pairs that chance would give."""
     found: bool
-    """Whether there are more."""
+    """Whether there are more equal pairs than by chance."""
     change_every: float | None = None
-    """Samples from one change of the values to the next, if they change at a steady rate."""
+    """Number of samples from one change of the values to the next, if they change at a steady rate."""
 
 
 def repeats(axes: Iterable[tuple[ArrayLike, float | None]]) -> Repeats | None:
-    """Compare neighbours on the axes; None if none of them moves.
+    """Compare neighbouring samples on all axes; None if all axes are constant.
 
-    axes: the samples (n,) of each, and what one count is in their unit; None: they are not rounded.
+    `axes`: the samples (n,) of each axis, and one count in their unit; None if they are not rounded.
     """
     near: list[Equal] = []
     far: list[Equal] = []
@@ -96,7 +102,7 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
     over = together - np.minimum(alike * each.prod(axis=0), each.min(axis=0))
     spread = float(over.std(ddof=1)) / math.sqrt(PARTS)
     sure = share - share_far > SIGNIFICANT * error and float(over.mean()) > SIGNIFICANT * spread
-    # Of fine counts hardly any neighbours are equal, and a few on all axes are proof enough.
+    # With fine counts hardly any neighbours are equal: a few that are equal on all axes prove repeats.
     chance = max(alike * float(near.mean(axis=1).prod()) * pairs, float(all_far.sum()))
     few = same > 3 + 1.5 * chance + 6 * math.sqrt(chance)
     repeated = (share - max(share_far, 0.0) if share_far < share / 2 else share) * pairs
@@ -104,15 +110,15 @@ def _of_several(near: NDArray[np.bool_], far: NDArray[np.bool_], steps: list[NDA
 
 
 def _alike(steps: list[NDArray[np.float32]], moved: Equal) -> float:
-    """Return how many times as often axes are equal at once as independent ones, for correlated steps."""
+    """Return by what factor correlated steps make axes agree more often than independent ones."""
     if int(moved.sum()) < PARTS or not all(one[moved].var(dtype=np.float64) > 0 for one in steps):
-        return 1.0  # of numbers too small to be squared nothing is known
+        return 1.0  # numbers too small to be squared tell nothing
     correlation = np.atleast_2d(np.corrcoef([one[moved] for one in steps]))
     return float(1 / math.sqrt(max(float(np.linalg.det(correlation)), LEAST_DETERMINANT)))
 
 
 def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
-    """Return the share of repeats, and (PARTS,) what it is without each part of the record."""
+    """Return the share of repeats, and the shares (PARTS,) without each part of the record."""
     own, all_of_them = _shares(each), _shares(together)
     others = (PARTS * own.mean(axis=1)[:, np.newaxis] - own) / (PARTS - 1)
     left_out = _root((PARTS * all_of_them.mean() - all_of_them) / (PARTS - 1), others)
@@ -120,14 +126,14 @@ def _repeated(each: NDArray[np.bool_], together: Equal) -> tuple[float, Array]:
 
 
 def _shares(equal: NDArray[np.bool_]) -> Array:
-    """Return the values (..., n) in parts (..., PARTS); the last few samples are in none."""
+    """Return the means of values (..., n) over PARTS parts, (..., PARTS); a few last samples are ignored."""
     size = equal.shape[-1] // PARTS
     parts = equal[..., : size * PARTS].reshape(*equal.shape[:-1], PARTS, size)
     return np.asarray(parts.mean(axis=-1), dtype=np.float64)
 
 
 def _root(together: Array, each: Array) -> Array:
-    """Return the q of the equation above for J (k,) and m (axes, k); negative where J is less than chance."""
+    """Solve the equation above for q, given J (k,) and m (axes, k); q < 0 where J is below chance."""
     low, high = np.full(together.shape, -1.0), each.min(axis=0)
     for _ in range(HALVINGS):
         q = (low + high) / 2
@@ -138,7 +144,7 @@ def _root(together: Array, each: Array) -> Array:
 
 
 def _change_every(equal: Equal) -> float | None:
-    """Return the samples from one change to the next; None where changes come at no steady rate."""
+    """Return the number of samples between changes; None if they come at no steady rate."""
     at = np.flatnonzero(~equal[:LONG])
     rows = len(at) // AT_ONCE
     if not rows:
@@ -151,7 +157,7 @@ def _change_every(equal: Equal) -> float | None:
 
 
 def _usual_gap(samples: Array) -> float | None:
-    """Return the usual distance of two values that were rounded to uneven steps; None: they were not."""
+    """Return the usual distance between values rounded to uneven steps; None if they were not rounded."""
     some = thin(samples)
     values = np.unique(some)
     if len(values) > DIFFERENT * len(some):
@@ -183,16 +189,16 @@ def _of_one_axis(samples: Array, count: float | None) -> Repeats:
 
 
 def _none(one: Array, two: Array) -> Array:
-    """Return the share of steps of no count, from those of one and two counts, if steps are Gaussian."""
+    """Return the share of zero steps that Gaussian steps have, given the shares of one and two counts."""
     chance = [_rounded_step(k) for k in range(3)]
-    # Where steps of two are rarer than the finest of these has them, nothing can be told: take all.
+    # Where steps of two counts are rarer than the smallest of `_STEPS` gives, take all as chance.
     known = two > one * (chance[2] / chance[1])[0]
     ratio = np.interp(two / np.maximum(one, 1e-12), chance[2] / chance[1], chance[0] / chance[1] / 2)
     return np.where(known, one * ratio, 1.0)
 
 
 def _rounded_step(k: int) -> Array:
-    """Return the share of steps of k counts up or down alike, for the spreads in _STEPS."""
+    """Return the share of steps of k counts, up or down, for the spreads in _STEPS."""
 
     def integral(x: float) -> Array:
         z = x / _STEPS

@@ -1,6 +1,7 @@
-"""One HTML page about recordings that were identified, complete in itself, and its figures as SVG.
+"""Write a report on identified recordings: one self-contained HTML page, and its figures as SVG.
 
-Sentences, N, B and K, and the figures of the noise are open; reasons, FLTEA and the rest are folded.
+Verdicts, N, B and K, and the figures of the noise are visible at once; reasons, FLTEA and the rest are
+folded.
 """
 
 import re
@@ -16,16 +17,16 @@ from fltea.identification.lead import lead
 from fltea.records.whole_file import whole_file
 
 PAGE = "report.html"
-WITHHELD = "No forecast, comparison with a data sheet or file for another program is made of bad data."
+WITHHELD = "No forecast, comparison with a data sheet or file for another program is made from bad data."
 
 
 def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
-    """Write the figures and the page that has them in it; return the files, the page first.
+    """Write the report page and its figures; return the files, the page first.
 
-    Nothing is written where no axis of any recording was identified.
+    Nothing is written if no axis of any recording was identified.
 
     Raises:
-        FlteaError: they cannot be written.
+        FlteaError: a file cannot be written.
     """
     if not any(isinstance(axis, AxisReport) for report in reports for axis in report.axes.values()):
         return []
@@ -49,7 +50,7 @@ def write(folder: Path, reports: Sequence[FileReport]) -> list[Path]:
 
 
 def _prefixes(reports: Sequence[FileReport]) -> list[str]:
-    """Return a name for the figures of each recording, numbered where two would be the same."""
+    """Return a file prefix for each recording, numbered where two would be equal."""
     found: list[str] = []
     for report in reports:
         stem = re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(report.name).stem).strip("._") or "recording"
@@ -67,7 +68,7 @@ def _page(reports: Sequence[FileReport], sections: list[str]) -> str:
 
 
 def _summary(reports: Sequence[FileReport]) -> str:
-    """Return the figures of all recordings side by side; failures and what differs as sentences."""
+    """Return the figures of all recordings side by side, with failures and differences as sentences."""
     failed = [
         f'<p class="bad">{escape(Path(report.name).name)}: {escape(str(report.failure))}</p>'
         for report in reports
@@ -112,7 +113,7 @@ def _section(report: FileReport, pictures: dict[str, dict[str, str]]) -> Iterato
 
 
 def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
-    """Figures of the noise and what they say; folded: why, and FLTEA."""
+    """Yield the figures of the noise with their meaning, then folded parts: the reasons, and FLTEA."""
     yield f'<h3 class="axis">{name}</h3>'
     if axis.forecast is not None:
         yield f"<p>{escape(axis.forecast.text)}</p>"
@@ -131,7 +132,7 @@ def _axis(name: str, axis: AxisReport, drawn: dict[str, str]) -> Iterator[str]:
 
 
 def _figures(axis: AxisReport, drawn: dict[str, str], kinds: Sequence[str]) -> str:
-    """Return those of these kinds that there are."""
+    """Return the figures of these kinds, as far as the axis has them."""
     found = [
         f"<figure>{drawn[kind]}<figcaption><b>{escape(figures.TITLES[kind][0])}.</b> "
         f"{escape(figures.meaning(kind, axis))}</figcaption></figure>"

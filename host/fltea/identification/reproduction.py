@@ -1,7 +1,7 @@
-"""Does the identified model reproduce the sensor? Allan deviation of its noise over that of the data.
+"""Check whether the model reproduces the sensor: compare Allan deviations of the model and of the data.
 
-That of the model, and how far the one of a record as long spreads about it, follow from the model's spectrum:
-nothing is simulated.
+The model's Allan deviation, and its spread for records of the same length, follow from the model's spectrum.
+Nothing is simulated.
 """
 
 import math
@@ -18,35 +18,35 @@ from fltea.records.arrays import Array
 from fltea.spectrum.allan_curve import Allan
 
 CLOSE = 0.1
-"""A model may be so far off, whatever the spread is: parameters are not known better."""
+"""Relative error of the model that always passes, since its parameters are not known any better."""
 SPREADS = 4.0
-"""A model may be off by so many standard deviations of such records, since forty points are compared."""
+"""Number of standard deviations of such records that passes, in view of about forty compared points."""
 NARROW = 0.2
-"""A resonance whose width is below this share of its frequency is a line: it rings on."""
+"""Ratio of width to frequency below which a resonance counts as a line, since it rings for long."""
 
 
 class Reproduction(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Ratio of the Allan deviations, model over data, at each averaging time.
 
-    from_s, to_s: the longest stretch over which the model reproduces the sensor; None if it does nowhere.
+    `from_s`, `to_s`: the longest range over which the model reproduces the sensor; None if there is none.
     """
 
     tau_s: tuple[float, ...]
     ratio: tuple[float, ...]
-    """Median of records of the model's noise that are as long."""
+    """Median over records of the model's noise with the length of the data."""
     low: tuple[float, ...]
-    """5 % of them."""
+    """The 5 % quantile of these records."""
     high: tuple[float, ...]
-    """95 %."""
+    """The 95 % quantile of these records."""
     within: tuple[bool, ...]
-    """The median is within 10 % of the data, or within four standard deviations of such records."""
+    """Whether the median is within 10 % of the data, or within four standard deviations of such records."""
     from_s: float | None
     to_s: float | None
     text: str
 
 
 def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
-    """Compare the Allan deviation of an axis with that of noise of its model; h in s.
+    """Compare the Allan deviation of an axis with that of its model's noise. `h`: sampling period [s].
 
     Raises:
         ValueError: the model has no finite variance, or the axis is constant.
@@ -58,7 +58,7 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
     low, middle, high = (
         np.sqrt(chi2_quantile(p, degrees) / degrees) * deviation / data for p in (0.05, 0.5, 0.95)
     )
-    # The deviation is the root of what is chi-squared.
+    # The square of the deviation is chi-squared, so its logarithm spreads twice as much.
     spread = chi2_log_std(degrees) / 2
     within = np.abs(np.log(middle)) <= np.maximum(math.log1p(CLOSE), SPREADS * spread)
     longest = _longest(within)
@@ -76,16 +76,20 @@ def reproduction(curve: Allan, h: float, model: AxisModel) -> Reproduction:
 
 
 def check_comparable(curve: Allan, h: float, model: AxisModel) -> None:
-    """Raise ValueError as `reproduction` does."""
+    """Raise ValueError if the model has no finite variance, or the axis is constant."""
     check_possible(model, h)
     if not all(curve.deviation):
         raise ValueError("the axis is constant: there is nothing to compare with")
 
 
 def expected(model: AxisModel, h: float, factors: Array, terms: Array) -> tuple[Array, Array]:
-    """Return the model's Allan deviation at averaging times of so many samples, (k,), and degrees of freedom.
+    """Return the model's Allan deviation and its degrees of freedom, each (k,).
 
-    terms (k,): the differences of neighbouring means of the record whose deviation has these degrees.
+    Args:
+        model: the noise model.
+        h: sampling period [s].
+        factors: averaging times in samples, (k,).
+        terms: numbers of differences of neighbouring means in the record, (k,).
     """
     narrow = tuple(one for one in model.resonances if one.width_hz < NARROW * one.frequency_hz)
     wide = tuple(one for one in model.resonances if one not in narrow)

@@ -1,4 +1,4 @@
-"""The steps in which samples were rounded, and whether a file's decimals made them (pure)."""
+"""Find the steps to which samples were rounded, and whether the decimals of a file made them."""
 
 import math
 
@@ -8,23 +8,26 @@ from fltea.records.arrays import Array
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 LONG = 1 << 20
-"""Samples from which on medians and commonest values are those of a part, spread evenly."""
+"""Number of samples above which medians and commonest values come from a part, evenly spaced."""
 SAME_STEP = 1e-3
-"""The relative difference up to which a step is taken for a power of ten."""
+"""Largest relative difference from a power of ten at which a step counts as one."""
 WRITTEN_IN = {
     "deg/s": {"deg/s": 1.0, "rad/s": math.degrees(1.0), "deg/h": 1 / 3600},
     "m/s²": {"m/s²": 1.0, "g": STANDARD_GRAVITY_MS2},
 }
-"""For each of our units those that files are in, and what one is in ours; with milli they are the same."""
+"""Units in which files write each of our units, with their sizes in ours.
+
+Milli-units give the same result.
+"""
 
 
 def thin(y: Array) -> Array:
-    """Return all samples, or every k-th of more than LONG, which show well enough what is typical."""
+    """Return all samples, or every k-th if there are more than LONG; enough to show what is typical."""
     return y[:: -(-len(y) // LONG)] if len(y) > LONG else y
 
 
 def step(y: Array) -> float | None:
-    """Return the quantum of values that were rounded, or None."""
+    """Return the step to which values were rounded, or None if they were not rounded."""
     values = np.unique(thin(y))
     if len(values) < 2:
         return None
@@ -36,7 +39,7 @@ def step(y: Array) -> float | None:
 def decimals(quantum: float, unit: str) -> str:
     """Return the step as the file writes it, such as "0.01 rad/s", if it is a power of ten there; else "".
 
-    quantum: in `unit`. No sensor's count is known to be one, so it tells of decimals that were left out.
+    `quantum`: the step in `unit`. No sensor's count is known to be a power of ten, so decimals were cut off.
     """
     for name, size in WRITTEN_IN.get(unit, {unit: 1.0}).items():
         power = round(math.log10(quantum / size))

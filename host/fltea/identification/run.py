@@ -1,7 +1,10 @@
-"""Many recordings: results come in the order of the recordings, failures stay apart.
+"""Identify many recordings; results come in the order of the recordings, and one failure affects no other.
 
-Each axis is a task, and each group of its shuffled copies another, for they take most of the time, and three
-axes would keep two cores busy for as long as four. What comes out does not depend on who does which.
+Each axis is a task. Each group of its shuffled copies is another task, since copies take most of the time,
+and
+three axes alone would keep two cores busy for as long as four. The results do not depend on which process
+does
+which task.
 """
 
 from collections import deque
@@ -53,46 +56,48 @@ from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.live import LiveConfig
 
 USUAL_TASKS = 3
-"""Tasks that a recording is taken for before it is read. The bar grows with the groups of copies."""
+"""Assumed number of tasks of a recording before it is read; groups of copies add to the total later."""
 
 Progress = Callable[[str, int, int], None]
-"""Is called with what has just been done, and how many tasks of how many are done."""
+"""Receives what was just done, the number of tasks done, and the total number of tasks."""
 
 
 class Settings(msgspec.Struct, frozen=True):
-    """How to identify; bias and R of the estimators may be lists, one number a channel."""
+    """How to identify; `bias` and `R` of the estimators may be lists with one number for each channel."""
 
     options: IdentifyOptions
-    """But for the estimator."""
+    """Options except for the estimator."""
     gyro: EstimatorConfig = EstimatorConfig()
     accel: AccelConfig = AccelConfig()
     details: bool = True
-    """Find out what the answer itself does not say: FLTEA's estimates, those of shuffled copies, and where
-    the model reproduces the Allan deviation."""
+    """Whether to compute what the answer itself does not show.
+
+    That is FLTEA's estimates, those of shuffled copies, and where the model reproduces the Allan deviation.
+    """
     figures: bool = False
-    """Make what figures are drawn from."""
+    """Whether to compute the curves that figures show."""
     forecast: Asked = False
     live: LiveConfig = LiveConfig()
-    """What the tracker goes by: how far a bias steps at most, and for how many seconds it is meant."""
+    """Settings of the tracker: the largest step of a bias, and the time T of Bias(T)."""
 
     def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
-        """Return the options of one axis of those that are identified."""
+        """Return the options of one axis among the identified `channels`."""
         config, names = (self.accel, ACCEL_AXES) if axis in ACCEL_AXES else (self.gyro, AXES)
-        place = [name for name in channels if name in names].index(axis)
+        index = [name for name in channels if name in names].index(axis)
         numbers: dict[str, Any] = {}
         for key in ("bias", "R"):
             value = getattr(config, key)
             if isinstance(value, list):
-                if place >= len(value):
-                    raise UsageError(f"{key}: has {len(value)} numbers, but {axis} is axis {place + 1}.")
-                numbers[key] = value[place]
+                if index >= len(value):
+                    raise UsageError(f"{key}: has {len(value)} numbers, but {axis} is axis {index + 1}.")
+                numbers[key] = value[index]
         return msgspec.structs.replace(self.options, estimator=msgspec.structs.replace(config, **numbers))
 
 
 def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
-    """Return the options with times as samples, h s each.
+    """Return the options with times converted to samples. `h`: sampling period [s].
 
-    UsageError if there are more of them than may be.
+    Raises UsageError if a time has more samples than allowed.
     """
     try:
         return msgspec.structs.replace(options, estimator=options.estimator.at(1 / h))
@@ -102,19 +107,19 @@ def _at_rate(options: IdentifyOptions, h: float) -> IdentifyOptions:
 
 @dataclass
 class _Task(Task):
-    """To read a recording, to watch its biases, to run FLTEA over its axes, or something for one axis."""
+    """A task: read a recording, track its biases, run FLTEA over its axes, or process one axis."""
 
     report: FileReport
     axis: "_Axis | None" = None
     part: int | None = None
-    """Number of the group of copies."""
+    """Index of the group of copies."""
     of: "_Recording | None" = None
-    """The recording, unless it is to be read."""
+    """The recording; None if the task is to read it."""
 
 
 @dataclass
 class _Axis:
-    """An axis whose tasks are under way. Its report comes when all of them are done."""
+    """An axis whose tasks are under way. Its report exists once all of them are done."""
 
     name: str
     series: Series
@@ -130,12 +135,12 @@ class _Axis:
     failure: Failure | None = None
 
     def take(self, task: _Task, result: Any) -> None:
-        """Take what a task gave."""
+        """Store the result of a task."""
         self.is_examined |= task.do is examine
         if isinstance(result, BaseException):
             if self.looks > 1 and task.do is examine:
-                return  # too little is left between steps: the look before counts
-            # Of several the axis itself knows best what is wrong with it.
+                return  # too few samples are left between the steps: the previous analysis stays valid
+            # If several tasks fail, the failure of the axis's own analysis explains most.
             self.failure = (
                 Failure(_text(result)) if task.part is None else self.failure or Failure(_text(result))
             )
@@ -148,7 +153,7 @@ class _Axis:
 
     @property
     def report(self) -> AxisReport | Failure | None:
-        """The report; None if something is still to come."""
+        """The report; None if a result is still missing."""
         copies = [part for part in self.parts if part is not None]
         if self.failure is not None or self.found is None or len(copies) < len(self.parts):
             return self.failure
@@ -176,7 +181,7 @@ class _Recording:
     watches: int = 0
 
     def agreed(self) -> dict[str, Learned]:
-        """Return the tracked systems of its axes by name."""
+        """Return the tracked systems of the axes by name."""
         tracked = {axis.name: axis.found.tracked for axis in self.axes if axis.found is not None}
         return in_agreement(tracked, self.h)
 
@@ -190,7 +195,8 @@ def identify_all(
 ) -> list[FileReport]:
     """Identify recordings; the reports have the order of the requests.
 
-    readers: who reads the files, if not `workers`, which may be on machines that do not have them.
+    `readers`: workers that read the files. They differ from `workers` if these run on machines without the
+        files.
 
     Raises:
         FlteaError: the workers are gone.
@@ -209,7 +215,7 @@ def identify_all(
 
 
 class _Loop(HandOut[_Task]):
-    """Hands out tasks, axes before further recordings, so that few recordings are in memory at a time."""
+    """Hand out tasks. Axes come before further recordings, so that few recordings are in memory at once."""
 
     def __init__(
         self,
@@ -228,17 +234,17 @@ class _Loop(HandOut[_Task]):
         self._done, self._total = 0, len(reading) * (1 + USUAL_TASKS)
 
     def next_task(self) -> _Task | None:
-        """Return the next of an axis, or else the next recording."""
+        """Return the next task of an axis, or else the next recording to read."""
         queue = self._alone or self._axes or self._reading
         return queue.popleft() if queue else None
 
     def submit(self, task: _Task) -> "Future[Any]":
-        """Hand over a task, to the readers if it is to read."""
+        """Submit a task; a task that reads goes to the readers."""
         who = self._readers if task.do is load else self._workers
         return who.submit(task.do, *task.arguments)
 
     def settle(self, task: _Task, result: Any) -> None:
-        """Put a result into its report, and plan what follows from it."""
+        """Store a result in its report, and plan the tasks that follow from it."""
         report = task.report
         self._done += 1
         if task.of is not None:
@@ -275,7 +281,7 @@ class _Loop(HandOut[_Task]):
         self._total += len(tasks)
 
     def _watch(self, task: _Task) -> None:
-        """Plan to watch the biases, when all axes of a recording were examined, or what follows."""
+        """Once all axes of a recording are analysed, plan to track the biases, or to draw conclusions."""
         assert task.of is not None
         of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}
         of.watches += 1
@@ -286,7 +292,7 @@ class _Loop(HandOut[_Task]):
             self._add(_Task(watch, arguments, task.report, of=of))
 
     def _look_again(self, task: _Task, events: dict[str, AxisEvents]) -> None:
-        """Plan looks without what has happened; or what follows from the last ones."""
+        """Plan a refit of axes whose steps or motion have changed; if none has, plan the conclusions."""
         assert task.of is not None
         of = task.of
         again = []
@@ -301,7 +307,7 @@ class _Loop(HandOut[_Task]):
             self._conclude(task)
 
     def _look(self, axis: _Axis, report: FileReport, of: _Recording) -> _Task:
-        """Return the next look at an axis."""
+        """Return the task of the next analysis of an axis."""
         axis.looks += 1
         axis.is_examined = False
         out = None if axis.events is None else axis.events.left_out
@@ -311,7 +317,7 @@ class _Loop(HandOut[_Task]):
         return _Task(examine, arguments, report, axis, of=of)
 
     def _conclude(self, task: _Task) -> None:
-        """Plan what follows when all axes of a recording were examined for the last time."""
+        """Plan the conclusions after the last analysis of all axes of a recording."""
         assert task.of is not None
         of = task.of
         agreed = of.agreed()
@@ -327,7 +333,7 @@ class _Loop(HandOut[_Task]):
                     self._add(_Task(conclude, arguments, task.report, axis, of=of))
 
     def _run_fltea(self, report: FileReport, of: _Recording) -> None:
-        """Plan FLTEA over all axes at a time, and over their shuffled copies."""
+        """Plan to run FLTEA over all axes together, and over their shuffled copies."""
         axes = [axis for axis in of.axes if axis.found is not None and axis.events is not None]
         looked_at = []
         for axis in axes:
@@ -340,7 +346,7 @@ class _Loop(HandOut[_Task]):
             self._add(_Task(run_fltea, (looked_at, of.h), report, of=of))
 
     def _plan(self, report: FileReport, recording: Loaded) -> None:
-        """Plan the first look at each axis."""
+        """Plan the first analysis of each axis."""
         h = recording.h
         self._workers.expect(sum(len(series.y) for series in recording.axes.values()))
         of = _Recording(h, recording.accel, recording.data_checks)
@@ -372,7 +378,7 @@ class _Loop(HandOut[_Task]):
         self._total -= USUAL_TASKS
 
     def _copies(self, axis: _Axis, series: Series, report: FileReport, of: _Recording) -> Iterator[_Task]:
-        """Yield the tasks of the shuffled copies, which are many and alike, so that no process idles."""
+        """Yield the tasks of the shuffled copies: many, and of equal size, so that no process is idle."""
         epoch = longest_epoch(len(series.y), series.gaps)
         for part, group in enumerate(groups(epoch[1] - epoch[0], axis.options.shuffles)):
             axis.parts.append(None)
@@ -381,7 +387,7 @@ class _Loop(HandOut[_Task]):
 
 
 def _take_fltea(of: _Recording, result: Any) -> None:
-    """Give each axis what FLTEA found, or why it did not."""
+    """Give each axis its FLTEA estimates, or the reason why there are none."""
     axes = [axis for axis in of.axes if axis.wants_fltea]
     if isinstance(result, BaseException):
         for axis in axes:

@@ -1,7 +1,8 @@
-"""What happened to a sensor during a recording: steps of its biases, and motion; and the biases at its end.
+"""Find the events of a sensor during a recording: steps of its biases, motion, and the biases at the end.
 
-The tracker that works live runs over all axes of a sensor together, with its accelerometer if there is one,
-by the noise of which each axis was found to be.
+The tracker of live use runs over all axes of a sensor together, and over its accelerometer if there is one.
+It
+uses the noise model that was found for each axis.
 """
 
 import contextlib
@@ -31,17 +32,19 @@ from fltea.stream.happenings import BY
 from fltea.stream.tracking import rules_of
 
 LONG = IN_A_ROW * CHUNK
-"""Samples of motion from which on its samples have to follow each other smoothly. Else it is noise that has
-grown, of which the verdict tells."""
+"""Length of a motion in samples above which its samples have to follow each other smoothly.
+
+Otherwise it is noise whose power has grown, which the verdict reports.
+"""
 FAST_S = 1.0
-"""The longest correlation time, in s, of what is not taken for steps."""
+"""Longest correlation time of noise that is not taken for steps [s]."""
 BETTER = 10.0
-"""Log likelihood by which a bias that stays but for steps has to be the better one."""
+"""Log likelihood by which a bias that is constant between steps has to be better."""
 COURSE_POINTS = 500
 
 
 class BiasStep(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A step of a bias, in the unit of its axis; at_s: from the beginning of the recording, in s."""
+    """A step of a bias, in the unit of its axis. `at_s`: time since the beginning of the recording [s]."""
 
     at_s: float
     size: float
@@ -49,14 +52,14 @@ class BiasStep(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class MotionSpan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A motion of the sensor, in s from the beginning of the recording."""
+    """A motion of the sensor; times are in s since the beginning of the recording."""
 
     begin_s: float
     end_s: float
     by: str
-    """The axis that showed it, or `accel`."""
+    """The axis that showed the motion, or `accel`."""
     largest: float | None
-    """How far a sample was from the bias at most, in `unit`; null where the recording ended before."""
+    """Largest distance of a sample from the bias, in `unit`; null if the recording ended in the motion."""
     unit: str
 
 
@@ -69,12 +72,12 @@ class BiasCourse(NamedTuple):
 
 
 class AxisEvents(NamedTuple):
-    """What happened to one axis. Without a noise model it has no steps, no bias and no course."""
+    """The events of one axis. Without a noise model it has no steps, no bias and no course."""
 
     steps: tuple[BiasStep, ...] = ()
     motion: tuple[MotionSpan, ...] = ()
     left_out: LeftOut = NOTHING
-    """What the look at the spectrum has to leave out."""
+    """What the spectral analysis has to leave out."""
     at_end: BiasAtEnd | None = None
     course: BiasCourse | None = None
 
@@ -89,13 +92,16 @@ def watch(
     h: float,
     live: LiveConfig,
 ) -> dict[str, AxisEvents]:
-    """Return what happened to each axis of a recording; motion is that of all axes of the sensor.
+    """Return the events of each axis of a recording; all axes of a sensor share its motion.
 
-    An accelerometer moves where its gyroscope does, too, and longer: until it lies still elsewhere.
+    An accelerometer shows the motion of its gyroscope, and for longer: until it lies still again elsewhere.
 
-    axes: all samples as they were read; steps between the levels of telegraph noise are no event. accel:
-    samples (n,) of each axis of the accelerometer, in m/s²; none where there is no accelerometer. tracked:
-    the noise of axes, by name. h: sampling period in s.
+    Args:
+        axes: all samples as they were read. Steps between the levels of telegraph noise are no events.
+        accel: samples (n,) of each axis of the accelerometer [m/s²]; empty if there is none.
+        tracked: the tracked system of each axis, by name.
+        h: sampling period [s].
+        live: settings of the tracker.
     """
     axes = {name: without_levels(one, h)[0] for name, one in axes.items()}
     gyro = {name: one for name, one in axes.items() if one.unit == GYRO_UNIT}
@@ -103,16 +109,16 @@ def watch(
     systems = {name: None if one is None else one.system for name, one in tracked.items()}
     staying = _staying(tracked, h)
     runs: list[tuple[Future[_SensorRun], Future[_SensorRun] | None]] = []
-    with ThreadPoolExecutor(2) as beside:  # nearly all of it is native
+    with ThreadPoolExecutor(2) as pool:  # nearly all the work is native code
         for group, shown in ((gyro, accel), (others, ())):
             if group:
                 other = None
                 if not staying.keys().isdisjoint(group):
-                    other = beside.submit(_SensorRun, group, shown, systems | staying, h, live)
-                runs.append((beside.submit(_SensorRun, group, shown, systems, h, live), other))
+                    other = pool.submit(_SensorRun, group, shown, systems | staying, h, live)
+                runs.append((pool.submit(_SensorRun, group, shown, systems, h, live), other))
     found: dict[str, AxisEvents] = {}
     moved: list[_Moved] = []
-    # The gyroscope, to which the accelerometer has shown motion, comes first.
+    # The gyroscope comes first, as it has the motion that the accelerometer has shown.
     for of_system, of_staying in runs:
         run, stays = of_system.result(), None if of_staying is None else of_staying.result()
         moved = _united([*moved, *run.moved])
@@ -123,11 +129,13 @@ def watch(
 
 
 def _staying(tracked: Mapping[str, Learned | None], h: float) -> dict[str, System]:
-    """Return, of axes whose bias moves, a noise whose bias stays where it is but for steps.
+    """Return a model whose bias is constant between steps, for each axis whose model has a moving bias.
 
     A bias that steps to and fro has the spectrum of a relaxation, and one that steps now and then looks like
-    a walk. So both are tried, and that counts which foretells the samples better. Each step costs it the
-    samples until the step is found, so a bias that walks is not taken for one that steps.
+    a
+    random walk. So both models are tried, and the one that predicts the samples better is used. Each step
+    costs the
+    second model the samples until the step is detected, so a bias that walks is not taken for one that steps.
     """
     found = {}
     for name, one in tracked.items():
@@ -136,7 +144,7 @@ def _staying(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Syste
         fast = [part for part in one.parts if not _is_slow(part)]
         moves = len(fast) < len(one.parts) or one.walk.is_certain
         if moves and any(isinstance(part, White) for part in fast):
-            with contextlib.suppress(ValueError, ArithmeticError):  # no filter can work with it
+            with contextlib.suppress(ValueError, ArithmeticError):  # no filter works with this model
                 found[name] = system(fast, h, one.samples, found=True).with_offset()
     return found
 
@@ -146,7 +154,7 @@ def _is_slow(part: Part) -> bool:
 
 
 class _Moved(NamedTuple):
-    """Motion of the samples begin … end - 1."""
+    """Motion during samples begin … end - 1."""
 
     begin: int
     end: int
@@ -154,7 +162,7 @@ class _Moved(NamedTuple):
 
 
 class _Stepped(NamedTuple):
-    """A step of an axis before the sample `at`, known with the sample `row`."""
+    """A step of an axis before sample `at`, detected at sample `row`."""
 
     at: int
     row: int
@@ -190,11 +198,11 @@ class _SensorRun:
             self._run(begin, end)
 
     def _run(self, begin: int, end: int) -> None:
-        """Run a tracker from where the sensor was new, or samples were lost, to where that is so again."""
+        """Run a tracker over samples begin … end - 1, between two restarts of the sensor or long gaps."""
         tracker = Tracker([None] * len(self._names), rules_of(self._live, self._h, self._unit))
         for lane, one in enumerate(self._systems):
             if one is not None:
-                with contextlib.suppress(ValueError):  # no filter can work with it
+                with contextlib.suppress(ValueError):  # no filter works with this system
                     tracker.set(lane, one)
         since: _Moved | None = None
         self._before = [len(steps) for steps in self._steps]
@@ -217,7 +225,7 @@ class _SensorRun:
             self._end_motion(since, end, None)
 
     def _blocks(self, begin: int, end: int) -> Iterator[tuple[int, int, int]]:
-        """Yield begin and end of blocks of samples, and how many samples are lost before each."""
+        """Yield begin and end of blocks of samples, and the number of samples lost before each block."""
         inside = self._gaps.within(begin, end)
         lost = dict(zip((inside.at + begin).tolist(), inside.missing.tolist(), strict=True))
         edges = sorted({*range(begin, end, AT_ONCE), *lost, end})
@@ -225,7 +233,10 @@ class _SensorRun:
             yield first, last, lost.get(first, 0)
 
     def _take(self, event: TrackerEvent, row: int, begin: int, since: _Moved | None) -> _Moved | None:
-        """Take an event, known with a sample; since: the motion that has begun and not ended."""
+        """Store an event that was detected at sample `row`.
+
+        `since`: the motion that has begun and not ended. Returns its new value.
+        """
         at = max(row - max(event.ago - 1, 0), begin)
         if event.kind == EventKind.STEP:
             self._steps[event.axis].append(_Stepped(at, row, event.size, event.size_std))
@@ -238,17 +249,17 @@ class _SensorRun:
         return since
 
     def foretells(self, name: str, other: "_SensorRun") -> bool:
-        """Whether its noise foretells the samples of an axis better than the noise of another run does."""
+        """Whether this run's model predicts the samples of an axis better than the model of another run."""
         lane = self._names.index(name)
         if self._counts[lane] < other._counts[lane] - LONG:
-            return False  # what it cannot foretell is motion to it
+            return False  # samples that it cannot predict, it took for motion
         mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
         return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
 
     def _undo(self, counts: Sequence[int], events: Sequence[TrackerEvent], first: int) -> None:
-        """Forget steps that the tracker has undone, since they were the beginning of a motion.
+        """Drop steps that the tracker has withdrawn, because they were the beginning of a motion.
 
-        counts: steps of each axis that count. first: the number of the first sample of these events.
+        `counts`: number of valid steps of each axis. `first`: index of the sample at which `events` begin.
         """
         begun = [first + event.row for event in events if event.kind == EventKind.MOVES]
         for steps, before, count in zip(self._steps, self._before, counts, strict=True):
@@ -280,13 +291,14 @@ class _SensorRun:
         return self._gaps.place(number) * self._h
 
     def of_axis(self, name: str, moved: Sequence[_Moved]) -> AxisEvents:
-        """Return what happened to an axis of a sensor that moved so."""
+        """Return the events of an axis of a sensor with this motion."""
         lane = self._names.index(name)
         motion = tuple(one.span for one in moved)
         spans = tuple((one.begin, one.end) for one in moved)
         if self._systems[lane] is None:
             return AxisEvents((), motion, LeftOut(spans, ()))
-        # No step is one before the first sample, or one in motion that another sensor has shown.
+        # A step before the first sample of a part is no step, nor is one during motion that another sensor
+        # showed.
         none = [(begin, begin + 1) for begin, _, _ in self._parts] + [*spans]
         steps = [one for one in self._steps[lane] if not any(begin <= one.at < end for begin, end in none)]
         points = np.concatenate(self._points, axis=1)[:, :, lane]
@@ -301,7 +313,7 @@ class _SensorRun:
 
 
 def _united(moved: Sequence[_Moved]) -> list[_Moved]:
-    """Return motion in the order of time; what overlaps is one motion, told of by what has shown it first."""
+    """Return motion in order of time; overlapping motion is merged, and named by what has shown it first."""
     found: list[_Moved] = []
     for one in sorted(moved, key=lambda one: one[:2]):
         if found and one.begin <= found[-1].end:

@@ -1,8 +1,10 @@
-"""One walk of the offset for the axes of a sensor, where they agree (pure).
+"""Estimate one random walk of the offset for all axes of a sensor, where the axes agree.
 
-The axes of a sensor are made alike, and each alone hardly tells how its offset walks, nor within which
-bounds. So their likelihoods are multiplied, if one walk for all makes the samples at least as likely as a
-walk of each axis' own does. A slope stays each axis' own: axes that warm up drift this way and that.
+The axes of a sensor are built alike. Each axis alone hardly shows how its offset walks, or within which
+bounds.
+So the likelihoods of the axes are multiplied, if one walk for all axes explains the samples at least as well
+as
+separate walks. Each axis keeps its own slope, since axes that warm up drift in different directions.
 """
 
 import math
@@ -15,16 +17,18 @@ from fltea.identification.forecast_judge import Learned
 from fltea.records.arrays import Array
 
 A_DECADE = 4
-"""Variances of a step that are tried."""
+"""Number of step variances per decade that are tried."""
 UNLIKELY = 1e-300
 
 
 def shared_walk(tracked: Mapping[str, Learned], h: float) -> dict[str, Learned]:
-    """Return the tracked systems of a sensor's axes, by name, with what their offsets have in common.
+    """Return the tracked systems of a sensor's axes by name, with what their offsets have in common.
 
-    That is the walk, or its bounds alone where the spectrum has found a walk of each. They are returned as
-    they are if the axes do not agree, or if fewer than two are alike. Axes of which different bounds were
-    tried (a noise with an order has none) are no axes made alike.
+    That is the random walk, or its bounds alone where the spectrum shows a separate walk of each axis. The
+    systems
+    are unchanged if the axes do not agree, or if fewer than two are alike. Axes for which different bounds
+    were
+    tried are not alike (noise with an order has no bounds).
     """
     alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
     for name, one in tracked.items():
@@ -40,7 +44,7 @@ def shared_walk(tracked: Mapping[str, Learned], h: float) -> dict[str, Learned]:
 
 
 def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks with bounds that are common to them; none if they do not agree."""
+    """Return the walks with common bounds; an empty list if the axes do not agree."""
     prior = _prior(walks[0].steps[:1].tolist(), taus, stays=0.0)
     own = np.array([[walk.weights[walk.taus == tau].sum() for tau in taus] for walk in walks])
     own = np.maximum(own, UNLIKELY)
@@ -56,13 +60,13 @@ def _agreed_bounds(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[Off
 
 
 def _prior(steps: list[float], taus: Sequence[float], stays: float) -> Array:
-    """Return the weights of walks before any sample, in the order of the walks, of rising bounds."""
+    """Return the prior weights of walks in the order of rising bounds."""
     tried = sorted(walks_tried(steps, [one for one in taus if math.isfinite(one)], stays))
     return np.array([weight for _, _, weight in tried])
 
 
 def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk]:
-    """Return the walks with what is common to them; none if they do not agree."""
+    """Return the walks with a common distribution; an empty list if the axes do not agree."""
     low = min(float(walk.steps[walk.steps > 0].min()) for walk in walks)
     high = max(float(walk.steps.max()) for walk in walks)
     steps = np.geomspace(low, high, round(A_DECADE * math.log10(high / low)) + 1).tolist()
@@ -79,16 +83,16 @@ def _agreed(walks: list[OffsetWalk], taus: tuple[float, ...]) -> list[OffsetWalk
 
 
 def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
-    """Return log L of walks by steps of variance q within bounds tau, (walks, slopes), but for a constant.
+    """Return log L of walks with step variance `q` and bounds `tau`, (walks, slopes), up to a constant.
 
-    The prior of a slope is in it, that of a walk is not.
+    It includes the prior of the slope, but not that of the walk.
     """
     steps, taus, _, weights = walk.by_walk
     bounds = [one for one in np.unique(taus) if math.isfinite(one)]
     known = np.unique(steps[steps > 0])
     prior = np.array([weight for _, _, weight in walks_tried(known.tolist(), bounds, STAYS)])
     own = np.log(np.maximum(weights, UNLIKELY)) - np.log(prior)[:, None]
-    # A walk that is slower than all that were tried is as likely as none.
+    # A walk slower than all that were tried is as likely as no walk.
     at = np.log(np.append(known[0] / 10, known))
     found = np.empty((len(q), own.shape[1]))
     for slope, column in enumerate(own.T):
@@ -102,7 +106,7 @@ def _log_likelihoods(walk: OffsetWalk, q: Array, tau: Array) -> Array:
 
 
 def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Array) -> OffsetWalk:
-    """Return a walk that is common to all, (walks,), with the slopes of one axis, (walks, slopes)."""
+    """Return the common walk, (walks,), with the slopes of one axis, (walks, slopes)."""
     slopes = walk.by_walk[2]
     share = np.exp(likely - likely.max(axis=1, keepdims=True))
     own = weights[:, None] * share / share.sum(axis=1, keepdims=True)

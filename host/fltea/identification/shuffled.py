@@ -1,7 +1,6 @@
-"""What FLTEA gives for shuffled copies of the same samples, which are white whatever they were before.
+"""Run FLTEA over shuffled copies of the samples, which are white whatever the samples were.
 
-Copies are lanes of an engine, each with a start-up window, a bias and an R of its own, as the daemon would
-have them.
+Copies are lanes of an engine. Each copy has its own start-up window, bias and R, as in the daemon.
 """
 
 import math
@@ -20,37 +19,41 @@ from fltea.settings.estimator import EstimatorConfig
 
 PROBABILITIES = (0.05, 0.5, 0.95)
 BLOCK = 100
-"""Samples of all lanes that the engine takes at once: what it returns has to fit the caches."""
+"""Number of samples of all lanes that the engine processes at once; its results have to fit the caches."""
 GROUP_BYTES = 64_000_000
-"""The memory of the samples of a group of copies."""
+"""Memory for the samples of a group of copies [bytes]."""
 LEAST_LANES, MOST_LANES = 8, 40
-"""Lanes of a group: fewer leave wide instructions idle, more keep other processes idle at the end."""
+"""Lanes in a group: fewer leave vector instructions idle, more leave other processes idle at the end."""
 LONGEST = 1 << 17
-"""Samples; copies of a longer record are drawn from it, part by part, so that they need no memory. Those of
-the joint filter end here: it forgets, and the quantiles of its last α move by 0.003 up to a million samples.
-The triple's go on falling for as long (from 0.13 to 0.11), so its copies are as long as the record."""
+"""Length in samples above which copies are drawn from the record block by block, to need no memory.
+
+Copies for the joint filter end at this length. This filter forgets, and the quantiles of its last α change by
+0.003 up to a million samples. Those of the triple filter keep falling (from 0.13 to 0.11), so its copies are
+as
+long as the record.
+"""
 DRAWN = 1 << 13
-"""Samples of a part."""
+"""Number of samples in such a block."""
 ACCURACY = 3
-"""Digits of the compressed memory: cost 1e-6 in α, where copies differ by 1e-2; a sixth of the time."""
+"""Digits of the compressed memory: costs 1e-6 in α, where copies differ by 1e-2; a sixth of the time."""
 
 
 class ShuffledBand(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """5, 50 and 95 % of the copies' last estimates; None where no copy has one."""
+    """The 5, 50 and 95 % quantiles of the copies' last estimates; None where no copy has one."""
 
     copies: int
     lost: int
-    """Copies that ran away (only without a guard), or are not valid at the end; left out."""
+    """Number of copies left out, since they diverged (only without a guard) or are not valid at the end."""
     alpha: tuple[float, float, float] | None
     f: tuple[float, float, float] | None
-    """The parameter f in s^-α."""
+    """The parameter f of s^-α."""
     alpha_rank: float | None
-    """Share of the copies whose α is below that of the data: 0.05 to 0.95 is what white noise gives."""
+    """Share of the copies whose α is below that of the data; white noise gives 0.05 to 0.95."""
     f_rank: float | None
 
 
 class Copies(msgspec.Struct, frozen=True):
-    """Last estimates of some of the copies, (copies,); α and f are finite where they are not lost."""
+    """The last estimates of some copies, (copies,); α and f are finite for copies that are not lost."""
 
     alpha: Array
     f: Array
@@ -58,9 +61,9 @@ class Copies(msgspec.Struct, frozen=True):
 
 
 def groups(samples: int, copies: int) -> list[range]:
-    """Return the numbers of the copies, in groups of as many as may be in memory at a time.
+    """Return the numbers of the copies, in groups that fit into memory.
 
-    They depend on the record only, and not on who estimates them.
+    The groups depend on the record only, not on the workers.
     """
     samples = min(samples, LONGEST)
     size = max(
@@ -78,15 +81,23 @@ def estimate(
     seed: int,
     part: tuple[int, int] | None = None,
 ) -> Copies:
-    """Estimate shuffled copies of one axis y (n,) with the settings of `config`, period h in s.
+    """Estimate shuffled copies of one axis with the settings of `config`.
 
-    copies: their numbers. Each is shuffled by (seed, number), and comes out the same beside whatever others.
-    Of records of more than LONGEST samples they are drawn. part: begin and end of the samples that are meant,
-    if not all: those that FLTEA was run over.
-    Memory is compressed whatever `config.memory` says.
+    Each copy is shuffled by the seed (seed, number), so that it is the same in any group. Copies of records
+    longer
+    than LONGEST are drawn instead. Memory is compressed whatever `config.memory` says.
+
+    Args:
+        y: samples of the axis, (n,).
+        h: sampling period [s].
+        config: settings of FLTEA.
+        lsb: one count in the unit of y, if known.
+        copies: numbers of the copies.
+        seed: seed of the shuffles.
+        part: begin and end of the samples that FLTEA was run over; None: all.
 
     Raises:
-        ValueError: settings that no filter can work with.
+        ValueError: the settings give no filter that works.
     """
     if part is not None:
         y = y[slice(*part)]
@@ -95,7 +106,7 @@ def estimate(
     shuffles = next(parts)
     bias, R = lane_baselines(shuffles[:, :startup].T, config, lsb)
     if config.R == "auto":
-        # A copy that happens to be constant in its window, of data that hardly ever change.
+        # A copy can happen to be constant in its window if the data hardly ever change.
         R = np.maximum(R, 1e-6 * y[:LONGEST].var())
     settings = LaneSettings(msgspec.structs.replace(config, memory="compressed"), h, R, accuracy=ACCURACY)
     runner = Lanes(lanes, settings)
@@ -109,12 +120,12 @@ def estimate(
 
 
 def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> Iterator[Array]:
-    """Yield the samples of the copies, (copies, n), part after part; the first holds the start-up window."""
+    """Yield the samples of the copies, (copies, n), block by block; the first holds the start-up window."""
     rngs = [np.random.default_rng((seed, number)) for number in copies]
     if len(y) <= LONGEST:
         shuffles = np.empty(
             (len(copies), len(y))
-        )  # whole copies one after the other: columns are slow to write
+        )  # fill whole copies in turn, since columns are slow to write
         for row, rng in zip(shuffles, rngs, strict=True):
             row[:] = rng.permutation(y)
         yield shuffles
@@ -128,7 +139,7 @@ def _parts(y: Array, copies: range, seed: int, startup: int, variant: str) -> It
 
 
 def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None) -> ShuffledBand:
-    """Put groups of copies together; alpha, f: what the same settings gave for the data themselves."""
+    """Join groups of copies. `alpha`, `f`: the estimates for the data themselves with the same settings."""
     lost = np.concatenate([part.lost for part in parts])
     alphas = np.concatenate([part.alpha for part in parts])[~lost]
     fs = np.concatenate([part.f for part in parts])[~lost]
@@ -138,11 +149,11 @@ def shuffled_band(parts: Sequence[Copies], alpha: float | None, f: float | None)
 
 
 def _quantiles(values: Array) -> tuple[float, float, float] | None:
-    """Return quantiles at Weibull's positions: one more copy falls between two of them with their share."""
+    """Return quantiles at Weibull's positions, where one more copy falls with the nominal probability."""
     if not values.size:
         return None
-    places = np.array(PROBABILITIES) * (values.size + 1) - 1
-    low, middle, high = np.interp(places, np.arange(values.size), np.sort(values)).tolist()
+    positions = np.array(PROBABILITIES) * (values.size + 1) - 1
+    low, middle, high = np.interp(positions, np.arange(values.size), np.sort(values)).tolist()
     return low, middle, high
 
 

@@ -1,4 +1,4 @@
-"""Writes simulated noise and its true state to a file that `replay:` reads."""
+"""Write simulated noise and its true state to a file that `replay:` reads."""
 
 import contextlib
 import csv
@@ -20,12 +20,15 @@ from fltea.sources.synthetic import NoiseSettings
 
 
 def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes: int) -> None:
-    """Write so many axes; the order goes from that of `settings` to `alpha_end` at the last sample.
+    """Write simulated noise; its order changes from that of `settings` to `alpha_end` at the last sample.
 
-    Samples are counts unless `settings.lsb_per_dps` is 0. The file appears whole or not at all.
+    Samples are counts unless `settings.lsb_per_dps` is 0. The file appears whole or not at all. `axes`:
+    number of
+    axes.
 
     Raises:
-        UsageError: impossible parameters, noise that runs away, or an ending that is neither .csv nor .npz.
+        UsageError: the parameters are impossible, the noise diverges, or the name ends neither in .csv nor
+            .npz.
         FlteaError: the file cannot be written.
     """
     s = settings
@@ -46,13 +49,16 @@ def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes:
 
 
 def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> None:
-    """Write `settings.n` samples of the axes that `fltea identify --export-model` wrote to the file `model`.
+    """Write simulated noise of the axes in `model`, a file of `fltea identify --export-model`.
 
-    Of the settings only number, seed and what a sensor adds count; the rate and the noise are the model's.
-    The true state beside the samples is all that is not white; the order is in the model's own file.
+    Of the settings, only number of samples, seed and the effects of the sensor count; rate and noise are
+    those of
+    the model. The true state next to the samples is all noise that is not white. The order is in the model
+    file.
 
     Raises:
-        UsageError: no such model, impossible settings, or an ending that is neither .csv nor .npz.
+        UsageError: the model cannot be read, settings are impossible, or the name ends neither in .csv nor
+            .npz.
         FlteaError: the file cannot be written.
     """
     from fltea.identification.model_file import read_models
@@ -72,9 +78,9 @@ def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> N
 
 @contextlib.contextmanager
 def _impossible() -> Iterator[None]:
-    """Tell what cannot be drawn, or takes more memory than there is."""
+    """Turn errors on impossible noise, or on lack of memory, into a UsageError."""
     try:
-        with np.errstate(all="ignore"):  # what is no number in the end is reported
+        with np.errstate(all="ignore"):  # values that end as NaN are reported later
             yield
     except (ValueError, ArithmeticError, MemoryError) as error:
         raise UsageError(f"simulate: {error}.") from error
@@ -96,7 +102,7 @@ def _simulate(
     orders: Array | None,
     settings: NoiseSettings,
 ) -> None:
-    """Draw samples and states of each axis, and write them with the order of each sample, if it is known."""
+    """Draw samples and states of each axis, and write them, with the order of each sample if it is known."""
     with _impossible():
         y, x = (np.stack(one, axis=1) for one in zip(*map(draw, range(axes)), strict=True))
         y, counts = y + settings.offset_dps, None

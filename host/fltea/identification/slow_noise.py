@@ -1,6 +1,7 @@
-"""What the tracker adds to the figures of an axis, which are by its spectrum: K, drift rate, what to do.
+"""Add what the tracker knows to the figures of an axis: K, drift rate, and advice.
 
-The spectrum leaves out what is slower than ten periods of the record. The tracker does not.
+The figures come from the spectrum, which leaves out noise slower than ten periods of the record. The tracker
+does not.
 """
 
 import math
@@ -19,22 +20,22 @@ from fltea.spectrum.wording import duration
 
 
 class Band(NamedTuple):
-    """How far the Allan deviation is that of the model that stands for the noise."""
+    """The averaging times up to which the Allan deviation agrees with that of the chosen model."""
 
     to_s: float
-    """The longest averaging time up to which it is; 0 if it is not from the first one on."""
+    """Longest averaging time up to which they agree [s]; 0 if they differ at the first one."""
     leaves_at_s: float | None
-    """The first averaging time at which it is not; None if it is at all."""
+    """First averaging time at which they differ [s]; None if they agree everywhere."""
     ends_s: float
-    """The longest averaging time of the curve."""
+    """Longest averaging time of the curve [s]."""
     is_more: bool = True
-    """Whether the curve is above its model where it leaves it."""
+    """Whether the curve is above the model's where they first differ."""
 
 
 def with_slow_noise(
     result: AxisResult, allan: Allan | None, walk: OffsetWalkFound, drift_rate: Interval, unit: str
 ) -> tuple[AxisResult, Allan | None]:
-    """Return result and Allan deviation of an axis with what the tracker knows of its slow noise."""
+    """Return result and Allan deviation of an axis with the slow noise that the tracker knows."""
     level = replace(result.level, K=walk.K, K_at_most=walk.at_most)
     verdict = result.verdict
     if allan is not None:
@@ -45,9 +46,9 @@ def with_slow_noise(
 
 
 def band(allan: Allan) -> Band:
-    """Return how far a curve is that of its model, at all its averaging times together at 95 %.
+    """Return how far a curve agrees with its model, at 95 % for all averaging times together.
 
-    The points of an octave have most of their samples in common, and count as one.
+    The points of an octave share most of their samples, and count as one.
     """
     tau = allan.tau_s
     octaves = 1 + math.log2(tau[-1] / tau[0])
@@ -63,7 +64,7 @@ def band(allan: Allan) -> Band:
 
 
 def next_of_white(allan: Allan, walk: OffsetWalkFound, unit: str) -> str:
-    """Return what a filter needs of an axis whose spectrum is white."""
+    """Return the advice on what a filter needs for an axis whose spectrum is white."""
     found, of_K = band(allan), said_of_K(walk, unit)
     if found.leaves_at_s is not None:
         what = (
@@ -89,13 +90,13 @@ def _time(seconds: float) -> str:
 
 
 def said_of_K(walk: OffsetWalkFound, unit: str) -> str:
-    """Return K of the offset's walk, or its bound, in a sentence."""
+    """Return a sentence on K of the offset's random walk, or on its upper bound."""
     scale = scales(unit).K
     if walk.K.value is not None:
         low, high = (f"{(end or 0.0) * scale.factor:.3g}" for end in (walk.K.low, walk.K.high))
         return f"The offset walks: K is {walk.K.value * scale.factor:.3g} ({low}…{high}) {scale.unit}."
     if walk.said == "taken out":
-        return "A high-pass has taken the walk of the sensor's bias out: nothing is known of K."
+        return "A high-pass has removed the walk of the sensor's bias: nothing is known of K."
     if walk.at_most is None:
         return "Whether the offset walks cannot be told, and K has no bound."
     return f"If the offset walks, K is at most {walk.at_most * scale.factor:.3g} {scale.unit} (95 %)."

@@ -1,4 +1,4 @@
-"""The sums of the live fit for one axis of a recording, and the lines that only a file can show."""
+"""Sum up one axis of a recording as the live fit does, and find spectral lines that only a file can show."""
 
 import math
 from collections.abc import Sequence
@@ -22,15 +22,15 @@ from fltea.spectrum.spectral_lines import Peak
 Bands = tuple[tuple[float, float], ...]
 
 AT_ONCE = 1 << 18
-"""Samples, so that of a long file little is in memory."""
+"""Number of samples processed at once, so that little of a long file is in memory."""
 LEAST_SHARE = 0.5
-"""The least share of samples in the longest stretch; with less, lines are sought in the sums of all."""
+"""Least share of samples in the longest stretch; with less, lines are searched for in the sums of all."""
 NOTHING = 1e-20
-"""The density of what rounding leaves of numbers, over their variance."""
+"""Density that rounding errors of floating-point numbers leave, over the variance."""
 
 
 def octaves_of(y: Array) -> Octaves:
-    """Add up y (n,).
+    """Sum up y (n,) by octaves.
 
     Raises:
         ValueError: y is not finite.
@@ -39,10 +39,10 @@ def octaves_of(y: Array) -> Octaves:
 
 
 def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
-    """Add up stretches; nothing is computed across what lies between two of them.
+    """Sum up stretches by octaves; nothing is computed across the gap between two stretches.
 
     Raises:
-        ValueError: they are not finite.
+        ValueError: a sample is not finite.
     """
     sums = Octaves(1)
     for number, (y, missing) in enumerate(stretches):
@@ -56,13 +56,14 @@ def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
 def lines_of_stretches(
     stretches: Sequence[Stretch], sums: Octaves, h: float
 ) -> tuple[Periodogram, Drift | None]:
-    """Return the spectrum and the drift of stretches, of which `sums` are the sums.
+    """Return the spectrum and the drift of stretches. `sums`: the sums of all stretches.
 
-    Sums of a long record have the octaves that fit its length, and of short stretches in it the lower ones
-    hold nothing. So each stretch has sums of its own here.
+    The sums of a long record have as many octaves as fit its length. The lower octaves of short stretches
+    within it
+    stay empty, so each stretch gets sums of its own here.
 
     Raises:
-        ValueError: they are constant, or too short.
+        ValueError: the stretches are constant, or too short.
     """
     if len(stretches) == 1:
         return sums.lines_and_drift(0, h)
@@ -72,15 +73,15 @@ def lines_of_stretches(
 
 
 def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
-    """Return the sums from which the spectra of all stretches are made that are long enough for one."""
+    """Return the sums for the spectra of all stretches that are long enough for a spectrum."""
     return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
 
 
 def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Periodogram, Drift | None]:
-    """Return the spectrum and the drift of several stretches, the longest of so many samples.
+    """Return the spectrum and the drift of several stretches. `longest`: samples of the longest stretch.
 
     Raises:
-        ValueError: they are too short.
+        ValueError: the stretches are too short.
     """
     welch = [lines for one in found for lines in one.welch]
     whole: dict[int, list[Lines]] = {}
@@ -93,14 +94,14 @@ def lines_together(found: Sequence[Parts], h: float, longest: int) -> tuple[Peri
 
 
 def drift_together(found: Sequence[Parts]) -> Drift | None:
-    """Return the drift of several stretches."""
+    """Return the drift of several stretches, weighted by their amplitudes."""
     drifts = [one.drift for one in found if one.drift is not None]
     amplitudes = sum(one.amplitudes for one in drifts)
     return Drift(sum(d.power * d.amplitudes for d in drifts) / amplitudes, amplitudes) if drifts else None
 
 
 def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
-    """Return the same in few lines: stretches that are kept whole at the same rate become one."""
+    """Merge the sums of stretches that are kept whole at the same rate, so that fewer ordinates are left."""
     depths: dict[int, list[Parts]] = {}
     for one in found:
         depths.setdefault(one.depth, []).append(one)
@@ -119,42 +120,48 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
-    """Return the lines of all stretches, averaged where they are nearer than those of the longest one."""
+    """Merge the ordinates of all stretches, and average those closer together than the longest stretch's."""
     lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
     cell = np.rint(lam / step).astype(np.int64) if math.isfinite(step) else np.arange(len(lam))
-    _, place = np.unique(cell, return_inverse=True)
-    total = np.bincount(place, weight).astype(np.float64)
-    return np.bincount(place, weight * lam) / total, np.bincount(place, weight * power) / total, total
+    _, index = np.unique(cell, return_inverse=True)
+    total = np.bincount(index, weight).astype(np.float64)
+    return np.bincount(index, weight * lam) / total, np.bincount(index, weight * power) / total, total
 
 
 def left_in(whole: Periodogram, from_hz: float, notch: Bands) -> Periodogram:
-    """Return the lines above from_hz and outside of the bands (low, high), in Hz.
+    """Return the ordinates above `from_hz` and outside the bands (low, high) of `notch`, in Hz.
 
     Raises:
-        ValueError: too few are left.
+        ValueError: too few ordinates are left.
     """
     return whole.without(from_hz, notch) if from_hz > 0 or notch else whole
 
 
 class Summed(NamedTuple):
-    """What the spectrum of an axis says, and what it was made from."""
+    """The analysis of an axis' spectrum, and the data behind it."""
 
     seen: Spectral
     octaves: Octaves
     lines: Periodogram
-    """All of them, those that the user left out, too."""
+    """All ordinates, also those that the user left out."""
     stretches: Sequence[Stretch]
-    """What they are of: the samples, without a comb if there is one."""
+    """The samples behind the ordinates, without a comb if there was one."""
 
 
 def examined(
     y: Array, h: float, from_hz: float = 0.0, notch: Bands = (), gaps: Gaps | None = None
 ) -> Spectral:
-    """Return what the spectrum of y (n,) says; h: sampling period in s, from_hz and notch as for `left_in`.
+    """Analyse the spectrum of y (n,).
 
-    gaps: between the samples of y, if there are any. Lines are searched for at the full resolution in the
-    longest stretch, if it has half of the samples.
+    Lines are searched for at full resolution in the longest stretch, if this has half of the samples.
+
+    Args:
+        y: samples, (n,).
+        h: sampling period [s].
+        from_hz: lowest frequency in use [Hz].
+        notch: bands (low, high) that are left out [Hz].
+        gaps: gaps between the samples of y, if there are any.
 
     Raises:
         ValueError: y is not finite, constant, or too short.
@@ -165,7 +172,7 @@ def examined(
 def examined_stretches(
     stretches: Sequence[Stretch], samples: int, h: float, from_hz: float = 0.0, notch: Bands = ()
 ) -> Summed:
-    """Return what `examined` says of stretches with so many samples; arguments as there.
+    """Analyse the spectrum of stretches with `samples` samples in all, as `examined` does.
 
     Raises:
         ValueError: as `examined`.
@@ -178,7 +185,7 @@ def examined_stretches(
     peaks: tuple[Peak, ...] | None = None
     before: Periodogram | None = None
     if len(stretches) == 1 or len(longest) >= LEAST_SHARE * samples:
-        # At the full resolution.
+        # The spectrum at the full resolution.
         fine = periodogram(limited(longest), h, from_hz=from_hz, notch=notch)
         peaks, rest = fine_peaks(fine, stretches, from_hz, notch)
         if rest is not None:
@@ -198,15 +205,15 @@ def examined_stretches(
 
 
 def _check_noise(lines: Periodogram, y: Array) -> None:
-    """Check that there is more in y (n,) than what repeats itself exactly, or a line.
+    """Check that y (n,) has noise in addition to an exactly repeated pattern or a straight line.
 
     Raises:
-        ValueError: there is not.
+        ValueError: y has no noise.
     """
     if float(np.median(lines.power)) < NOTHING * float(np.mean((y - y.mean()) ** 2)):
         raise ValueError(
             "there is no noise in the samples to identify: they repeat themselves exactly, as 1, 2, 1, 2 …, "
-            "or lie on a line"
+            "or lie on a straight line"
         )
 
 
@@ -222,10 +229,19 @@ def examined_sums(
     before: Periodogram | None = None,
     median: MedianFilter | None = None,
 ) -> Spectral:
-    """Return the same of the spectrum and the drift of so many samples, and their sums.
+    """Analyse a spectrum with its drift, as `examined` does.
 
-    peaks: those found in the samples; None: they are searched for in the spectrum. before: the spectrum
-    before a comb was taken out of the samples. median: the median filter that was seen in them.
+    Args:
+        lines: the ordinates of the spectrum.
+        drift: the drift of the samples.
+        sums: the sums of the samples by octaves.
+        samples: number of samples.
+        h: sampling period [s].
+        from_hz: lowest frequency in use [Hz].
+        notch: bands (low, high) that are left out [Hz].
+        peaks: peaks found in the samples; None: they are searched for in the spectrum.
+        before: the spectrum before a comb was removed from the samples.
+        median: the median filter that was detected in the samples.
 
     Raises:
         ValueError: as `examined`.

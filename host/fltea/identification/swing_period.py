@@ -1,7 +1,8 @@
-"""The period with which the power of an octave goes up and down, from the samples of a recording (pure).
+"""Estimate the period with which the power of an octave rises and falls, from samples of a recording.
 
-The sums that find such a change keep no course in time. The samples give one: the logarithm of the octave's
-power in short blocks, and its autocorrelation, which comes back after a period, and after two and three.
+The sums that detect such a change keep no time course. The samples do: take the logarithm of the octave's
+power
+in short blocks. Its autocorrelation recurs after one, two and three periods.
 """
 
 import math
@@ -13,23 +14,22 @@ from fltea.records.arrays import Array
 from fltea.spectrum.stationarity import Change
 
 BLOCKS_A_SWING = 12
-"""Blocks between up and down."""
+"""Number of blocks between high and low power."""
 LEAST_FREEDOM = 4.0
-"""Time of a block over one over the octave's width, at least."""
+"""Least duration of a block times the width of the octave."""
 PERIODS = 4
-"""Periods in the record, of which at least so many have to be seen."""
+"""Least number of periods in the record."""
 COMES_BACK = 0.6
-"""Share of the variance of the course that its autocorrelation has to come back to, at each of three
-periods."""
+"""Share of the course's variance that its autocorrelation has to reach again at each of three periods."""
 AS_HIGH = 0.8
-"""The first period is the shortest lag with at least this share of the highest autocorrelation."""
+"""Least share of the highest autocorrelation at the shortest lag that counts as the period."""
 PHASES = 24
 
 
 def with_period(change: Change, y: Array, h: float) -> Change:
-    """Return a change with its period and its size, where samples y (n,) show that it is regular.
+    """Return the change with its period and size, if the samples y (n,) show that it is periodic.
 
-    h: sampling period in s.
+    `h`: sampling period [s].
     """
     if change.is_step:
         return change
@@ -45,7 +45,7 @@ def with_period(change: Change, y: Array, h: float) -> Change:
 
 
 def _course(y: Array, h: float, change: Change, block: int) -> Array:
-    """Return the logarithm of the power of the octave in blocks (m,), less its mean."""
+    """Return the logarithm of the octave's power in blocks (m,), less its mean."""
     spectrum = np.fft.rfft(y)
     hz = np.fft.rfftfreq(len(y), h)
     spectrum[(hz < change.low_hz) | (hz > change.high_hz)] = 0
@@ -56,7 +56,7 @@ def _course(y: Array, h: float, change: Change, block: int) -> Array:
 
 
 def _period(course: Array) -> float | None:
-    """Return the period in blocks; None where the course does not come back."""
+    """Return the period in blocks; None if the course is not periodic."""
     m = len(course)
     spectrum = np.fft.rfft(course, 2 * m)
     again = np.fft.irfft(np.abs(spectrum) ** 2)[:m] / np.arange(m, 0, -1)
@@ -71,18 +71,18 @@ def _period(course: Array) -> float | None:
     if not len(tops):
         return None
     period = _top(again, float(tops[0]), 1.0)
-    # The longer the lag the better is the period known; each step may be wrong by half of what it was.
-    times = 1
-    while (times + 1) * period < m / 2:
-        times += 1
-        period = _top(again, times * period, max(period / 8, 1.0)) / times
-        if times <= PERIODS - 1 and again[round(times * period)] < COMES_BACK * again[1]:
+    # A longer lag gives a better period; each peak is searched for within an eighth of a period.
+    multiple = 1
+    while (multiple + 1) * period < m / 2:
+        multiple += 1
+        period = _top(again, multiple * period, max(period / 8, 1.0)) / multiple
+        if multiple <= PERIODS - 1 and again[round(multiple * period)] < COMES_BACK * again[1]:
             return None
-    return period if times >= 2 and again[round(period)] >= COMES_BACK * again[1] else None
+    return period if multiple >= 2 and again[round(period)] >= COMES_BACK * again[1] else None
 
 
 def _top(values: Array, at: float, around: float) -> float:
-    """Return where values (m,) are highest, between points, at most so far from `at`."""
+    """Return the interpolated index of the highest of values (m,), at most `around` from `at`."""
     low, high = max(round(at - around), 1), min(round(at + around), len(values) - 2)
     top = low + int(values[low : high + 1].argmax())
     before, here, after = values[top - 1 : top + 2].tolist()
@@ -91,7 +91,7 @@ def _top(values: Array, at: float, around: float) -> float:
 
 
 def _folded(course: Array, period: float) -> float:
-    """Return the variance of the course over the phases of its period, without that of chance."""
+    """Return the variance of the course's mean over the phases of its period, less that of chance."""
     phase = (np.arange(len(course)) / period % 1 * min(PHASES, int(period))).astype(np.int64)
     counts = np.bincount(phase)
     means = np.bincount(phase, course) / np.maximum(counts, 1)

@@ -1,9 +1,11 @@
-"""Telegraph noise: samples that step to and fro between a few levels, with little noise about them (pure).
+"""Detect telegraph noise: samples that step to and fro between a few levels, with little noise about them.
 
-It is popcorn noise whose steps are far above the other noise. The tracker would take its steps for motion,
-and the spectrum would show nothing else. So the levels are taken off, the rest is looked at as any other
-noise, and the levels come back into bias and heading as what their spectrum is: a relaxation (Machlup,
-J. Appl. Phys. 25, 1954).
+This is popcorn noise whose steps are far above the other noise. The tracker would take the steps for motion,
+and
+they would hide all else in the spectrum. So the levels are subtracted, and the rest is analysed like any
+other
+noise. Bias and heading then include the levels as a relaxation, which has their spectrum (Machlup, J. Appl.
+Phys. 25, 1954).
 """
 
 import math
@@ -23,72 +25,78 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import NUMBERS, listed
 
 LEAST_RATIO = 2.0
-"""Variance of the samples over half of the mean square of their steps: below, nothing stays at a level."""
+"""Least ratio of the samples' variance to half of the mean square of their steps; below, no level is held."""
 OUTLIERS = 5e-4
-"""Share of samples at either end that may be anywhere."""
+"""Share of samples at either end of the values that is ignored as outliers."""
 CALM, OF_GAUSSIAN = 0.95, 0.871
-"""Share of the steps from one sample to the next, the smallest ones, that are of the noise alone; and the
-deviation of that share of Gaussian steps over the deviation of all."""
+"""Share of the smallest steps between samples that come from the noise alone.
+
+OF_GAUSSIAN is the deviation of this share of Gaussian steps over the deviation of all Gaussian steps.
+"""
 BINS_A_DEVIATION, MOST_BINS = 2.0, 4096
 VALLEY = 0.02
-"""Samples in a bin between two levels, over those in the fullest bin: 2.8 deviations from a level."""
+"""Largest ratio of samples in a bin between levels to the fullest bin, as 2.8 deviations from a level."""
 APART = 5.5
-"""Deviations of the noise between two levels, at least."""
+"""Least distance between two levels, in deviations of the noise."""
 WIDEST, LOOSE = 9.0, 0.5
-"""Deviations of the noise in the width of a level, at most; or the width over the distance of levels, since
-slow noise goes on about them."""
+"""Largest width of a level, in deviations of the noise, or as a share of the distance between levels.
+
+The share allows for slow noise about the levels.
+"""
 SOON, JUMPS = 4, 0.7
-"""Samples on either side of a change between which the samples go this share of the way, in the median."""
+"""Number of samples before and after a change, and least share of the step that lies between, as a median."""
 LONG_PASSAGE, OFF = 8, 6.0
-"""Samples on either side of a change that may be on the way, behind a filter of the sensor; and deviations of
-the noise by which they are off a level then."""
+"""Number of samples near a change that may be in transition, as behind a filter of the sensor.
+
+OFF is the distance from a level, in deviations of the noise, at which a sample is in transition.
+"""
 LEAST_SHARE, AT_LEVELS = 0.01, 0.93
-"""Share of samples on a level, and on all of them together."""
+"""Least share of samples on each level, and on all levels together."""
 MOST_LEVELS = 6
 FEWEST_CHANGES = 6
-"""Changes of the level from which on they are not told one by one, as steps of the bias are."""
+"""Number of changes from which on levels are taken, in place of single steps of the bias."""
 PASSING = 2
-"""Samples up to which a stay on another level is one of noise, and no change."""
+"""Longest stay in samples on another level that counts as noise, not as a change."""
 IRREGULAR = 0.3
-"""Standard deviation of the stays over their mean, at least: 1 of random steps. Regular ones are lines."""
+"""Least ratio of the stays' deviation to their mean; random steps have 1, and regular ones are lines."""
 JUMP = 4.0
-"""Steps from one sample to the next, over those that only a few exceed, from which on they are jumps."""
+"""Ratio to the size that only a few steps exceed, above which a step between samples is a jump."""
 COARSE = 1.5
-"""Steps of the resolution: levels no farther apart are neighbouring counts of slow noise."""
+"""Distance in counts below which levels are neighbouring counts of slow noise."""
 
 
 class Telegraph(NamedTuple):
-    """Levels between which samples step; values in the unit of the axis."""
+    """Levels between which samples step; values are in the unit of the axis."""
 
     levels: tuple[float, ...]
     shares: tuple[float, ...]
-    """Of the samples, on each level."""
+    """Share of the samples on each level."""
     changes: int
     every_s: float
-    """Mean time from a change to the next."""
+    """Mean time between changes [s]."""
     sigma: float
     """Standard deviation of the level about its mean."""
     tau_s: float
-    """Time within which it forgets itself."""
+    """Correlation time of the level [s]."""
     ends_at: float
-    """The last level less the mean of all."""
+    """The last level less the mean level."""
     passages: tuple[tuple[int, int], ...]
-    """Samples begin … end - 1 that are on no level, but on the way to one."""
+    """Spans begin … end - 1 of samples in transition between levels."""
 
     @property
     def part(self) -> Relaxation:
-        """A relaxation with the same autocovariance."""
+        """The relaxation with the same autocovariance as the level."""
         return Relaxation(self.sigma, self.tau_s)
 
     def ahead(self, t_s: float) -> float:
-        """Return what the last level adds to the mean of the next t_s, as expected."""
+        """Return the expected contribution of the last level to the mean of the next `t_s` seconds."""
         return self.ends_at * self.tau_s / t_s * -math.expm1(-t_s / self.tau_s)
 
 
 def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
-    """Return samples less their levels, of which the mean is left, and the levels; h: sampling period in s.
+    """Return the samples less their levels, plus the mean level, and the levels. `h`: sampling period [s].
 
-    Where samples are at no levels they are returned as they are, with None.
+    Samples without levels are returned unchanged, with None.
     """
     y = np.asarray(series.y, dtype=np.float64)
     if len(y) < 2 * SHORTEST_STAY * FEWEST_CHANGES or _NONE.knows(series.y):
@@ -110,36 +118,36 @@ def without_levels(series: Series, h: float) -> tuple[Series, Telegraph | None]:
 
 
 class _Recent:
-    """The newest few arrays, which nobody changes, of which something is known."""
+    """A memory of the latest few arrays that share a property; the arrays must not change."""
 
     def __init__(self) -> None:
         self._arrays: deque[weakref.ref[Array]] = deque(maxlen=12)
 
     def add(self, y: Array) -> None:
-        """Remember an array for as long as it is there."""
+        """Remember an array for as long as it exists."""
         self._arrays.append(weakref.ref(y))
 
     def knows(self, y: Array) -> bool:
-        """Whether it is the very array."""
+        """Whether this very array is remembered."""
         return any(one() is y for one in list(self._arrays))
 
 
 _NONE = _Recent()
-"""Samples without levels: watched and concluded are those that were looked at."""
+"""Samples known to have no levels, as later steps ask for the same arrays again."""
 
 
 def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] | None:
-    """Return the bounds between levels, (levels - 1,), and the deviation of the noise; None without levels.
+    """Return the bounds between levels, (levels - 1,), and the noise's deviation; None without levels.
 
-    lsb: one count, if known. largest: how far levels of a sensor at rest may be apart.
+    `lsb`: one count, if known. `largest`: largest distance between levels of a sensor at rest.
     """
     few = int(OUTLIERS * len(y))
     low, high = (float(np.partition(y, at)[at]) for at in (few, len(y) - 1 - few))
     inside = y.clip(low, high)
-    apart = np.diff(inside)
-    if float(inside.var()) <= LEAST_RATIO / 2 * float(np.square(apart).mean()):
+    steps = np.diff(inside)
+    if float(inside.var()) <= LEAST_RATIO / 2 * float(np.square(steps).mean()):
         return None
-    sizes = np.abs(apart)
+    sizes = np.abs(steps)
     calm = np.partition(sizes, int(CALM * len(sizes)))[: int(CALM * len(sizes))]
     resolution = lsb or step(y) or 0.0
     noise = math.sqrt(float(np.square(calm).mean()) / 2) / OF_GAUSSIAN
@@ -147,7 +155,7 @@ def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] |
     if not noise > 0 or not 0 < high - low <= largest + 20 * noise:
         return None
     width = max(noise / BINS_A_DEVIATION, (high - low) / MOST_BINS)
-    if resolution > 0:  # whole counts, or some bins would have one more of them than others
+    if resolution > 0:  # use whole counts, or some bins would hold one count more than others
         width = max(math.ceil(width / resolution), 1) * resolution
     first = low - resolution / 2
     bins = math.ceil((high + resolution / 2 - first) / width)
@@ -156,9 +164,9 @@ def _edges(y: Array, lsb: float | None, largest: float) -> tuple[Array, float] |
 
 
 def _between_groups(y: Array, bounds: Array, noise: float, resolution: float) -> Array | None:
-    """Return the middle between neighbouring levels, (levels - 1,); None where values are at no levels.
+    """Return the middle between neighbouring levels, (levels - 1,); None if there are no levels.
 
-    bounds: those of the bins in which values are counted, all of one width.
+    `bounds`: bounds of bins of equal width, in which the values are counted.
     """
     counts, _ = np.histogram(y, bounds)
     full = np.concatenate([[False], counts > VALLEY * counts.max(), [False]])
@@ -180,9 +188,9 @@ def _between_groups(y: Array, bounds: Array, noise: float, resolution: float) ->
 
 
 def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Telegraph | None:
-    """Return the levels of samples y (n,), each on the level of the number `at` (n,).
+    """Return the levels of samples y (n,); None if they are no telegraph noise.
 
-    noise: deviation of the samples about the levels.
+    `at`: index of the level of each sample, (n,). `noise`: deviation of the samples about the levels.
     """
     counts = np.bincount(at)
     begins = np.concatenate([[0], np.flatnonzero(np.diff(at)) + 1])
@@ -218,7 +226,7 @@ def _telegraph(y: Array, at: NDArray[np.int64], h: float, noise: float) -> Teleg
 
 
 def _passages(rest: Array, changes: NDArray[np.int64], most: float) -> tuple[tuple[int, int], ...]:
-    """Return which samples near a change are on no level; rest: samples (n,) less their levels."""
+    """Return spans of samples in transition between levels. `rest`: samples (n,) less their levels."""
     near = np.zeros(len(rest), dtype=np.int8)
     for change in changes.tolist():
         near[max(change - LONG_PASSAGE, 0) : change + LONG_PASSAGE] = 1
@@ -228,7 +236,7 @@ def _passages(rest: Array, changes: NDArray[np.int64], most: float) -> tuple[tup
 
 
 def telegraph_words(found: Telegraph, unit: str) -> str:
-    """Return a sentence on the levels, which are in this unit."""
+    """Return a sentence on the levels, with their unit."""
     levels = listed([f"{one:.3g}" for one in found.levels])
     return (
         f"Telegraph (popcorn) noise: the samples step between {NUMBERS[len(found.levels)]} levels, {levels} "
@@ -237,17 +245,18 @@ def telegraph_words(found: Telegraph, unit: str) -> str:
 
 
 def jump_words(y: Array, unit: str) -> str:
-    """Return a sentence on jumps of samples (n,) that stay where they jump to; "" if they are few."""
+    """Return a sentence on jumps of samples (n,) after which the new value stays; "" if there are few."""
     if len(y) < 4 * SOON:
         return ""
-    apart = np.abs(np.diff(y))
-    calm = float(np.quantile(apart, CALM))
-    jumps = np.flatnonzero((apart[SOON:-SOON] > JUMP * calm) & (apart[SOON:-SOON] > 0)) + SOON + 1
+    steps = np.abs(np.diff(y))
+    calm = float(np.quantile(steps, CALM))
+    jumps = np.flatnonzero((steps[SOON:-SOON] > JUMP * calm) & (steps[SOON:-SOON] > 0)) + SOON + 1
     stays = np.abs(y[jumps + SOON - 1] - y[jumps - 1 - SOON]) > JUMP * calm
     if np.count_nonzero(stays) < FEWEST_CHANGES:
         return ""
-    size = float(np.median(apart[jumps[stays] - 1]))
+    size = float(np.median(steps[jumps[stays] - 1]))
     return (
         f"The samples jump {np.count_nonzero(stays)} times, by {size:.2g} {unit} in the median, and stay "
-        "there: steps between levels (telegraph noise), or the sensor was moved. Too little is left between."
+        "there: steps between levels (telegraph noise), or the sensor was moved. Too few samples are left "
+        "between jumps."
     )

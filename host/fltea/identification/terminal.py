@@ -1,4 +1,4 @@
-"""Results as tables for a terminal."""
+"""Show results as tables in a terminal."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ COLOURS = {"bad": "bold red", "warning": "yellow", "note": "dim"}
 
 
 def show(console: Console, report: FileReport, first: bool = True, *, details: bool = False) -> None:
-    """Show one recording: verdicts, forecasts and data checks, and with `details` all figures as a table."""
+    """Show one recording: verdicts, forecasts and data checks; with `details` also a table of all figures."""
     if not first:
         console.print()
     console.print(_shown(report.name, style="bold"), _shown(findings.heading(report)), soft_wrap=True)
@@ -27,7 +27,7 @@ def show(console: Console, report: FileReport, first: bool = True, *, details: b
         return
     good = {name: axis for name, axis in report.axes.items() if isinstance(axis, AxisReport)}
     found = findings.data_checks(report)
-    # A verdict on bad data is read as one on good data if the mark comes behind it.
+    # Show what is bad first: after a verdict it would be overlooked.
     _data_checks(console, [one for one in found if one[1].severity == "bad"])
     for name, axis in report.axes.items():
         console.print(_verdict(name, axis))
@@ -86,7 +86,7 @@ def _verdict(name: str, axis: AxisReport | Failure) -> Text:
 
 
 def summary(console: Console, reports: Sequence[FileReport]) -> None:
-    """Show the figures of all recordings side by side, a table for each axis, and what differs."""
+    """Show the figures of all recordings side by side, with a table for each axis, and the differences."""
     for name, headings, lines in comparison.rows(reports):
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title_justify="left")
         table.title = _shown(name, style="bold")
@@ -100,5 +100,5 @@ def summary(console: Console, reports: Sequence[FileReport]) -> None:
 
 
 def _shown(text: str, style: str = "") -> Text:
-    """Return what files and the names in them say, so that nothing in it steers the terminal."""
+    """Return text from files in a form in which no control character reaches the terminal."""
     return Text(visible_lines(text), style=style)

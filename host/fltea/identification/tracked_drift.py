@@ -1,8 +1,8 @@
-"""The drift rate of an axis by its tracked system: its interval has all slow noise that the axis may have.
+"""Estimate the drift rate of an axis by its tracked system, with an interval that allows for slow noise.
 
-The model of the spectrum lacks what is slower than ten periods of the record, which tilts a line the most.
-The tracker knows how likely each walk of the offset is, also within bounds: the slope's error has the
-variance that each of them gives it, with its probability.
+The model of the spectrum lacks noise slower than ten periods of the record, which tilts a straight line most.
+The tracker knows the probability of each random walk of the offset, also within bounds. The variance of the
+slope's error is taken from each of them, with its probability.
 """
 
 import math
@@ -17,12 +17,15 @@ from fltea.records.fit import Interval
 from fltea.spectrum.drift_rate import around, slope, slope_variance
 
 AS_LIKELY = 0.4
-"""How likely, before any sample, an offset does not walk, for the interval: an offset that walks too slowly
-for the record to show tilts its line threefold, and `STAYS` would too often deny it (measured)."""
+"""Prior probability that the offset does not walk, used for the interval.
+
+An offset that walks too slowly for the record to show it tilts the line threefold. The higher prior `STAYS`
+would exclude it too often (measured).
+"""
 
 
 def tracked_drift_rate(tracked: Learned, y: Array, h: float) -> Interval:
-    """Return the slope of y (n,) in its unit a second, with the 95 % interval; h: sampling period in s."""
+    """Return the slope of y (n,) per second with its 95 % interval. `h`: sampling period [s]."""
     n, walk = len(y), tracked.walk
     steps = (walk.steps > 0).any()
     parts: list[Part] = [part for part in tracked.parts if not (steps and isinstance(part, Walk))]
@@ -34,7 +37,7 @@ def tracked_drift_rate(tracked: Learned, y: Array, h: float) -> Interval:
 
 
 def _weights(walk: OffsetWalk) -> Array:
-    """Return how likely each of the tracker's walks is, by the prior of this module."""
+    """Return the probability of each of the tracker's walks under the prior of this module."""
     stays = walk.steps == 0
     if not stays.any() or stays.all():
         return walk.weights
@@ -43,6 +46,6 @@ def _weights(walk: OffsetWalk) -> Array:
 
 
 def _of_step(n: int, h: float, tau: float) -> float:
-    """Return the variance of the slope by a walk with steps of variance 1, and this correlation time."""
-    a = math.exp(-1 / tau)  # 1 of a walk without bounds
+    """Return the variance of the slope due to a walk with step variance 1 and correlation time `tau`."""
+    a = math.exp(-1 / tau)  # 1 for an unbounded walk
     return slope_variance(n, h, lambda lam: 1 / ((1 - a) ** 2 + 4 * a * np.sin(lam / 2) ** 2))

@@ -1,7 +1,7 @@
-"""The one system of an axis, of which forecast, bias, filters and simulations are made.
+"""Build the tracked system of an axis, which forecast, bias, filters and simulations use.
 
-It is what the axis is made of, and how its offset walks. The spectrum leaves out what is slower than ten
-periods of a record, so a record may well have a walk that none of the parts is.
+It consists of the parts of the noise and of a random walk of the offset. The spectrum leaves out noise slower
+than ten periods of a record, so the offset may walk although no part of the model is a walk.
 """
 
 import math
@@ -18,8 +18,10 @@ from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 
 TOLD_AT = 900.0
-"""Variance of a walk's step, over the level of the spectrum and times n², that four of five records of n
-samples tell from a constant offset (measured: white noise, 40 records)."""
+"""Variance of a walk's step, over the spectrum's level and times n², at which records show the walk.
+
+Four of five records of n samples then tell it from a constant offset (measured: white noise, 40 records).
+"""
 Said = Literal["walks", "likely constant", "not told", "taken out"]
 LIKELY = 0.5
 SURE = 0.95
@@ -29,17 +31,17 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the offset of an axis walks; figures per √s, in the unit of the axis."""
 
     said: Said
-    """`not told`: the record is too short to tell. `taken out`: a high-pass leaves nothing of a walk."""
+    """`not told`: the record is too short to tell. `taken out`: a high-pass has removed any walk."""
     K: Interval
-    """Null unless it walks."""
+    """K of the random walk; null unless the offset walks."""
     at_most: float | None
-    """The walk is slower with 95 % probability; null where it walks."""
+    """Upper bound of K with 95 % probability; null if the offset walks."""
     tells_s: float | None
-    """Where it is not told: how long a record would tell, in s; null where that is not known, too."""
+    """Record length that would be enough to tell [s], for `not told`; null if that is not known either."""
 
 
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> Learned | None:
-    """Return the tracked system of samples y (n,) without a gap; None if no filter can work with it."""
+    """Return the tracked system of samples y (n,) without a gap; None if no filter works with the noise."""
     try:
         return learned(parts, y, h)
     except (ValueError, ArithmeticError):
@@ -47,10 +49,10 @@ def tracked_system(parts: Sequence[Part], y: Array, h: float) -> Learned | None:
 
 
 def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFound:
-    """Return whether the offset walks; K: of the parts, null if none of them is a walk.
+    """Return whether the offset walks. `K`: K of the parts, null if no part is a walk.
 
-    Where the spectrum has found a walk, K is that of the tracker all the same: it knows also what is slower
-    than the spectrum shows.
+    If the spectrum shows a walk, K still comes from the tracker, which also uses noise slower than the
+    spectrum has.
     """
     walk = tracked.walk
     if high_pass_of(tracked.parts) is not None:
@@ -62,7 +64,7 @@ def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFoun
         return _in_place_of_a_relaxation(walk, h)
     if walk.is_certain:
         return OffsetWalkFound("walks", walk.K(h), None, None)
-    if not (walk.steps > 0).any():  # the likelihood of no walk could be found
+    if not (walk.steps > 0).any():  # the likelihood of a constant offset could not be computed
         return OffsetWalkFound("not told", Interval(), None, None)
     steps, at = np.unique(walk.steps, return_inverse=True)
     stays, *others = np.bincount(at, walk.weights).tolist()
@@ -71,13 +73,13 @@ def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFoun
     if stays >= LIKELY:
         return OffsetWalkFound("likely constant", Interval(), at_most, None)
     q = float(weights @ steps) / float(weights.sum())
-    # A walk's share of the level grows as the square of the record's length.
+    # A walk's share of the level grows with the square of the record's length.
     longer = math.sqrt(max(TOLD_AT / (SHARES[0] * q / float(steps[0])), 1.0))
     return OffsetWalkFound("not told", Interval(), at_most, longer * tracked.samples * h)
 
 
 def _in_place_of_a_relaxation(walk: OffsetWalk, h: float) -> OffsetWalkFound:
-    """Return whether it is a walk that the spectrum has taken for a slow relaxation: one without bounds."""
+    """Return whether a part that the spectrum took for a slow relaxation is an unbounded walk."""
     steps, at = np.unique(walk.steps, return_inverse=True)
     weights = np.asarray(np.bincount(at, walk.weights * np.isinf(walk.taus)), dtype=np.float64)
     if (endless := float(weights.sum())) >= SURE:

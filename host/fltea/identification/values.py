@@ -1,8 +1,8 @@
-"""Values that samples of a sensor do not have so often: a dead band, one value in place of others, clipping.
+"""Find values that are too frequent for a sensor's noise: a dead band, a replacement value, clipping.
 
-Each part of a record is looked at by itself. The values that differ are counted in order. Of noise, rounded
-or not, neighbours in that order are about as frequent, but for the few values that rounding to coarse counts
-leaves: these are told from the middle of the noise by how far most other samples are away from them.
+Each part of a record is checked separately. Its distinct values are sorted and counted. In noise, rounded or
+not, neighbouring values are about equally frequent. The exception are the few values that coarse rounding
+leaves. The check tells these from a replacement value by the distance of most other samples from the value.
 """
 
 import math
@@ -17,36 +17,37 @@ from fltea.identification.resolution import LONG
 from fltea.records.arrays import Array
 
 PARTS, MOST_PARTS = 8, 5
-"""Parts of the record, and how many of them have to show it: a record of rest and motion has values that
-are frequent in one of them."""
+"""Number of parts of the record, and number of parts that have to show the fault.
+
+A record with rest and motion has values that are frequent in one part only.
+"""
 LEAST, LEAST_OF_ALL = 500, 100
-"""Samples of a part, and of a record that is one part."""
+"""Least number of samples in a part, and in a record that is a single part."""
 NEIGHBOURS = 3
-"""Values on either side that tell how far values are apart."""
+"""Number of values on either side that give the usual distance between values."""
 OFTEN = 20
-"""Least number of times that the samples reach a value. A sensor that is stuck once is another data check."""
+"""Least number of times that samples reach a value. A sensor stuck at a value once is another data check."""
 TOO_OFTEN, BESIDE_A_GAP = 3.0, 2.0
-"""Samples of a value over those of its neighbours, by itself and beside a gap."""
+"""Least ratio of a value's samples to those of its neighbours, alone and next to a gap between values."""
 GAP = 1.75
-"""Distance to the next values, over what is usual nearby."""
+"""Least ratio of the distance to the next value to the usual distance nearby, for a gap."""
 AWAY = 3.0
-"""Distances to the next value by which the middle one of all other samples is away."""
+"""Least distance of the median of all other samples from the value, in distances to the next value."""
 LEAST_SHARE, BAD_SHARE = 0.002, 0.05
-"""Share of samples that have the value by no chance: of less nobody needs to know, of more N is wrong."""
+"""Excess share of samples at a value: below LEAST_SHARE not reported; from BAD_SHARE on, N is wrong."""
 BAD_POWER = 0.01
-"""Share of the power that a dead band takes away, from which on N is wrong."""
+"""Share of the power that a dead band removes above which N is wrong."""
 CLIPPED = 2.0
-"""Samples of the last value over what the values before it let expect."""
+"""Least ratio of samples at the last value to the number expected from the values before it."""
 SURELY, BAD_CLIPPED = 6.0, 0.01
-"""Standard deviations of the count of a last value by which it is too many, and the share of all samples
-from which on N is wrong."""
+"""Least excess at the last value in standard deviations; share of all samples from which on N is wrong."""
 SHORTEST_STAY = 10.0
-"""Samples at one value or level, in the mean. What stays for less is rounded, or sensors by turns."""
+"""Least mean stay at a value or level, in samples; shorter stays are rounding, or sensors in turns."""
 FEW_VALUES, BEGIN = 3, 1000
-"""So many values are few; samples at the beginning of a record that mostly have more."""
+"""Largest number of values that counts as few; samples at the beginning, which mostly show more."""
 REMEDY = (
     "A driver, a filter or the sensor itself puts one value in place of others (a dead band, zero for a "
-    "failed read): switch that off and record again. Of the noise that it hides nothing can be said."
+    "failed read): switch that off and record again. Nothing can be said about the noise that it hides."
 )
 
 
@@ -55,14 +56,14 @@ HIDE = "dead band", "common value", "few values"
 
 
 class _Values(NamedTuple):
-    """The values of a part in order, and how many samples have each."""
+    """The distinct values of a part in order, and the number of samples with each."""
 
     values: Array
     counts: NDArray[np.int64]
 
 
 class _Common(NamedTuple):
-    """A value that is too frequent; gap: to the next one, where none is as near as usual, else 0."""
+    """A value that is too frequent. `gap`: distance to the next value if this is unusually large, else 0."""
 
     value: float
     share: float
@@ -71,7 +72,7 @@ class _Common(NamedTuple):
 
 
 def value_data_checks(y: Array, unit: str) -> Iterator[DataCheck]:
-    """Yield what the values of samples y (n,), in this unit, show."""
+    """Yield the data checks on the values of samples y (n,), which are in `unit`."""
     samples = np.asarray(y, dtype=np.float64)[:LONG]
     few = few_values(samples, unit)
     if few is not None:
@@ -90,7 +91,7 @@ def value_data_checks(y: Array, unit: str) -> Iterator[DataCheck]:
 
 
 def few_values(y: Array, unit: str) -> DataCheck | None:
-    """Return the data check of samples (n,) that have a few values only, and stay at each for long."""
+    """Return the data check on samples (n,) that have only a few values and stay long at each, or None."""
     if len(np.unique(y[:BEGIN])) > FEW_VALUES or not 2 <= len(values := np.unique(y)) <= FEW_VALUES:
         return None
     at = np.searchsorted(values, y)
@@ -125,7 +126,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
     usual = float(np.median(np.concatenate([np.diff(low), np.diff(high)])))
     gap = float(min(values[at] - low[-1], high[0] - values[at]))
     if gap >= GAP * usual:
-        # What was in the band had the mean square gap²/3.
+        # Samples in a band of ± gap had a mean square of gap²/3.
         return _Common(float(values[at]), share, gap, share * gap**2 / 3 >= BAD_POWER * float(part.var()))
     away = float(np.median(np.abs(part[~is_it] - values[at])))
     if counts[at] >= TOO_OFTEN * beside and away >= AWAY * gap:
@@ -134,7 +135,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
 
 
 def _came(is_it: NDArray[np.bool_]) -> int:
-    """Return how often samples come to a value; is_it: which samples have it."""
+    """Return how often samples reach a value. `is_it`: mask of the samples that have it."""
     return int(np.count_nonzero(is_it[1:] & ~is_it[:-1]))
 
 
@@ -156,12 +157,12 @@ def _too_frequent(common: list[_Common], unit: str) -> Iterator[DataCheck]:
 
 
 def _at_end(part: Array, of: _Values, end: int) -> int:
-    """Return how many samples of a part are clipped at the highest value (1) or the lowest (-1)."""
+    """Return the number of samples of a part that are clipped at the highest (1) or lowest (-1) value."""
     counts = of.counts[::-end] if end > 0 else of.counts
     if len(counts) < 4:
         return 0
     last, before, third = counts[:3].tolist()
-    # Tails fall at least as fast as an exponential does, so from the two before the last is at most that.
+    # Tails fall at least as fast as an exponential, which the two values before the last extrapolate.
     most = max(before, before * before / third)
     if last < OFTEN or last <= CLIPPED * most or last <= most + SURELY * math.sqrt(most + last):
         return 0
@@ -171,15 +172,20 @@ def _at_end(part: Array, of: _Values, end: int) -> int:
 def _clipped(
     ends: list[tuple[int, int]], values: list[Array], need: int, n: int, unit: str
 ) -> Iterator[DataCheck]:
-    """Yield the data check of clipped values. ends: of each part, samples at the lowest and the highest.
+    """Yield the data check on clipped values.
 
-    need: in how many parts it has to be seen. n: samples of all parts.
+    Args:
+        ends: numbers of clipped samples at the lowest and the highest value of each part.
+        values: the distinct values of each part.
+        need: number of parts that have to show the clipping.
+        n: number of samples in all parts.
+        unit: unit of the samples.
     """
     shown = []
     total = 0
-    for end, place in ((0, 0), (1, -1)):
+    for end, index in ((0, 0), (1, -1)):
         counts = [one[end] for one in ends]
-        at = {float(one[place]) for one in values}
+        at = {float(one[index]) for one in values}
         if sum(count > 0 for count in counts) >= need and len(at) == 1:
             shown.append(f"{at.pop():.4g} {unit}")
             total += sum(counts)

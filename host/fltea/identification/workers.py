@@ -1,4 +1,4 @@
-"""Where the work of `fltea identify` is done: in this process, in others on this machine, or by Dask."""
+"""Run the tasks of `fltea identify`: in this process, in others on this machine, or by Dask."""
 
 import contextlib
 import mmap
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 SAFE_PATH = "PYTHONSAFEPATH"
 SMALL = 6_000_000
-"""Samples of all axes together, 5 hours of three, up to which processes take long to start."""
+"""Number of samples of all axes (5 hours of three) up to which starting processes takes too long."""
 
 
 class UnfitWorker(FlteaError):
@@ -28,39 +28,39 @@ class UnfitWorker(FlteaError):
 
 
 class Workers:
-    """What runs tasks; all but `submit` may be left out."""
+    """Run tasks. A subclass has to implement only `submit`."""
 
     @property
     def slots(self) -> int:
-        """The number of tasks that are worth handing over at a time."""
+        """Number of tasks that are worth submitting at a time."""
         return 1
 
     def expect(self, samples: int) -> None:
-        """Take note that a recording of so many samples, of all its axes, is to be worked on."""
+        """Prepare for a recording with `samples` samples, summed over its axes."""
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Begin a task, which may be done by then."""
+        """Start a task; it may be done when this returns."""
         raise NotImplementedError
 
     def renew(self) -> None:
-        """Go on after a worker's death has broken all that was under way (`BrokenExecutor`)."""
+        """Recover after the death of a worker broke all tasks under way (`BrokenExecutor`)."""
 
     def check(self) -> None:
-        """Raise an error if the workers are lost; it is called now and then while tasks are awaited.
+        """Check that the workers are alive; called now and then while waiting for tasks.
 
         Raises:
-            FlteaError: they will never be done.
+            FlteaError: the workers are lost, so that the tasks will never be done.
         """
 
     def close(self) -> None:
-        """End at once what is under way."""
+        """Stop the tasks under way at once."""
 
 
 class Here(Workers):
-    """This process and thread; done when `submit` returns."""
+    """Run tasks in this process and thread; a task is done when `submit` returns."""
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Do it now."""
+        """Run the task now."""
         future: Future[T] = Future()
         try:
             future.set_result(task(*arguments))
@@ -70,7 +70,7 @@ class Here(Workers):
 
 
 class Threads(Workers):
-    """Threads of this process: nearly all work is native, and processes take long to start."""
+    """Run tasks in threads of this process: nearly all work is native code, and processes start slowly."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -78,23 +78,23 @@ class Threads(Workers):
 
     @property
     def slots(self) -> int:
-        """One more than threads, so that none has to wait for its next task."""
+        """One more than the number of threads, so that no thread waits for its next task."""
         return self._jobs + 1
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Begin a task when a thread is free."""
+        """Start a task as soon as a thread is free."""
         return self._pool.submit(task, *arguments)
 
     def close(self) -> None:
-        """Begin nothing more, and wait for what is under way: a second or two.
+        """Start no further task, and wait for those under way: a second or two.
 
-        An interpreter that ended meanwhile would abort in a thread that comes back from native code.
+        An interpreter that ended meanwhile would abort in a thread that returns from native code.
         """
         self._pool.shutdown(cancel_futures=True)
 
 
 def _reduce(array: "np.memmap[Any, Any]") -> Any:
-    """Return how another process of this machine gets a whole file in memory: by its name."""
+    """Pickle an array that maps a whole file by the file's name, for other processes of this machine."""
     if isinstance(array.base, mmap.mmap) and array.filename is not None:
         return np.memmap, (array.filename, array.dtype, "r", array.offset, array.shape)
     return np.array, (np.array(array),)
@@ -105,10 +105,11 @@ ForkingPickler.register(np.memmap, _reduce)
 
 @contextlib.contextmanager
 def _safe_path() -> Iterator[None]:
-    """Let processes that start now look for no modules in the current folder.
+    """Keep processes that start now from importing modules in the current folder.
 
-    What forks them is started by `python -c`, which would run a random.py of that folder for Python's own.
-    Who calls us starts other programs, too, so the setting does not stay.
+    The fork server is started by `python -c`, which would import a random.py of that folder in place of
+    Python's
+    own. The setting is reset afterwards, since our caller starts other programs, too.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"
@@ -120,14 +121,15 @@ def _safe_path() -> Iterator[None]:
 
 
 class Processes(Workers):
-    """Processes on this machine, copies of one that has loaded all they need and has no threads of ours."""
+    """Run tasks in processes on this machine, forked from a server that has loaded all they need."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
         self._context = multiprocessing.get_context("forkserver")
-        # It loads while a recording is read here.
+        # The server loads while this process reads a recording.
         self._context.set_forkserver_preload(["fltea.identification.run"])
-        # A terminal sends Ctrl-C to all of us: without this, while it loads, it would end with a traceback.
+        # Ctrl-C reaches all processes of the terminal; unless ignored, it ends the loading server with a
+        # traceback.
         ours = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             with _safe_path():
@@ -138,15 +140,15 @@ class Processes(Workers):
 
     @property
     def slots(self) -> int:
-        """One more than processes, so that none has to wait for its next task."""
+        """One more than the number of processes, so that no process waits for its next task."""
         return self._jobs + 1
 
     def _start(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(self._jobs, self._context, _prepare)
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Begin a task when a process is free."""
-        with _safe_path():  # what forks processes is started again here if it has died
+        """Start a task as soon as a process is free."""
+        with _safe_path():  # the fork server is restarted here if it has died
             return self._pool.submit(task, *arguments)
 
     def renew(self) -> None:
@@ -165,7 +167,7 @@ class Processes(Workers):
 
 
 class BySize(Workers):
-    """Threads for one small recording, processes for a large one: which it is, is known when it was read."""
+    """Use threads for one small recording, and processes for a large one, once its size is known."""
 
     def __init__(self, jobs: int) -> None:
         self._jobs = jobs
@@ -173,28 +175,28 @@ class BySize(Workers):
 
     @property
     def slots(self) -> int:
-        """As many as they have."""
+        """The number of slots of the workers in use."""
         return self._own.slots
 
     def expect(self, samples: int) -> None:
-        """Begin with those that take less time for so many samples."""
+        """Choose the workers that take less time for this many samples."""
         self._own = Threads(self._jobs) if samples <= SMALL else Processes(self._jobs)
 
     def submit(self, task: Callable[..., T], *arguments: Any) -> "Future[T]":
-        """Hand a task on."""
+        """Pass a task to the workers in use."""
         return self._own.submit(task, *arguments)
 
     def renew(self) -> None:
-        """Go on after a worker's death."""
+        """Recover after the death of a worker."""
         self._own.renew()
 
     def close(self) -> None:
-        """End what is under way."""
+        """Stop the tasks under way."""
         self._own.close()
 
 
 def _prepare() -> None:
-    """Let a new process end at Ctrl-C without a word, and with the program that started it."""
+    """Let a new process end silently at Ctrl-C, and end with the program that started it."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     parent = multiprocessing.parent_process()
 
@@ -207,9 +209,9 @@ def _prepare() -> None:
 
 
 def open_local(jobs: int | None, *, recordings: int = 0) -> Workers:
-    """Open as many processes as asked for, or as this one may use processors; none for one.
+    """Open workers: `jobs` processes, or one for each processor that this process may use; one means none.
 
-    recordings: that are to be identified; of a single one that is small threads do it.
+    `recordings`: number of recordings to identify. A single small recording is done by threads.
     """
     wanted = jobs or len(os.sched_getaffinity(0))
     if wanted == 1:

@@ -1,1 +1,1 @@
-"""Experiments: the paper reproduced, noises of known order, the reference."""
+"""Run experiments: reproduce the paper, simulate noises of known order, compare with a reference."""

@@ -1,12 +1,15 @@
-"""Speed of the estimator: the engine, the numpy reference and filterpy's unscented filter side by side.
+"""Measure the speed of the estimator: engine, numpy reference and filterpy's unscented filter side by side.
 
-One core, one run of the program: every repetition measures all contenders one after the other, so that a
-change of the machine's clock hits all of them; medians of the repetitions. The time is the processor's (user
-and system) and not the wall clock's, so that other programs count less. Memories are full before the first
+All run on one core in one run of the program. Every repetition measures all contenders in turn, so that a
+change
+of the machine's clock affects all of them; results are medians over repetitions. Times are processor times
+(user
+and system), not wall-clock times, so that other programs matter less. Memories are full before the first
 measurement.
 
-It is a command of the product (`fltea bench estimator`): whoever chooses a machine asks there how many axes
-it can estimate, without a clone and its tools. `make bench` runs it too, with all others.
+This is a command of the product (`fltea bench estimator`): it tells how many axes a machine can estimate,
+without
+a clone of the repository and its tools. `make bench` runs it, too, with all other benchmarks.
 """
 
 import statistics
@@ -29,7 +32,7 @@ WINDOW = 3000
 WINDOWS = {str(n): n for n in (1_000, 10_000, 100_000, 1_000_000)} | {"unlimited": 0}
 LANES = tuple(2**i for i in range(11))
 
-# Axis-steps of one measurement: about a tenth of a second for the fast, enough to be repeatable for the slow.
+# Axis-steps in one measurement: about 0.1 s for fast contenders, enough to be repeatable for slow ones.
 STEPS = {"engine_compressed": 200_000, "engine_direct": 20_000, "reference": 500, "filterpy_ukf": 2_000}
 LANE_STEPS = 400_000
 
@@ -40,16 +43,16 @@ TARGETS = {
     "engine_compressed": ("axis-steps/s, one lane", 3e6),
     "engine_compressed_lanes": ("axis-steps/s, many lanes", 12e6),
 }
-"""What to reach, in words: ratios of speed, one of cost (at most), axis-steps a second."""
+"""Description and target of each ratio: speeds at least, one cost at most, axis-steps per second at least."""
 
 Work = Callable[[], int]
-"""Does some axis-steps and returns how many."""
+"""Does some axis-steps and returns their number."""
 
 
 def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
-    """Measure everything; speeds in axis-steps per second, None for filterpy where it is not installed.
+    """Measure everything; speeds are in axis-steps per second, and None for filterpy if it is not installed.
 
-    repetitions: of every measurement, all contenders in turns. scale: shortens every measurement (tests).
+    `repetitions`: number of repetitions of each measurement. `scale`: factor on its length, below 1 in tests.
 
     Raises:
         FlteaError: estimates of the engine were not finite, so that its figures are void.
@@ -82,7 +85,7 @@ def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
 
 
 def text(result: dict[str, Any]) -> str:
-    """The figures of `measure` as tables for a person, beside what is to be reached."""
+    """Format the figures of `measure` as tables, with the targets."""
     speed, per_step, ratios = (result[key] for key in ("axis_steps_per_s", "ns_per_step_by_window", "ratios"))
     lines = [
         f"Axis-steps per second, one core, L = {WINDOW:,}, medians of {result['repetitions']}, "
@@ -122,7 +125,7 @@ def text(result: dict[str, Any]) -> str:
 
 
 def _ratios(speed: dict[str, Any], per_step: dict[str, float]) -> dict[str, float | None]:
-    """What the targets are about, by the same names."""
+    """Return the measured values for `TARGETS`, by the same names."""
     compressed, peer = speed["engine_compressed"], speed["filterpy_ukf"]
     return {
         "compressed_over_direct": compressed / speed["engine_direct"],
@@ -134,7 +137,7 @@ def _ratios(speed: dict[str, Any], per_step: dict[str, float]) -> dict[str, floa
 
 
 def _in_turns(contenders: dict[str, Work], repetitions: int) -> dict[str, float]:
-    """Median axis-steps per second of each, measured in turns after one round that does not count."""
+    """Return the median axis-steps per second of each contender, measured in turn after a warm-up round."""
     rates: dict[str, list[float]] = {name: [] for name in contenders}
     for turn in range(repetitions + 1):
         for name, work in contenders.items():
@@ -154,7 +157,7 @@ def _noise(shape: tuple[int, ...]) -> NDArray[np.float64]:
 def _engine(
     lanes: int, window: int, memory: Literal["direct", "compressed"], steps: int, scale: float
 ) -> Work:
-    """The engine with the paper's gyroscope settings, its memory full (to the part `scale` of it)."""
+    """Return work for an engine with the paper's gyroscope settings; its memory is filled up to `scale`."""
     engine = Engine(lanes, lane_settings(GYROSCOPE_FILTERS, window, Options(memory=memory)))
     y = _noise((max(1, steps), lanes))
     fill = round((window or WINDOW) * min(scale, 1.0))
@@ -184,7 +187,7 @@ def _reference(steps: int, scale: float) -> Work:
 
 
 def _filterpy(steps: int) -> Work | None:
-    """Filterpy's unscented filter with one state and one measurement; None where it is not installed."""
+    """Return work for filterpy's unscented filter, one state and one measurement; None if not installed."""
     try:
         from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
     except ImportError:
@@ -208,5 +211,5 @@ def _filterpy(steps: int) -> Work | None:
 
 
 def _bytes_per_lane(window: int) -> float:
-    """Bytes of an engine of 8 lanes (one pack of the widest instruction set), a lane."""
+    """Return the bytes per lane of an engine with 8 lanes (one pack of the widest instruction set)."""
     return Engine(8, lane_settings(GYROSCOPE_FILTERS, window, Options(memory="compressed"))).storage_bytes / 8

@@ -1,1 +1,1 @@
-"""What a fractional noise is: weights, spectra, simulation; and the distributions that tests need (pure)."""
+"""Model fractional noise: weights, spectra, simulation; and the distributions that tests need."""

@@ -1,6 +1,6 @@
-"""Allan deviation of noise with a known spectrum, by quadrature (pure).
+"""Compute the Allan deviation of noise with a known spectrum, by quadrature.
 
-With S normalised as in `fltea.noise.spectra` (white noise of variance R has R)
+With S normalised as in `fltea.noise.spectra` (white noise of variance R has S = R),
 
     σ²(m) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) dλ,    0 < λ < π
 """
@@ -14,27 +14,35 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 NODES = 128
-"""Gauss–Legendre nodes in each panel, which is an octave of λ or a part of one of the highest octaves."""
+"""Number of Gauss–Legendre nodes in each panel.
+
+A panel is an octave of λ, or part of one of the highest octaves.
+"""
 PARTS = (16, 8, 4)
-"""Panels in each of the highest octaves, where AR(2) and orders above 1 have resonances."""
+"""Number of panels in each of the highest octaves, where AR(2) and orders above 1 have resonances."""
 PERIODS = 16
-"""Where sin(mλ) has more periods in a panel, its powers are taken at their means."""
+"""Number of periods of sin(mλ) in a panel above which its powers are replaced by their means."""
 MEANS = {1: 3 / 8, 2: 35 / 128}
-"""Of sin⁴ and of sin⁸."""
+"""Means of sin⁴ and of sin⁸."""
 BELOW = 24
-"""Octaves below π/m: there the integrand falls with λ² S; S of a stationary state rises less than λ^-1."""
+"""Number of octaves below π/m in the quadrature. There the integrand falls with λ² S.
+
+The spectrum S of a stationary state rises more slowly than λ^-1.
+"""
 
 
 def model_adev(
     spectrum: Callable[[Array], Array], factors: ArrayLike, around: Iterable[tuple[float, float]] = ()
 ) -> Array:
-    """Return the Allan deviation (k,) at averaging times (k,) of so many samples, in the unit of the samples.
+    """Return the Allan deviation at averaging times of `factors` samples, (k,), in the unit of the samples.
 
-    spectrum: gives S at frequencies 0 < λ < π in rad a sample, (n,) to (n,). around: of each narrow line in
-    it the frequency, and half its width, in rad a sample.
+    Args:
+        spectrum: returns S at frequencies 0 < λ < π in rad per sample, (n,) to (n,).
+        factors: averaging times in samples, (k,).
+        around: frequency and half the width of each narrow spectral line in S, in rad per sample.
 
     Raises:
-        ValueError: a factor is not at least 1.
+        ValueError: a factor is below 1.
     """
     m = np.atleast_1d(np.asarray(factors, dtype=np.float64))
     if not (np.isfinite(m).all() and (m >= 1).all()):
@@ -48,28 +56,34 @@ def allan_integrals(
     power: int,
     around: Iterable[tuple[float, float]] = (),
 ) -> Array:
-    """Return 1/π ∫ F(λ) (2 sin⁴(m λ / 2) / (m² sin²(λ / 2)))^power dλ at each factor m, (k,).
+    """Return 1/π ∫ F(λ) (2 sin⁴(m λ / 2) / (m² sin²(λ / 2)))^power dλ for each factor m, (k,).
 
-    density: gives F; of a spectrum, the integrals of the power 1 are its Allan variances. power: 1 or 2.
+    Args:
+        density: returns F. If F is a spectrum, the integrals with power 1 are its Allan variances.
+        factors: averaging times m in samples, (k,).
+        power: 1 or 2.
+        around: as for `model_adev`.
     """
     lam, weights = _quadrature(tuple(np.asarray(factors, dtype=np.float64).tolist()), tuple(around), power)
-    # Not the product of a matrix and a vector, for which a library of linear algebra would begin threads.
+    # A matrix-vector product would make the linear-algebra library start threads; einsum does not.
     return np.asarray(np.einsum("ij,j->i", weights, density(lam)))
 
 
-@lru_cache(maxsize=2)  # of 3 MB each, and more where there are lines
+@lru_cache(maxsize=2)  # 3 MB each, and more with spectral lines
 def _quadrature(
     factors: tuple[float, ...], around: tuple[tuple[float, float], ...], power: int
 ) -> tuple[Array, Array]:
-    """Return nodes λ (n,) and the weights (k, n) of what is there in the integrals at these factors.
+    """Return nodes λ (n,) and weights (k, n) of the integrals at these factors.
 
-    All axes and devices of one age have them in common, and computing them takes longer than all else.
+    They are cached, since all axes and devices with records of the same length share them, and computing them
+    takes
+    longer than everything else.
     """
     edges = _edges(int(np.ceil(np.log2(max(factors, default=1.0)))) + BELOW, around)
     width = edges[:-1] - edges[1:]
     x, weight = _gauss()
     lam = edges[1:, np.newaxis] + width[:, np.newaxis] * (1 + x) / 2
-    # Times dλ, over sin²(λ/2).
+    # Include dλ, divided by sin²(λ/2).
     density = width[:, np.newaxis] / 2 * weight / np.sin(lam / 2) ** (2 * power)
     weights = np.zeros((len(factors), *lam.shape))
     for one, factor in zip(weights, factors, strict=True):
@@ -82,13 +96,13 @@ def _quadrature(
 
 
 def _edges(octaves: int, around: Iterable[tuple[float, float]]) -> Array:
-    """Return the edges of the panels, falling from π; at a line they are as close as it is narrow."""
+    """Return the edges of the panels, falling from π; near a spectral line they are closer together."""
     cuts = [1 - np.arange(n) / (2 * n) for n in (*PARTS, *[1] * (octaves - len(PARTS)))]
     octave = [0.5**k * cut for k, cut in enumerate(cuts)]
     edges = np.pi * np.append(np.concatenate(octave), 0.5**octaves)
     for lam, half in around:
-        apart = half * 2.0 ** np.arange(np.ceil(np.log2(np.pi / half)))
-        near = np.concatenate([lam - apart, [lam], lam + apart])
+        offsets = half * 2.0 ** np.arange(np.ceil(np.log2(np.pi / half)))
+        near = np.concatenate([lam - offsets, [lam], lam + offsets])
         edges = np.union1d(edges, near[(near > edges.min()) & (near < np.pi)])
     return np.asarray(np.sort(edges)[::-1])
 

@@ -1,12 +1,14 @@
-"""How far the Allan variance of one record spreads about that of its noise, by the noise's spectrum (pure).
+"""Compute how the Allan variance of one record spreads about that of its noise, from the noise's spectrum.
 
-The variance of an average of squares follows from their covariance r(k): over M differences of neighbouring
-means
+The variance of an average of squares follows from the covariance r(k) of the averaged terms. Over M
+differences of
+neighbouring means
 
     Var σ²(m) = 2 / M Σ (1 - |k| / M) r(k)²,    r(k) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) cos kλ dλ
 
-(C. A. Greenhall and W. J. Riley, PTTI 2003, equations 7 and 8, there for powers of the frequency). A figure
-that is chi-squared with ν degrees of freedom has the variance 2 σ⁴ / ν.
+(C. A. Greenhall and W. J. Riley, PTTI 2003, equations 7 and 8, there for powers of the frequency). A
+chi-squared
+variable with ν degrees of freedom and mean σ² has the variance 2 σ⁴ / ν.
 """
 
 import math
@@ -22,30 +24,30 @@ from fltea.records.arrays import Array
 Spectrum = Callable[[Array], Array]
 
 POINTS = 16
-"""Lags at which the covariance is taken, in an averaging time."""
+"""Number of lags per averaging time at which the covariance is computed."""
 MOST = 1 << 13
-"""Slow frequencies of one averaging time, twice."""
+"""Twice the largest number of slow frequencies for one averaging time."""
 FAST = 1 << 11
-"""Fast ones."""
+"""Number of fast frequencies."""
 RUNG_OUT = 8.0
-"""Times in which a line forgets its phase, after which nothing of it is left."""
+"""Number of phase-memory times after which nothing of a spectral line is left."""
 
 
 class Line(NamedTuple):
-    """A narrow line: a cosine whose amplitude and phase wander."""
+    """A narrow spectral line: a cosine whose amplitude and phase wander."""
 
     lam: float
-    """Frequency in rad a sample, between 0 and π."""
+    """Frequency in rad per sample, between 0 and π."""
     half: float
-    """Half its width at half its height in rad a sample: the rate at which it forgets its phase."""
+    """Half the width at half the height in rad per sample: the rate at which the phase is forgotten."""
     variance: float
 
     def at(self, lam: Array) -> Array:
-        """Return its spectrum at λ, (n,)."""
+        """Return the spectrum of the spectral line at λ, (n,)."""
         return np.asarray(self._height / (1 + ((lam - self.lam) / self.half) ** 2))
 
     def mean(self, edges: Array) -> Array:
-        """Return the mean of its spectrum between neighbours of rising edges, (n + 1,) to (n,)."""
+        """Return the mean spectrum between neighbouring edges, which rise: (n + 1,) to (n,)."""
         angles = np.arctan((edges - self.lam) / self.half)
         return np.asarray(self._height * self.half * np.diff(angles) / np.diff(edges))
 
@@ -55,7 +57,7 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return the share of Σ r(k)² that so many terms see: little of what rings for long."""
+        """Return the share of Σ r(k)² that a record with `terms` terms shows; small if the line rings on."""
         ringing = 2 * self.half * terms
         return 1 + math.expm1(-ringing) / ringing
 
@@ -65,9 +67,12 @@ def allan_degrees(
 ) -> Array:
     """Return the degrees of freedom of overlapping Allan variances, (k,), 1 or more.
 
-    spectrum: gives S of all but the lines at frequencies 0 < λ < π, (n,) to (n,). factors: samples that are
-    averaged, whole numbers. variances: of the whole noise there, as of `model_adev`. terms: differences of
-    neighbouring means that a record has.
+    Args:
+        spectrum: returns S of everything except the spectral lines at frequencies 0 < λ < π, (n,) to (n,).
+        factors: numbers of averaged samples, (k,), whole numbers.
+        variances: Allan variances of the whole noise at these factors, the squares of `model_adev`.
+        terms: numbers of differences of neighbouring means that the record has, (k,).
+        lines: the spectral lines.
     """
     grids = _Grids(spectrum)
     m, variance, count = (np.asarray(one, dtype=np.float64) for one in (factors, variances, terms))
@@ -88,20 +93,20 @@ def allan_degrees(
 def _of_line(
     line: Line, spectrum: Spectrum, factors: Array, around: Sequence[tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return Σ r(k)² over all lags of a line alone, and what it has at the frequencies of the rest, (k,)."""
+    """Return Σ r(k)² over all lags for a spectral line alone, and its cross term with the rest, each (k,)."""
     own = allan_integrals(lambda lam: line.at(lam) ** 2, factors, 2, around)
     return own, allan_integrals(lambda lam: 2 * line.at(lam) * spectrum(lam), factors, 2, around)
 
 
 class _Shape(NamedTuple):
-    """How the covariance at one averaging time is computed."""
+    """Settings for computing the covariance at one averaging time."""
 
     m: float
     terms: float
     step: int
-    """Samples from one lag to the next."""
+    """Number of samples between lags."""
     points: int
-    """Lags, after which all begins again."""
+    """Number of lags, after which the covariance repeats periodically."""
 
     @classmethod
     def of(cls, m: float, terms: float) -> "_Shape":
@@ -109,21 +114,21 @@ class _Shape(NamedTuple):
         return cls(m, terms, step, min(MOST, 1 << math.ceil(math.log2(2 * (terms + 2 * m) / step))))
 
     def resolves(self, line: Line) -> bool:
-        """Whether a line is among the slow frequencies, and over before the lags are, or the record is."""
+        """Whether a spectral line is slow enough, and its covariance decays within the lags or the record."""
         around = self.points * self.step
         is_short = around >= 2 * (self.terms + 2 * self.m) or line.half * around >= RUNG_OUT
         return line.lam < math.pi / self.step and is_short
 
 
 class _Grids:
-    """The spectrum in the middles of cells, which many averaging times have in common."""
+    """The spectrum at the midpoints of cells, shared by many averaging times."""
 
     def __init__(self, spectrum: Spectrum) -> None:
         self._spectrum = spectrum
         self._known: dict[tuple[float, float, int], tuple[Array, Array]] = {}
 
     def of(self, low: float, high: float, cells: int) -> tuple[Array, Array]:
-        """Return λ from low to high, and S there."""
+        """Return λ from low to high, and S at λ."""
         key = low, high, cells
         if key not in self._known:
             lam: Array = low + (np.arange(cells, dtype=np.float64) + 0.5) * ((high - low) / cells)
@@ -136,7 +141,7 @@ def _weights(lam: Array, m: float) -> Array:
 
 
 def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
-    """Return Σ (1 - |k| / M) r(k)² of what is slower than the lags at which r is taken."""
+    """Return Σ (1 - |k| / M) r(k)² for frequencies low enough to be sampled by the lags of r."""
     m, terms, step, points = shape
     lam, S = grids.of(0.0, np.pi / step, points // 2)
     if lines:
@@ -144,7 +149,7 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
         S = S + sum(line.mean(edges) for line in lines)
     power = S * _weights(lam, m) * (2 / (points * step))
     lags = np.arange(points // 2)
-    # Frequencies are the middles of cells.
+    # Frequencies are the midpoints of cells.
     r = (np.exp(-1j * np.pi * lags / points) * np.fft.fft(power, points)[: points // 2]).real
     weights = np.maximum(1 - lags * (step / terms), 0.0)
     weights[1:] *= 2
@@ -152,7 +157,10 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
 
 
 def _fast_squares(grids: _Grids, shape: _Shape) -> float:
-    """Return the same of what is faster: its covariance is short, at lags 0, m and 2 m."""
+    """Return the sum of `_slow_squares` for faster frequencies.
+
+    Their covariance is confined to lags near 0, m and 2 m.
+    """
     m, terms, step, _ = shape
     if step == 1:
         return 0.0

@@ -1,6 +1,6 @@
-"""Tails and quantiles of chi-squared, F and Student's t, for any real number of degrees of freedom (pure).
+"""Tails and quantiles of chi-squared, F and Student's t, for any real number of degrees of freedom.
 
-They come from the regularised incomplete gamma and beta functions (NIST Digital Library of Mathematical
+They are computed by the regularised incomplete gamma and beta functions (NIST Digital Library of Mathematical
 Functions, 8.11.4, 8.9.2 and 8.17.22). The normal distribution is `statistics.NormalDist`.
 """
 
@@ -21,7 +21,7 @@ TINY = 1e-300
 
 
 def chi2_tail(x: float, degrees: float) -> float:
-    """Return how often a chi-squared figure of so many degrees of freedom exceeds x; degrees > 0."""
+    """Return the probability that chi-squared with `degrees` > 0 degrees of freedom exceeds x."""
     a, y = degrees / 2, x / 2
     if y <= 0 or math.isinf(y):
         return float(y <= 0)
@@ -48,9 +48,9 @@ def chi2_tail(x: float, degrees: float) -> float:
 
 
 def chi2_quantile(probability: float, degrees: ArrayLike) -> Array:
-    """Return the value that a chi-squared figure of each of `degrees` stays below with this probability.
+    """Return the value that chi-squared with each of `degrees` stays below with this probability.
 
-    The error is below 1e-9 of the value up to 150 degrees, and below 2e-4 of it above.
+    The relative error is below 1e-9 up to 150 degrees of freedom, and below 2e-4 above.
 
     Raises:
         ValueError: probability is not between 0 and 1, or a number of degrees is not positive.
@@ -71,9 +71,9 @@ def chi2_quantile(probability: float, degrees: ArrayLike) -> Array:
 
 
 def chi2_log_std(degrees: ArrayLike) -> Array:
-    """Return the standard deviation of the logarithm of a chi-squared figure of so many degrees of freedom.
+    """Return the standard deviation of the logarithm of chi-squared with `degrees` degrees of freedom.
 
-    It is the root of the trigamma function of half of them (NIST DLMF 5.15.8 and 5.15.5).
+    It is the root of the trigamma function at degrees / 2 (NIST DLMF 5.15.8 and 5.15.5).
     """
     x = np.asarray(degrees, dtype=np.float64) / 2
     total = np.zeros_like(x)
@@ -86,7 +86,7 @@ def chi2_log_std(degrees: ArrayLike) -> Array:
 
 
 def f_log_tail(ratio: float, first: float, second: float) -> float:
-    """Return the logarithm of how often F with (first, second) degrees of freedom exceeds ratio."""
+    """Return the log probability that F with (first, second) degrees of freedom exceeds ratio."""
     if ratio <= 0:
         return 0.0
     share = first * ratio / (first * ratio + second)
@@ -94,11 +94,16 @@ def f_log_tail(ratio: float, first: float, second: float) -> float:
 
 
 def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
-    """Return the standard normal deviate that is exceeded as often as F exceeds each ratio.
+    """Return the standard normal deviate that is exceeded with the same probability as F exceeds each ratio.
 
-    ratio >= 0; first, second: degrees of freedom, 2 or more; all of one shape, or broadcast. It is Peizer and
-    Pratt's approximation (*J. Am. Stat. Assoc.* 63, 1968), for many at once: down to probabilities of 1e-9 it
-    is within 0.02 of the true deviate.
+    The approximation by Peizer and Pratt (*J. Am. Stat. Assoc.* 63, 1968) is quick for many ratios at once.
+    Down to
+    probabilities of 1e-9 it is within 0.02 of the true deviate.
+
+    Args:
+        ratio: ratios, 0 or more.
+        first: degrees of freedom of the numerator, 2 or more; shapes have to broadcast.
+        second: degrees of freedom of the denominator, 2 or more.
     """
     x, a, b = (np.asarray(one, dtype=np.float64) for one in (ratio, first, second))
     s, t = (b - 1) / 2, (a - 1) / 2
@@ -111,7 +116,7 @@ def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
 
 
 def student_tail(t: float, degrees: float) -> float:
-    """Return how often Student's t with so many degrees of freedom is farther from 0 than t, either way."""
+    """Return the probability that |Student's t| with `degrees` degrees of freedom exceeds |t|."""
     return math.exp(f_log_tail(t * t, 1, degrees))
 
 
@@ -132,15 +137,18 @@ def student_quantile(probability: float, degrees: float) -> float:
 
 
 def _most_terms(parameter: float) -> int:
-    """Terms of a series or fraction until it stands: some times the square root of its parameter."""
+    """Return the largest number of terms for a series or continued fraction to converge.
+
+    It grows with the square root of the parameter.
+    """
     return 200 + 20 * math.isqrt(math.ceil(parameter))
 
 
 def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
-    """Newton's method on the logarithms of x = chi²/2 and of its distribution, from a start."""
+    """Find quantiles by Newton's method on the logarithms of x = chi²/2 and of its distribution."""
     a = k / 2
     log_gamma = np.array([math.lgamma(one) for one in (a + 1).tolist()])
-    # x^a / Γ(a + 1) is above the distribution, so this is below the quantile.
+    # x^a / Γ(a + 1) is above the distribution, so this bound is below the quantile.
     least = (math.log(probability) + log_gamma) / a
     log_x = np.maximum(least, np.log(np.maximum(start / 2, np.finfo(np.float64).tiny)))
     rising = a[:, np.newaxis] + np.arange(1.0, TERMS + 1)
@@ -154,7 +162,7 @@ def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
 
 
 def _log_incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
-    """Logarithm of I_x(a, b) by its continued fraction, evaluated from its front (Lentz); rest: 1 - x."""
+    """Return the logarithm of I_x(a, b) by its continued fraction (Lentz's method). `rest`: 1 - x."""
     if x <= 0 or rest <= 0:
         return -math.inf if x <= 0 else 0.0
     if x > (a + 1) / (a + b + 2):
@@ -176,7 +184,7 @@ def _log_incomplete_beta(a: float, b: float, x: float, rest: float) -> float:
 
 
 def _peizer_pratt(x: Array) -> Array:
-    """(1 - x² + 2x log x) / (1 - x)²; 0 at 1, where it is (1 - x)/3."""
+    """Return (1 - x² + 2x log x) / (1 - x)²; near 1 it is (1 - x)/3."""
     away = 1 - x
     near = np.abs(away) < 1e-3
     safe = np.where(near, 2.0, x)

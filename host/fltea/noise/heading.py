@@ -1,8 +1,8 @@
-"""What comes after the last sample at rest: how far a heading is off, and the mean of the bias (pure).
+"""Predict from the samples at rest: the error of a heading, and the mean of the bias.
 
-It follows from the system of a rate's noise. A heading is the integral of the rate minus its prediction,
-which is made of nothing but the samples at rest. Times are taken in samples, by squaring: an hour costs as
-little as a second.
+Both follow from the system of a rate's noise. A heading is the integral of the rate minus its prediction,
+which uses
+only the samples at rest. Times are stepped over by repeated squaring, so an hour costs as little as a second.
 """
 
 import math
@@ -20,54 +20,56 @@ from fltea.records.units import MOST_DEG
 LONGEST_REST_S = 86400.0
 LONGEST_DRIVE_S = 3600.0
 NEAR = 1.01
-"""A time to rest, and one to drive, is found within this factor."""
+"""Factor within which a time of rest or of drive is found."""
 
 
 class Ahead(NamedTuple):
-    """A sum over samples to come: what x makes of it, and the variance of what comes on top."""
+    """A sum over future samples: its dependence on the state x, and the variance of additional noise."""
 
     row: Array
-    """The sum is row @ x, and noise, where x is that of the last sample at rest; (n,)."""
+    """The sum is row @ x plus noise, where x is the state at the last sample at rest; (n,)."""
     variance: float
-    """Of that noise."""
+    """Variance of that noise."""
 
     def std(self, P: Array) -> float:
-        """Return the standard deviation of the sum; P: covariance of x after the last sample at rest."""
+        """Return the standard deviation of the sum. `P`: covariance of x after the last sample at rest."""
         return math.sqrt(max(float(self.row @ P @ self.row) + self.variance, 0.0))
 
 
 class Rest(NamedTuple):
-    """How long to rest, in s; None, for a reason, if no rest is enough."""
+    """How long to rest [s]; None, with a reason, if no rest is enough."""
 
     rest_s: float | None
     reason: str = ""
 
 
 def ahead(system: System, h: float, t_s: float) -> Ahead:
-    """Return the angle t_s after the last sample at rest; h: sampling period in s."""
+    """Return the angle `t_s` seconds after the last sample at rest. `h`: sampling period [s]."""
     return aheads(system, h, [t_s])[0]
 
 
 def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
-    """Return the same for several times, which have the squares in common."""
+    """Return the angle after each of several times, which share the squarings."""
     counts = [max(round(t_s / h), 1) for t_s in times_s]
     return _sums(system, h * system.c, h * h * system.R, counts)
 
 
 def mean_ahead(system: System, samples: int) -> Ahead:
-    """Return the mean of the bias over the next so many samples, as of x after the newest sample.
+    """Return the mean of the bias over the next `samples` samples, in terms of x after the newest sample.
 
-    Bias(T) is its expectation, `row @ x`; its σ is `std(P)`. Noise that is no signal (white noise R, and
-    coordinates that `system.bias` leaves out) is not in it: the mean of the samples themselves has N²/T more.
+    Bias(T) is its expectation `row @ x`, with σ = `std(P)`. Noise that is no signal (white noise R, and
+    states that
+    `system.bias` leaves out) does not contribute: the variance of the mean of the samples has an additional
+    N²/T.
 
     Raises:
-        ValueError: fewer samples than one.
+        ValueError: `samples` is below 1.
     """
     return means_ahead(system, [samples])[0]
 
 
 def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
-    """Return the same as `mean_ahead` for several numbers of samples, which have the squares in common."""
+    """Return `mean_ahead` for several numbers of samples, which share the squarings."""
     if any(count < 1 for count in counts):
         raise ValueError(f"a mean is one of a sample or more, got {list(counts)}")
     sums = _sums(system, system.bias, 0.0, counts)
@@ -75,40 +77,40 @@ def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
 
 
 def _sums(system: System, c: Array, R: float, counts: Sequence[int]) -> list[Ahead]:
-    """Return the sums of c @ x, and white noise of variance R, over the next so many samples each."""
+    """Return the sums of c @ x, plus white noise of variance R, over each number of future samples."""
     rows, variances = _native.sums_ahead(system.numbers, c, R, list(counts))
     return [Ahead(np.array(row), variance) for row, variance in zip(rows, variances, strict=True)]
 
 
 def heading_std(system: System, P: Array, h: float, t_s: float) -> float:
-    """Return the standard deviation of the heading, in deg for a rate in deg/s; arguments as of `ahead`.
+    """Return the standard deviation of the heading, in deg for a rate in deg/s; arguments as for `ahead`.
 
-    P: covariance of x after the last sample at rest, as `rested` gives it.
+    `P`: covariance of x after the last sample at rest, as `rested` returns it.
     """
     return ahead(system, h, t_s).std(P)
 
 
 def rested(system: System, samples: int) -> Array:
-    """Return the covariance of x after so many samples at rest, of which the first is the first ever."""
+    """Return the covariance of x after `samples` samples at rest, starting with the very first sample."""
     P = np.empty_like(system.P0)
     _native.rested(system.numbers, max(samples, 1), P)
     return P
 
 
 def bias_std(system: System, P: Array) -> float:
-    """Return the standard deviation of the bias, which is the state and the offset; P as of `heading_std`."""
+    """Return the standard deviation of the bias, that is of state plus offset; P as for `heading_std`."""
     return math.sqrt(max(float(system.bias @ P @ system.bias), 0.0))
 
 
 def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -> list[float]:
-    """Return the same as `heading_std` for several times."""
+    """Return `heading_std` for several times."""
     return [one.std(P) for one in aheads(system, h, times_s)]
 
 
 def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "°") -> Rest:
-    """Return how long to rest so that the heading's standard deviation is at most `within` after t_s.
+    """Return the rest after which the heading's standard deviation is at most `within` at `t_s` later.
 
-    unit: that of the heading, as a reason has it behind a number.
+    `unit`: unit of the heading, to stand after a number in the reason.
     """
     at = ahead(system, h, t_s)
 
@@ -130,14 +132,15 @@ def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "�
 
 
 def drive_for(system: System, h: float, rest_s: float, within: float) -> float | None:
-    """Return how many seconds after a rest the heading's standard deviation is first above `within`.
+    """Return the time [s] after a rest up to which the heading's standard deviation stays at most `within`.
 
-    That is the inverse of `rest_for`, and from the safe side like it: until then the deviation is at most
-    `within`. 0: the first sample is too much. None: an hour is not.
+    This is the inverse of `rest_for`, and likewise errs on the safe side. 0: the first sample exceeds
+    `within`. None: an
+    hour does not.
     """
     P = rested(system, max(round(rest_s / h), 1))
     steps = math.ceil(math.log(max(LONGEST_DRIVE_S / h, 1.0)) / math.log(NEAR))
-    # A heading may swing, and what is asked for is the first time: so all times are looked at.
+    # The deviation of a heading may swing, and the first excess is wanted, so all times are computed.
     counts = sorted({round(min(NEAR**step, max(LONGEST_DRIVE_S / h, 1.0))) for step in range(steps + 1)})
     times_s = [count * h for count in counts]
     good_s = 0.0

@@ -1,6 +1,6 @@
-"""What a record of so many samples leaves open of the noise that was found in it (pure).
+"""Estimate what a record of given length leaves uncertain about the noise that was found in it.
 
-By the likelihood of a spectrum (Whittle, *Ark. Mat.* 2, 1953), with the spectrum of the noise for data.
+The likelihood is that of a spectrum (Whittle, *Ark. Mat.* 2, 1953), with the spectrum of the noise as data.
 """
 
 import functools
@@ -26,28 +26,38 @@ from fltea.records.arrays import Array, merged
 
 STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05
-"""Orders that are tried, beside the one that was found."""
+"""Range of the orders that are tried in addition to the order that was found."""
 UNLIKELY = 7.0
-"""In log L: orders that are so much less likely count no longer."""
+"""Loss of log L beyond which an order no longer counts."""
 LOWEST = 10
-"""Periods of a record, from which on a spectrum is fitted."""
+"""Least number of periods in the record at which the spectrum is fitted."""
 POINTS = 80
 CONVERGED, ITERATIONS = 1e-3, 60
 PRIOR = 1.0
-"""Information about a coordinate, nearly all of which are logarithms, without any record."""
+"""Prior information on each free parameter, nearly all of which are logarithms."""
 
 
 def mean_order(
     parts: Sequence[Part], order: Order | Arfima, lam: Array, h: float, samples: int
 ) -> tuple[float, Array]:
-    """Return the mean variance of the white noise, and the mean spectrum at λ of the order, one of the parts.
+    """Return the mean variance of the white noise, and the mean spectrum at λ of the order.
 
-    Beside white noise an order that is nearly white is hardly known: the likeliest one may leave nothing of
-    the white noise, or all of it. Of all linear filters that of the mean of the spectra has the least mean
-    square error, and knows it; the likeliest one's error is larger, and it thinks that it is less.
+    Next to white noise, a nearly white order is hardly known: the most likely order may leave nothing of the
+    white noise,
+    or all of it. The filter for the mean of the spectra has the least mean square error of all linear
+    filters, and it
+    predicts this error. The filter for the most likely order has a larger error, but predicts a smaller one.
 
-    Each α in its place is fitted with white noise to what both have together, and weighs as much as it is
-    likely. The other parts are known.
+    For each trial α, order and white noise are fitted to what both have together, and weighted by their
+    likelihood. The
+    other parts are taken as known.
+
+    Args:
+        parts: the parts of the noise, including `order`.
+        order: the order among the parts.
+        lam: frequencies λ in rad per sample.
+        h: sampling period [s].
+        samples: length of the record.
     """
     R = sum(part.R for part in parts if isinstance(part, White))
     codes, best = [White(R).code, order.code], [*White(R).eta(h), *order.eta(h)]
@@ -78,14 +88,14 @@ def mean_order(
 
 
 def distance(parts: Sequence[Part], others: Sequence[Part], h: float, samples: int) -> float:
-    """Return by how much log L of a record is larger with its own noise than with another, in the mean."""
+    """Return the expected loss of log L of a record of `parts` when it is described by `others`."""
     at, counts = _ordinates(samples)
     ratio = spectrum(parts, at, h) / spectrum(others, at, h)
     return float(counts @ (ratio - 1 - np.log(ratio)))
 
 
 def nearby(parts: Sequence[Part], h: float, samples: int) -> Iterator[tuple[list[Part], list[Part]]]:
-    """Yield noises that are a standard deviation off, either way, in directions that are independent."""
+    """Yield pairs of noises one standard deviation below and above `parts`, in independent directions."""
     codes, eta = [part.code for part in parts], np.array([x for part in parts for x in part.eta(h)])
     at, counts = _ordinates(samples)
     total, rows = np.empty(len(at)), np.empty((len(eta), len(at)))
@@ -100,9 +110,9 @@ def _parts(codes: Sequence[int], eta: Array, h: float) -> list[Part]:
     return [part_of(code, list(itertools.islice(rest, free_of(code))), h) for code in codes]
 
 
-@functools.lru_cache(maxsize=8)  # axes, and devices of one age, have them in common
+@functools.lru_cache(maxsize=8)  # shared by axes, and by devices with records of the same length
 def _ordinates(samples: int) -> tuple[Array, Array]:
-    """Return λ, and for how many ordinates of a record each stands."""
+    """Return λ, and the number of ordinates of a record that each λ stands for."""
     low = min(2 * math.pi * LOWEST / samples, 1.0)
     lam = merged(np.geomspace(low, math.pi, POINTS), np.linspace(low, math.pi, POINTS))
     return lam, np.gradient(lam) * samples / (2 * math.pi)

@@ -1,4 +1,4 @@
-"""The finite window of past estimates that a fractional difference looks back on."""
+"""Store the finite window of past estimates that a fractional difference uses."""
 
 import numpy as np
 
@@ -8,8 +8,9 @@ from fltea.records.arrays import Array
 class NewestFirst:
     """The last `window` arrays of one shape, newest first, contiguous.
 
-    The buffer is twice as long as the window and fills downwards; when it is full, the window moves to its
-    upper end. So a push costs O(1) on average and the content is always one slice, never two.
+    The buffer is twice as long as the window and is filled downwards. When it is full, the window moves to
+    its upper end.
+    So a push costs O(1) on average, and the content is always one slice.
     """
 
     def __init__(self, window: int, shape: tuple[int, ...] = ()) -> None:
@@ -24,7 +25,7 @@ class NewestFirst:
         return self._count
 
     def push(self, value: Array | float) -> None:
-        """Put `value` in front; the oldest one falls out when the window is full."""
+        """Add `value` in front; if the window is full, the oldest value is dropped."""
         if self._start == 0:
             keep = self.window - 1
             self._start = 2 * self.window - keep
@@ -35,5 +36,5 @@ class NewestFirst:
 
     @property
     def values(self) -> Array:
-        """The kept samples as a view (len, *shape), newest first, which is valid until the next push."""
+        """The stored values as a view (len, *shape), newest first; it is valid until the next push."""
         return self._buffer[self._start : self._start + self._count]

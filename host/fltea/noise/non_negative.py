@@ -1,6 +1,7 @@
-"""Least squares whose coefficients are 0 or more, by active sets (pure).
+"""Solve least squares with coefficients of 0 or more, by active sets.
 
-Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has it, and is no dependency.
+Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has this, but is no dependency of
+ours.
 """
 
 import numpy as np
@@ -8,13 +9,13 @@ import numpy as np
 from fltea.records.arrays import Array, Mask
 
 TOLERANCE = 1e-10
-"""Slope of the squares that counts as none, where columns and the right side have length 1."""
+"""Slope of the sum of squares that counts as zero, for columns and right side of length 1."""
 ROUNDS = 10
-"""Steps for each column, at most."""
+"""Largest number of steps per column."""
 
 
 def non_negative(M: Array, d: Array) -> Array:
-    """Return x (columns,), no number of which is below 0, with the least |M x - d|; M: (rows, columns)."""
+    """Return x (columns,), with no element below 0, that minimises |M x - d|. `M`: (rows, columns)."""
     lengths = np.sqrt((M * M).sum(axis=0))
     scale = float(np.sqrt(d @ d)) or 1.0
     lengths[lengths == 0] = 1.0
@@ -30,7 +31,7 @@ def non_negative(M: Array, d: Array) -> Array:
 
 
 def _within(M: Array, d: Array, x: Array, free: Mask) -> Array:
-    """Return the least squares of the free columns; those that would go below 0 are no longer free."""
+    """Solve least squares for the free columns; columns that would become negative are fixed at 0."""
     while free.any():
         best = np.zeros(len(x))
         best[free] = np.linalg.lstsq(M[:, free], d, rcond=None)[0]

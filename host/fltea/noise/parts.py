@@ -1,7 +1,7 @@
-"""The grammar of noise: a noise is made of parts (pure).
+"""Describe noise by a grammar: a noise is made of parts.
 
-    S(λ) = L(λ) (sum of the parts' spectra) + floor,    λ in rad a sample, of which white noise of variance R
-    has R
+    S(λ) = L(λ) (sum of the parts' spectra) + floor,    λ in rad per sample; white noise of variance R has S =
+        R
 
 L is a chain of filters that the sensor has behind its noise. A part has its parameters in physical units
 here, and in the coordinates of the native fits (host/native/sentence_parts.hpp), where powers and rates are
@@ -99,7 +99,7 @@ class Alternating(_Decaying, frozen=True, tag="alternating"):
 
 
 class Walk(Part, frozen=True, tag="walk"):
-    """A random walk of the rate: K² h is the variance of a step."""
+    """A random walk of the rate; each step has the variance K² h."""
 
     K: float
 
@@ -121,7 +121,7 @@ class Walk(Part, frozen=True, tag="walk"):
 
 
 class Order(Part, frozen=True, tag="order"):
-    """The state of a fractional order, D^α x = f x + ω, of `fltea.noise.simulation`: f in s^-α, var ω = Q."""
+    """The fractional state D^α x = f x + ω of `fltea.noise.simulation`, with f in s^-α and var ω = Q."""
 
     alpha: float
     f: float
@@ -181,7 +181,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
 
 
 class Resonance(Part, frozen=True, tag="resonance"):
-    """A pair of poles: height of its spectrum at its frequency, and the width there at half that height."""
+    """A pair of poles: the height of its spectrum at its frequency, and the width at half this height."""
 
     height: float
     frequency_hz: float
@@ -207,7 +207,7 @@ class Resonance(Part, frozen=True, tag="resonance"):
 
 
 class Quantisation(Part, frozen=True, tag="quantisation"):
-    """Differences of an angle that is rounded: white noise of deviation Q of the angle."""
+    """Differences of a rounded angle; the rounding is white noise of the angle with deviation Q."""
 
     Q: float
 
@@ -226,7 +226,7 @@ class Quantisation(Part, frozen=True, tag="quantisation"):
 
 
 class Rise(Part, frozen=True, tag="rise"):
-    """Power that rises with |1 - e^{-iλ}|^2δ, to `power` at half the sample rate."""
+    """Power that rises with |1 - e^{-iλ}|^2δ, up to `power` at half the sample rate."""
 
     power: float
     delta: float
@@ -250,7 +250,7 @@ class Floor(_Level, frozen=True, tag="floor"):
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
-    """A filter 1 / (1 + (ω/ω_c)^2n), then sampled; the corner may be above half the sample rate."""
+    """A filter 1 / (1 + (ω/ω_c)^2n) before sampling; the corner may be above half the sample rate."""
 
     corner_hz: float
     poles: float
@@ -274,10 +274,11 @@ class LowPass(Part, frozen=True, tag="low-pass"):
 
 
 class HighPass(Part, frozen=True, tag="high-pass"):
-    """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), which lets nothing slow pass, as AC coupling does.
+    """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), that blocks slow signals, as AC coupling does.
 
-    With one pole it is what is left of samples less their fading average. The corner is at most at a tenth of
-    the sample rate: one above is a rise.
+    With one pole it subtracts the exponentially fading average from the samples. The corner is at most a
+    tenth of the
+    sample rate; a higher corner would be a rise.
     """
 
     corner_hz: float
@@ -305,7 +306,7 @@ class HighPass(Part, frozen=True, tag="high-pass"):
 
 
 class Sharpening(Part, frozen=True, tag="sharpening"):
-    """The filter -s, 1 + 2 s, -s, which sharpens, or smooths where s < 0."""
+    """The filter with taps -s, 1 + 2 s, -s; it sharpens for s > 0, and smooths for s < 0."""
 
     s: float
 
@@ -324,7 +325,7 @@ class Sharpening(Part, frozen=True, tag="sharpening"):
 
 
 class Notch(Part, frozen=True, tag="notch"):
-    """A filter that stops one frequency: of this width at half its power."""
+    """A filter that stops one frequency; the width is that at half the power."""
 
     frequency_hz: float
     width_hz: float
@@ -348,13 +349,13 @@ class Notch(Part, frozen=True, tag="notch"):
 
 
 class Mean(Part, frozen=True, tag="mean"):
-    """The mean of so many samples."""
+    """A filter that averages `samples` samples."""
 
     samples: int
 
     @property
     def code(self) -> int:
-        """The number of the part in the native module."""
+        """Number of the part's kind in the native module."""
         return MEAN_FROM + self.samples
 
     def eta(self, h: float) -> list[float]:
@@ -414,7 +415,7 @@ SLOW = tuple(kind for kind in CODES if kind.has("slow"))
 
 
 def kind_of(code: int) -> type[Part]:
-    """Return the kind of a part."""
+    """Return the kind of the part with this code."""
     return Mean if code >= MEAN_FROM else CODES[code]
 
 
@@ -424,12 +425,12 @@ def free_of(code: int) -> int:
 
 
 def high_pass_of(parts: Iterable[Part]) -> HighPass | None:
-    """Return the high-pass among parts, if there is one."""
+    """Return the high-pass among the parts, or None."""
     return next((part for part in parts if isinstance(part, HighPass)), None)
 
 
 def part_of(code: int, eta: Sequence[float], h: float) -> Part:
-    """Return a part of its number and coordinates."""
+    """Return the part with this code and these free parameters."""
     return Mean(code - MEAN_FROM) if code >= MEAN_FROM else CODES[code].of_eta(eta, h)
 
 
@@ -454,7 +455,7 @@ def spectrum(parts: Iterable[Part], lam: Array, h: float) -> Array:
 
 
 def spectrum_of(codes: Sequence[int], eta: Sequence[float], lam: Array, h: float) -> Array:
-    """Return the spectrum of parts by their numbers and coordinates, white noise first."""
+    """Return the spectrum of parts given by codes and free parameters, white noise first."""
     found = np.empty(len(lam))
     _native.sentence_spectrum(list(codes), list(eta), np.ascontiguousarray(lam, dtype=np.float64), h, found)
     return found

@@ -1,7 +1,8 @@
-"""Parts of a noise as poles that one white noise drives (pure).
+"""Approximate parts of a noise by poles that one white noise drives.
 
-A part or a chain of filters has poles of its own, or real ones that stand for it: two a decade for an order.
-What each contributes is found by least squares, from magnitude and phase of the part's response.
+A part or a chain of filters has poles of its own, or real poles approximate it: two per decade for an order.
+The
+contribution of each pole is found by least squares, from magnitude and phase of the part's response.
 """
 
 import math
@@ -19,18 +20,25 @@ from fltea.records.arrays import Array, Complex
 LINES = math.pi * np.arange(1, 4097) / 4096
 """λ of a spectrum from which a response is found."""
 FAST = 0.3
-"""Weight of frequencies above 1 rad a sample, where less depends on the fit."""
+"""Weight of frequencies above 1 rad per sample, where less depends on the fit."""
 DISTINCT = 0.05
-"""Of two poles, over the distance of one from the circle: nearer ones would only cancel each other."""
+"""Least distance between two poles, relative to the distance of one from the unit circle.
+
+Poles that are closer would only cancel each other.
+"""
 LEAST_SINGULAR, CANCELLING = (1e-8, 1e-6, 1e-4, 1e-2), 1e4
-"""Singular values that count, over the largest; and the power of all coordinates over that of their sum
-beyond which they cancel each other, which no filter's numbers survive."""
+"""Thresholds of the least-squares fit.
+
+LEAST_SINGULAR: singular values relative to the largest that are kept. CANCELLING: ratio of the states' total
+    power to
+the power of their sum above which the states cancel each other too much for floating-point numbers.
+"""
 DEEPEST = 1e-7
-"""Of a spectrum, over its mean: the logarithm of a filter's zero."""
+"""Least value of a spectrum over its mean, since the logarithm of a filter's zero is infinite."""
 
 
 class Block(NamedTuple):
-    """Coordinates that have nothing to do with the others."""
+    """States that are independent of all other states."""
 
     a: Array
     b: Array
@@ -41,10 +49,11 @@ class Block(NamedTuple):
 
 
 def least_phase(power: Array) -> Callable[[Array], Complex]:
-    """Return the causal response, with a causal inverse, of this spectrum at equidistant λ up to π.
+    """Return the minimum-phase response that has this spectrum, given at equidistant λ up to π.
 
-    Its logarithm has the cepstrum of the spectrum's, folded (Oppenheim & Schafer, Digital Signal Processing,
-    1975, section 10.5).
+    It is causal, with a causal inverse. The cepstrum of its logarithm is that of the spectrum's, folded
+    (Oppenheim &
+    Schafer, Digital Signal Processing, 1975, section 10.5).
     """
     logs = 0.5 * np.log(np.maximum(power, DEEPEST * power.mean()))
     cepstrum = np.fft.irfft(np.concatenate([logs[:1], logs]))
@@ -56,7 +65,7 @@ def least_phase(power: Array) -> Callable[[Array], Complex]:
 
 
 def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
-    """Return the response of the high-passes among filters at λ."""
+    """Return the response at λ of the high-passes among the filters."""
     turn = np.exp(-1j * lam)
     found = np.ones(len(lam), dtype=np.complex128)
     for part in filters:
@@ -69,7 +78,7 @@ def high_pass_response(filters: Sequence[Part], lam: Array, h: float) -> Complex
 
 
 def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
-    """Return the poles of filters, the upper ones of pairs."""
+    """Return the poles of the filters; of each complex pair, only the upper one."""
     found: list[complex] = []
     taps = 1 if filters else 0
     for part in filters:
@@ -82,7 +91,7 @@ def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
 def fitted(
     wanted: Complex, total: Array, poles: Sequence[complex], lam: Array, room: int, *, signal: bool
 ) -> Block:
-    """Return poles with a response that is fitted to this one, as well as it matters in the whole noise."""
+    """Fit the response `wanted` by poles, weighted by its importance in the whole noise."""
     chosen: list[complex] = []
     for one in poles:
         upper = complex(one.real, abs(one.imag)) if not is_real(one) else complex(one.real)
@@ -109,10 +118,10 @@ def fitted(
 
 
 def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
-    """Return y = Re Σ ξ, ξ' = z ξ + 2 share w, with one white noise w of variance 1, as real coordinates."""
+    """Return y = Re Σ ξ, ξ' = z ξ + 2 share w, as a real system; w is one white noise of variance 1."""
     m = 2 * share
     hermitian, plain = m[:, None] * m.conj(), m[:, None] * m
-    # A real pole has no imaginary coordinate.
+    # A real pole has no imaginary part as a state.
     keep = np.repeat(z.imag != 0, 2)
     keep[0::2] = True
     # Re ξ' = Re z Re ξ - Im z Im ξ
@@ -123,7 +132,7 @@ def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
 
 
 def _real_covariance(hermitian: Complex, plain: Complex, keep: NDArray[np.bool_]) -> Array:
-    """Return the covariance of real and imaginary parts, by turns, of E ξ ξ* and E ξ ξ'."""
+    """Return the covariance of alternating real and imaginary parts, given E ξ ξ* and E ξ ξ'."""
     result = np.empty((len(keep), len(keep)))
     result[0::2, 0::2] = (hermitian + plain).real / 2
     result[1::2, 1::2] = (hermitian - plain).real / 2

@@ -1,12 +1,14 @@
-"""Fractional noise and fractional systems of known order and parameter, for tests, demonstrations, the CLI.
+"""Simulate fractional noise and fractional systems of known order and parameter.
 
-Model (Macias & Sierociuk 2023, sections 3, 4 and 6), one state, time step h in s:
+The model (Macias & Sierociuk 2023, sections 3, 4 and 6) has one state and the time step h in s:
 
     x_{k+1} = h^α_{k+1} (f x_k + u_k + ω_k) - sum_{j=1}^{min(k+1, window)} c_j(α_{k+1}) x_{k+1-j}
     y_k = x_k + v_k,    var ω = Q,    var v = R
 
-y, x in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². White noise is Q = 0. Mind that Q here stands in
-front of h^α, while the Q of the paper's state filter is the variance of a whole step, h^2α Q.
+y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². White noise is Q = 0. Note that Q here is
+the
+variance of ω, before the factor h^α, while the Q of the paper's state filter is the variance of a whole step,
+h^2α Q.
 """
 
 import math
@@ -24,13 +26,22 @@ Order = float | Sequence[float] | Array
 
 
 class FractionalNoise:
-    """Endless fractional noise: `step()` gives the next measurement and the state behind it.
+    """Endless fractional noise: `step()` returns the next measurement and the state behind it.
 
-    `alpha` is a number, or a sequence whose last value is held (alpha[k-1] is the order of sample k = 1, 2,
-    ...). `seed` is an integer or a numpy Generator; equal seeds give equal samples. `warmup` steps at the
-    first order are thrown away, so that a stationary x starts near its stationary variance rather than at
-    0. Raises ValueError for Q or R < 0, h <= 0, window < 1, numbers that are not finite, and noise that runs
-    away.
+    Args:
+        alpha: a number, or a sequence whose last value is held: alpha[k-1] is the order of sample k = 1, 2,
+            ...
+        f: parameter in s^-α.
+        Q: variance of ω.
+        R: variance of v.
+        h: time step [s].
+        window: length of the memory in samples.
+        seed: an integer or a numpy Generator; equal seeds give equal samples.
+        warmup: number of steps at the first order that are dropped, so that a stationary x starts near its
+            stationary variance rather than at 0.
+
+    Raises:
+        ValueError: Q or R < 0, h <= 0, window < 1, numbers that are not finite, or noise that diverges.
     """
 
     def __init__(
@@ -61,7 +72,7 @@ class FractionalNoise:
         self._history.push(0.0)
         self._x = 0.0
         self._k = 0
-        # The weights of the last order are kept: with a constant order they are computed once, at full
+        # The weights of the last order are cached: with a constant order they are computed once, at full
         # length.
         self._weights_of: float | None = None
         self._weights = np.empty(0)
@@ -92,10 +103,10 @@ class FractionalNoise:
 
 
 def quantise(y_dps: ArrayLike, lsb_per_dps: float, full_scale_dps: float) -> NDArray[np.int16]:
-    """Return the counts that a sensor of `lsb_per_dps` and range ±`full_scale_dps` reads, saturated.
+    """Return the counts that a sensor with `lsb_per_dps` and range ±`full_scale_dps` reads, saturated.
 
-    The range ends at ±full_scale_dps or at the limits of int16, whichever comes first (±2000 deg/s at
-    16.4 LSB/(deg/s) is the latter). Raises ValueError for NaN and for scales <= 0.
+    The range ends at ±full_scale_dps or at the limits of int16, whichever comes first (at ±2000 deg/s and
+    16.4 LSB/(deg/s), int16). Raises ValueError for NaN and for scales <= 0.
     """
     _check_positive("lsb_per_dps", lsb_per_dps)
     _check_positive("full_scale_dps", full_scale_dps)
@@ -122,7 +133,7 @@ def _check_system(f: float, Q: float, R: float, h: float) -> None:
 
 
 def _check_bounded(alpha: float, f: float, h: float) -> None:
-    """Raise ValueError where x runs away. f = 0 gives integrated noise, which wanders but does not run."""
+    """Raise ValueError where x diverges. f = 0 gives integrated noise, which wanders but is accepted."""
     if f == 0 and abs(alpha) <= HIGHEST_ORDER:
         return
     if not abs(alpha) < HIGHEST_ORDER:

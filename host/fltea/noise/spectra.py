@@ -1,16 +1,20 @@
-"""Spectra of the models, and what their parameters have to do with each other (pure).
+"""Compute the spectra of the models, and convert between their parameters.
 
-The state of a gyroscope's noise, x_{k+1} = g x_k + α x_k - sum_{j>=2} c_j(α) x_{k+1-j} + noise of variance s2
-with g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`), has with unlimited memory the spectrum
+The state of a gyroscope's noise is x_{k+1} = g x_k + α x_k - sum_{j>=2} c_j(α) x_{k+1-j} + noise of variance
+s2, with
+g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited memory it has the spectrum
 
-    S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad a sample
+    S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad per sample
 
-and the measurement y = x + v has S_x + R. Spectra here are normalised like `periodogram`: white noise of
-variance R has R. The functions below give S_x / s2, which has the geometric mean 1 wherever x is stationary:
-s2 is the variance of x's innovations.
+The measurement y = x + v has S_x + R. Spectra here are normalised like `periodogram`: white noise of variance
+R has
+the spectrum R. The functions below return S_x / s2, whose geometric mean is 1 wherever x is stationary: s2 is
+the
+variance of x's innovations.
 
-Exact aliases: (α = 0, g = φ) and (α = 1, g = φ - 1) are AR(1) with the coefficient φ. At φ = 0, which is
-white noise, α has no meaning at all.
+Two pairs of parameters are exact aliases: (α = 0, g = φ) and (α = 1, g = φ - 1) both are AR(1) with the
+coefficient φ.
+At φ = 0, which is white noise, α has no meaning at all.
 """
 
 import numpy as np
@@ -19,13 +23,13 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.records.arrays import Array
 
 HIGHEST_ORDER = 2.0
-"""Orders are below; from there on x is not stationary."""
+"""Upper limit of orders; from there on x is not stationary."""
 
 
 def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
-    """Tell where x with unlimited memory has a finite variance that does not grow, for 0 <= α.
+    """Return where x with unlimited memory has a finite variance that does not grow, for 0 <= α.
 
-    -2^α < g < 0 for 0 < α < 2; α < 1/2 for g = 0; |g| < 1 for α = 0.
+    The conditions are -2^α < g < 0 for 0 < α < 2; α < 1/2 for g = 0; |g| < 1 for α = 0.
     """
     a, b = np.asarray(alpha, dtype=np.float64), np.asarray(g, dtype=np.float64)
     inside = (a >= 0) & (a < HIGHEST_ORDER) & (b > -(2.0**a))
@@ -33,7 +37,7 @@ def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
 
 
 def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
-    """Return S_x / s2 of the fractional state; α and g broadcast, and λ is a last axis of its own."""
+    """Return S_x / s2 of the fractional state; α and g broadcast, and λ becomes an additional last axis."""
     a = np.asarray(alpha, dtype=np.float64)[..., np.newaxis]
     b = np.asarray(g, dtype=np.float64)[..., np.newaxis]
     # 1 - e^{-iλ} = ρ e^{i(π - λ)/2}
@@ -43,20 +47,20 @@ def fractional(lam: Array, alpha: ArrayLike, g: ArrayLike) -> Array:
 
 
 def g_of(alpha: float, f: float, h: float) -> float:
-    """Return g = h^α f of f in s^-α."""
+    """Return g = h^α f, with f in s^-α."""
     return float(h**alpha * f)
 
 
 def f_of(alpha: float, g: float, h: float) -> float:
-    """Return f in s^-α."""
+    """Return f = h^-α g, in s^-α."""
     return float(g * h**-alpha)
 
 
 def step_variance(alpha: float, Q: float, h: float) -> float:
-    """Return s2 = h^2α Q, the variance of a whole step, of Q as in `fltea.noise.simulation`."""
+    """Return s2 = h^2α Q, the variance of a whole step, with Q as in `fltea.noise.simulation`."""
     return float(h ** (2 * alpha) * Q)
 
 
 def noise_variance(alpha: float, s2: float, h: float) -> float:
-    """Return Q of s2."""
+    """Return Q = h^-2α s2."""
     return float(s2 * h ** (-2 * alpha))

@@ -1,15 +1,19 @@
-"""A sentence of parts as a linear system, for the filter that tracks a sensor's bias (pure).
+"""Convert a noise model to a linear system, for the filter that tracks a sensor's bias.
 
     x_k+1 = A x_k + w_k,   cov w = Q
     y_k   = offset + c x_k + v_k,   var v = R
 
-A is diagonal, but for pairs of coordinates of a complex pole: a sample costs a filter a few products for each
-coordinate. Relaxations, the walk and resonances are exact; anything else is fitted (`fltea.noise.poles`).
-Coordinates are signal, which belongs to the state, or coloured noise, which a bias has nothing of.
+A is diagonal, except for pairs of states of a complex pole, so that a filter needs only a few products per
+state and
+sample. Relaxations, the random walk and resonances are exact; all other parts are fitted
+(`fltea.noise.poles`). A state
+is either signal, which belongs to the bias, or coloured noise, which does not.
 
-Every sensor has white noise ahead of its filter. So where a noise has none to speak of, its fastest
-relaxation is that noise, filtered, and no signal (`filtered_noise`); so is an order near 1 that is as fast.
-Other orders, and 1/f noise, stay a signal: they have a memory that no filter has.
+Every sensor has white noise ahead of its filter. So where a noise has hardly any white noise, its fastest
+relaxation is
+that white noise after filtering, and no signal (`filtered_noise`). So is an equally fast order near 1. Other
+orders,
+and 1/f noise, stay signals, since they have a memory that no filter of a sensor has.
 """
 
 import functools
@@ -49,84 +53,85 @@ from fltea.noise.poles import (
 from fltea.records.arrays import Array, Complex, merged
 
 MOST = 23
-"""Coordinates beside the offset."""
+"""Largest number of states in addition to the offset."""
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
-"""White noise of a measurement, over all noise that is new in it: a filter cannot do without any."""
+"""Least white noise of a measurement over all new noise in it, since no filter works without white noise."""
 NO_MATTER = 0.02
-"""Of a spectrum: what may be wrong with a relaxation that goes past a filter."""
+"""Error relative to the spectrum that is allowed when a relaxation is taken as unfiltered."""
 STOPPED = 1e-4
-"""Of a spectrum: what a high-pass leaves less of matters no more."""
+"""Share of the spectrum below which the rest that a high-pass leaves does not matter."""
 DIFFUSE = 1e4
-"""Variance before the first sample of what is not known then, over that of the noise."""
+"""Ratio of the prior variance of an unknown value to the variance of the noise."""
 STRAIGHT = 100
-"""Records' lengths in which a slope of the offset decays."""
+"""Number of record lengths in which a slope of the offset decays."""
 SLOWEST_FILTER_S, SLOWEST_FILTER = 0.5, 20
-"""Time constants, in s and in samples, one of which a sensor's own filter does not exceed."""
+"""Longest time constant of a sensor's own filter: the larger one of a time [s] and a number of samples."""
 NEARLY_ONE = 0.9
-"""Orders above may be a relaxation."""
+"""Order above which an order may be a relaxation."""
 TINY = 1e-300
 
 
 class Coordinate(NamedTuple):
-    """One coordinate more of a system, which no other one drives and which is in a sample as it is."""
+    """An additional state of a system, which no other state drives and which adds to a sample directly."""
 
     a: float
     q: float
     """Variance of a step."""
     variance: float
-    """Before the first sample."""
+    """Variance before the first sample."""
     signal: float
-    """As of System."""
+    """As in System."""
     shared: float = 0.0
-    """What of the variance is the other way round in the coordinate before: their sum is as it was."""
+    """Prior variance shared with the previous state, with opposite signs: the sum's variance is kept."""
 
 
 def offset_of(power: float, q: float = 0.0, *, of_state: bool = False) -> Coordinate:
-    """Return an offset of which nothing is known; arguments as of `System.with_offset`.
+    """Return an offset of unknown value; arguments as for `System.with_offset`.
 
-    power: variance of a sample before the first one, without it.
+    `power`: variance of a sample, without the offset, before the first sample.
     """
     return Coordinate(1.0, q, DIFFUSE * power, float(of_state))
 
 
 def relaxation_of(variance: float, a: float) -> Coordinate:
-    """Return one more relaxation; arguments as of `System.with_relaxation`."""
+    """Return an additional relaxation; arguments as for `System.with_relaxation`."""
     return Coordinate(a, variance * (1 - a * a), variance, 1.0)
 
 
 def ramp_of(slope: float, samples: int) -> Coordinate:
-    """Return the slope of the offset, the coordinate before; arguments as of `System.with_ramp`."""
+    """Return the slope of the offset, which is the previous state; arguments as for `System.with_ramp`."""
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
-    # It is 0 before the first sample, so that the slope says nothing of the constant.
+    # Its sum with the offset's share is 0 before the first sample, so that the slope does not change the
+    # constant.
     return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
 
 
 class System(NamedTuple):
-    """n coordinates; those of a pole pair are neighbours, and come first."""
+    """A linear system with n states; those of a pole pair are neighbours, and pairs come first."""
 
     pairs: int
-    """The number of pole pairs."""
+    """Number of pole pairs."""
     a: Array
     """Diagonal of A, (n,)."""
     b: Array
-    """Imaginary parts of the poles, (n,): A[i, i + 1] = b[i], A[i + 1, i] = -b[i]; 0 without a pair."""
+    """Imaginary parts of the poles, (n,): A[i, i + 1] = b[i], A[i + 1, i] = -b[i]; 0 for real poles."""
     Q: Array
     """Covariance of a step, (n, n)."""
     c: Array
-    """What a sample has of each coordinate, (n,)."""
+    """Weight of each state in a sample, (n,)."""
     signal: Array
-    """1 where the coordinate belongs to the state, else 0; (n,)."""
+    """1 where the state is signal, else 0; (n,)."""
     P0: Array
     """Covariance before the first sample, (n, n)."""
     R: float
     walks: bool
-    """Whether the state has no mean, so that an offset cannot be told from it."""
+    """Whether the signal has no mean, so that an offset cannot be told from it."""
 
     @property
     def A(self) -> Array:
-        """The transition, (n, n)."""
+        """Transition matrix, (n, n)."""
         result = np.diag(self.a)
         for i in range(0, 2 * self.pairs, 2):
             result[i, i + 1], result[i + 1, i] = self.b[i], -self.b[i]
@@ -134,28 +139,34 @@ class System(NamedTuple):
 
     @property
     def bias(self) -> Array:
-        """What the bias has of each coordinate, (n,): the state, and the offset with its slope."""
+        """Weight of each state in the bias, (n,): the signal, and the offset with its slope."""
         of_offset = (self.a == 1.0) | (np.diag(self.Q) == 0.0)
         return np.asarray(np.maximum(self.signal, of_offset) * self.c)
 
     def with_offset(self, q: float = 0.0, *, of_state: bool = False) -> "System":
-        """Return the same with an offset of which nothing is known, as its last coordinate.
+        """Return the system with an offset of unknown value as its last state.
 
-        It walks by steps of variance q. of_state: what walks is part of the state.
+        `q`: variance of a step of the offset's random walk. `of_state`: whether the walk is part of the
+            signal.
         """
         found = self.with_coordinate(offset_of(self.power, q, of_state=of_state))
         return found._replace(walks=self.walks or of_state)
 
     def with_relaxation(self, variance: float, a: float) -> "System":
-        """Return the same with one more relaxation in its state, of this variance and pole a, as the last."""
+        """Return the system with one more signal relaxation, of this variance and pole `a`, as last state."""
         return self.with_coordinate(relaxation_of(variance, a))
 
     def with_ramp(self, slope: float, samples: int) -> "System":
-        """Return the same with an offset that is a straight line, of which the last coordinate is the slope.
+        """Return the system with a slope of the offset as its last state: the offset is a straight line.
 
-        The last coordinate so far has to be the constant offset. slope: its standard deviation before the
-        first sample, per sample; samples: of the record. The line is the beginning of a relaxation without
-        noise, so slow that it is straight to 1 / `STRAIGHT` of its rise (A has no room for another line).
+        The last state so far has to be the constant offset. The straight line is the beginning of a
+        relaxation without noise.
+        It decays so slowly that it is straight to 1 / `STRAIGHT` of its rise (the form of A allows no exact
+        slope).
+
+        Args:
+            slope: standard deviation of the slope before the first sample, per sample.
+            samples: length of the record.
 
         Raises:
             ValueError: there is no offset.
@@ -165,7 +176,7 @@ class System(NamedTuple):
         return self.with_coordinate(ramp_of(slope, samples))
 
     def with_coordinate(self, one: Coordinate) -> "System":
-        """Return the same with one coordinate more, as the last."""
+        """Return the system with one more state, as the last."""
         n = len(self.a)
         Q, P0 = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
         Q[:n, :n], P0[:n, :n], Q[n, n], P0[n, n] = self.Q, self.P0, one.q, one.variance
@@ -178,17 +189,17 @@ class System(NamedTuple):
 
     @property
     def power(self) -> float:
-        """The variance of y before the first sample."""
+        """Variance of y before the first sample."""
         return self.R + float(self.c @ self.P0 @ self.c)
 
     @property
     def numbers(self) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        """What the native module takes: `signal` is that of a sample."""
+        """The arguments of the native module; its `signal` is weighted as in a sample."""
         signal = self.signal * self.c
         return self.pairs, self.a, self.b, self.Q, self.c, signal, self.bias, self.P0, self.R
 
     def spectrum(self, lam: Array) -> Array:
-        """Return the spectrum of y at λ > 0, in rad a sample: what the system makes of its parts."""
+        """Return the spectrum of y at λ > 0 in rad per sample, as approximated by the system."""
         n = len(self.a)
         turn = np.exp(1j * np.asarray(lam))[:, None, None] * np.eye(n)
         row = np.linalg.solve(
@@ -199,10 +210,14 @@ class System(NamedTuple):
 
 
 def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False) -> System:
-    """Return the system of a noise made of parts; h: sampling period in s.
+    """Return the system of a noise made of parts.
 
-    samples: of the record; what is slower than it is left out of an order. found: the parts were found in
-    that record, which leaves open which order it is (`fltea.noise.left_open`).
+    Args:
+        parts: the parts of the noise.
+        h: sampling period [s].
+        samples: length of the record; slower noise of an order is left out.
+        found: whether the parts were estimated from that record, so that the order is uncertain
+            (`fltea.noise.left_open`).
 
     Raises:
         ValueError: a part is not stationary.
@@ -220,7 +235,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     total = _total(parts, lam, h)
     of_sensor = filtered_noise(parts, h)
     high_passed = any(isinstance(part, HighPass) for part in filters)
-    # That of numpy would first load its masked arrays, a fiftieth of a second.
+    # numpy's median would first load masked arrays, which takes 0.02 s.
     usual = statistics.median(total.tolist())
     stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * usual)
     exact: list[Block] = []
@@ -232,7 +247,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
         elif part is of_sensor and isinstance(part, Relaxation):
             noise.append(part)
         elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
-            # It is too slow for the filters.
+            # The relaxation is too slow for the filters to matter.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
         elif isinstance(part, SLOW):
             by_fit.append(part)
@@ -251,11 +266,13 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
 
 
 def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None:
-    """Return the part that is a sensor's white noise behind a filter; None if there is none such.
+    """Return the part that is a sensor's white noise after a filter; None if there is no such part.
 
     It is a relaxation, or an order that can hardly be told from one. At half the sample rate, where filters
-    leave the least, it has more than all white noise, and more than the others like it: so white noise is
-    nowhere seen. And a sensor's filter is as fast as it.
+    pass least, it
+    has more power than all white noise, and more than other parts of this kind: so white noise is visible
+    nowhere. And it is
+    as fast as the filter of a sensor may be.
     """
     at = np.array([math.pi])
     slowest = max(SLOWEST_FILTER_S, SLOWEST_FILTER * h)
@@ -268,7 +285,7 @@ def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None
 
 
 def _decays_within(part: Part, t_s: float) -> TypeGuard[Relaxation | Order]:
-    if isinstance(part, Order):  # near 1 it is a relaxation, with a spectrum that is even below |f|^(1/α)
+    if isinstance(part, Order):  # near 1 it acts as a relaxation, flat below |f|^(1/α)
         return part.alpha > NEARLY_ONE and part.f < 0 and abs(part.f) ** (-1 / part.alpha) <= t_s
     return isinstance(part, Relaxation) and part.tau_s <= t_s
 
@@ -308,7 +325,7 @@ def _of_noise(
     h: float,
     room: int,
 ) -> tuple[list[Block], float]:
-    """Return the blocks of what is no signal, and the variance of its white part."""
+    """Return the blocks of all noise that is no signal, and the variance of its white part."""
     blocks: list[Block] = []
     coloured: list[Part] = []
     poles = list(behind)
@@ -330,7 +347,7 @@ def _of_noise(
     power = spectrum([White(0.0), *coloured, *others], LINES, h) if coloured else np.zeros(len(LINES))
     level += float(power.mean())
     if coloured and level > 0:
-        # Half of what is white in it; a high-pass leaves none.
+        # Treat half of the coloured noise's minimum as white; behind a high-pass the minimum is 0.
         white = 0.5 * float(power.min()) if others and len(others) == len(filters) else 0.0
         response = least_phase(power - white)(lam) * high_pass_response(filters, lam, h)
         blocks.append(fitted(response, total, poles, lam, room - len(exact.a), signal=False))
@@ -339,13 +356,13 @@ def _of_noise(
 
 
 def _response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
-    """Return the response of a chain of filters; a high-pass is too slow for the grid of `LINES`."""
+    """Return the response of a chain of filters; high-passes are too slow for the grid `LINES`."""
     rest = least_phase(spectrum([White(1.0), *_without_high_passes(filters)], LINES, h))(lam)
     return np.asarray(rest * high_pass_response(filters, lam, h))
 
 
 def _total(parts: Sequence[Part], lam: Array, h: float) -> Array:
-    """Return the spectrum of a noise, of which a high-pass stops no more than matters."""
+    """Return the spectrum of a noise, with the part that a high-pass stops limited to what matters."""
     found = spectrum(parts, lam, h)
     high = [part for part in parts if isinstance(part, HighPass)]
     if not high:
@@ -375,7 +392,7 @@ def _resonating(part: Resonance, h: float) -> Block:
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)
 
 
-@functools.lru_cache(maxsize=8)  # axes, and devices of one age, have it in common
+@functools.lru_cache(maxsize=8)  # shared by axes, and by devices with records of the same length
 def _grid(samples: int) -> Array:
     low = min(math.pi / max(samples, 64), 0.02)
     count = round(POINTS_A_DECADE * math.log10(math.pi / low))

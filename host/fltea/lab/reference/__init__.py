@@ -1,1 +1,1 @@
-"""The printed algorithm in numpy, for any number of states: the oracle."""
+"""The printed algorithm in numpy, for any number of states: the reference for faster implementations."""

@@ -1,16 +1,22 @@
-"""Reference FLTEA: state, order and parameters of a fractional system, sample by sample, in plain numpy.
+"""Estimate state, order and parameters of a fractional system sample by sample: reference FLTEA in numpy.
 
-The equations of Macias & Sierociuk 2023, section 5, one function a filter. It favours plainness over speed
-and is what faster implementations are compared with. N states, d inputs, p outputs, n_w parameters:
+The equations are those of Macias & Sierociuk 2023, section 5, with one function for each filter. The code
+prefers
+plainness to speed, and faster implementations are compared with it. There are N states, d inputs, p outputs
+and
+n_w parameters:
 
     x_{k+1} = h^α_{k+1} (A(w) x_k + B u_k) - sum_{j=1}^{L(k+1)} c_j(α_{k+1}) x_{k+1-j} + noise of variance Q
     y_k     = C x_k + noise of variance R
 
-c_j(a) = (-1)^j binom(a, j), so c_1 = -a and x_k itself passes on with the factor F = h^α A(w) + α I. h is in
-s and A in s^-α; a stable scalar system has A < 0. With y in deg/s, x is in deg/s as well.
+c_j(a) = (-1)^j binom(a, j), so c_1 = -a, and x_k itself passes on with the factor F = h^α A(w) + α I. h is in
+s
+and A in s^-α; a stable scalar system has A < 0. With y in deg/s, x is in deg/s as well.
 
-One step runs KFo (order), KFw (parameters), KFx (state), in this order; KFw sees the new order, KFx the new
-order and the *old* parameters. Where the printed indices contradict each other, this is the reading chosen
+One step runs KFo (order), KFw (parameters) and KFx (state), in this order. KFw uses the new order; KFx uses
+the
+new order and the *old* parameters. Where the printed indices contradict each other, this is the reading
+chosen
 here. The covariance sums of KFo and KFw start at i = 0, as is usual (printed: i = 1).
 
 The printed algorithm can diverge. Then results are not finite and `Step.finite` is False; nothing is raised.
@@ -30,58 +36,59 @@ from fltea.records.arrays import Array
 
 __all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
 
-# Constants of the unscented transformation (section 5.1): the width of the points and the knowledge about the
-# distribution (2 for Gaussian); kappa = 3 - n makes n + lambda = 3 for every dimension n.
+# Constants of the unscented transformation (section 5.1): SPREAD is the width of the points, and GAUSSIAN the
+# prior knowledge of the distribution (2 for Gaussian). kappa = 3 - n makes n + lambda = 3 for every dimension
+# n.
 SPREAD = 1.0
 GAUSSIAN = 2.0
 
 
 class FilterModel(NamedTuple):
-    """Estimate of a quantity that walks at random: KFo's order (n = 1) or KFw's parameters (n = n_w)."""
+    """Estimate of a quantity that walks randomly: KFo's order (n = 1) or KFw's parameters (n = n_w)."""
 
     mean: Array
-    """(n,)"""
+    """Estimate, (n,)."""
     P: Array
-    """(n, n) covariance of the estimate"""
+    """Covariance of the estimate, (n, n)."""
     Q: Array
-    """(n, n) covariance of one step of the walk, adapted at every sample"""
+    """Covariance of one step of the random walk, (n, n), adapted at every sample."""
 
 
 class Step(NamedTuple):
-    """Everything known after one sample; arrays are new at every step."""
+    """All estimates after one sample; arrays are new at every step."""
 
     x: Array
-    """(N,) posterior state"""
+    """Posterior state, (N,)."""
     P: Array
-    """(N, N) its covariance"""
+    """Covariance of the state, (N, N)."""
     order: float
     order_variance: float
     w: Array
-    """(n_w,) parameters"""
+    """Parameters, (n_w,)."""
     Pw: Array
-    """(n_w, n_w) their covariance"""
+    """Covariance of the parameters, (n_w, n_w)."""
     innovation: Array
-    """(p,) of KFx, y - C x̃; NaN without a measurement"""
+    """Innovation y - C x̃ of KFx, (p,); NaN without a measurement."""
     innovation_variance: Array
-    """(p, p) of KFx, C P̃ C' + R"""
+    """Variance of the innovation, C P̃ C' + R, (p, p)."""
     finite: bool
-    """False if any estimate or covariance is infinite or NaN: the filter has diverged and stays so"""
+    """False if any estimate or covariance is infinite or NaN: the filter has diverged and stays so."""
 
 
 class Difference(NamedTuple):
-    """The fractional difference of the history at one order α; KFw and KFx share that of α̂_k."""
+    """The fractional difference of the history at one order α; KFw and KFx share the difference at α̂_k."""
 
     order: np.float64
     gain: np.float64
-    """h^α"""
+    """The factor h^α."""
     c: Array
-    """c_0 .. c_L(k) of α, (L(k)+1,)"""
+    """The weights c_0 .. c_L(k) of α, (L(k)+1,)."""
     past: Array
-    """sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)"""
+    """The past, sum_{j=1}^{L(k)} c_j x̂_{k-j}, (N,)."""
 
 
 def difference(order: np.float64, h: float, states: Array) -> Difference:
-    """Weigh past states (L(k), N), the newest first, by `order`; `h` in s (section 4)."""
+    """Weight past states (L(k), N), the newest first, by `order`; `h`: sampling period [s] (section 4)."""
     c = weights(order, len(states))
     return Difference(order, np.power(h, order), c, c[1:] @ states)
 
@@ -89,7 +96,7 @@ def difference(order: np.float64, h: float, states: Array) -> Difference:
 def order_filter(
     prior: FilterModel, y: Array, rate: Array, states: Array, system: System, R: Array, delta: float
 ) -> FilterModel:
-    """KFo, section 5.1: the order, by the model's answer to three sigma points.
+    """Run KFo, section 5.1: estimate the order from the model's outputs at three sigma points.
 
     `rate` is A(ŵ_{k-1}) x̂_{k-1} + B u_{k-1}, shape (N,); `y` and `R` have shapes (p,) and (p, p).
     """
@@ -111,9 +118,11 @@ def parameter_filter(
     R: Array,
     delta: float,
 ) -> FilterModel:
-    """KFw, section 5.3: the parameters, by the model's answer to 2 n_w + 1 sigma points at the new order α̂_k.
+    """Run KFw, section 5.3: estimate the parameters from the outputs at 2 n_w + 1 sigma points.
 
-    `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}; the past in `at` does not depend on the parameters.
+    The outputs use the new order α̂_k. `x` (N,) is x̂_{k-1}, `drive` (N,) is B u_{k-1}; the past in `at` does
+    not
+    depend on the parameters.
     """
     points = sigma_points(prior.mean, prior.P + prior.Q)  # P̃w_k
     # χ_i = h^α̂_k (A(w_i) x̂_{k-1} + B u_{k-1}) - past
@@ -122,24 +131,26 @@ def parameter_filter(
 
 
 def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: Array) -> tuple[Array, Array]:
-    """KFx, section 5.2, time update: x̃_k (N,) and P̃_k (N, N).
+    """Run the time update of KFx, section 5.2: return x̃_k (N,) and P̃_k (N, N).
 
-    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` the difference of order α̂_k.
+    `A` is A(ŵ_{k-1}), `rate` is A x̂_{k-1} + B u_{k-1}, `at` is the difference at order α̂_k.
     """
     L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
-    # F holds j = 1 of the history together with A; the rest of the past adds sum_{j=2}^{L(k)} c_j² P_{k-j}.
+    # F contains j = 1 of the history together with A; the rest of the past adds sum_{j=2}^{L(k)} c_j²
+    # P_{k-j}.
     V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
     P = F @ covariances[0] @ F.T + Q + V
     return x, symmetric(P)
 
 
 def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Array, Array, Array, Array]:
-    """KFx, section 5.2, measurement update of x̃ (N,), P̃ (N, N): x̂, P, innovation (p,) and its variance.
+    """Run the measurement update of KFx, section 5.2: return x̂, P, the innovation (p,) and its variance.
 
-    P in Joseph form, equal to the printed (I - K C) P̃ in exact arithmetic, stays symmetric and
-    non-negative in ours.
+    P is computed in Joseph form. In exact arithmetic it equals the printed (I - K C) P̃; in floating point it
+    stays
+    symmetric and non-negative.
     """
     innovation = y - C @ x
     S = symmetric(C @ P @ C.T + R)
@@ -151,10 +162,11 @@ def state_filter(x: Array, P: Array, y: Array, C: Array, R: Array) -> tuple[Arra
 def unscented_update(
     prior: FilterModel, points: Array, Y: Array, y: Array, R: Array, delta: float
 ) -> FilterModel:
-    """Measurement update common to KFo and KFw, sections 5.1 and 5.3.
+    """Run the measurement update that KFo and KFw share, sections 5.1 and 5.3.
 
-    `points` (2n+1, n) are the sigma points of the predicted covariance P̃, `Y` (2n+1, p) the outputs that
-    the model predicts at them, `delta` the forgetting factor with which Q follows the corrections
+    `points` (2n+1, n) are the sigma points of the predicted covariance P̃. `Y` (2n+1, p) are the outputs that
+    the
+    model predicts at these points. `delta` is the forgetting factor with which Q follows the corrections
     (Robbins-Monro).
     """
     Wm, Wc = unscented_weights(len(prior.mean))
@@ -164,8 +176,8 @@ def unscented_update(
     Pyy = dy.T @ weighted + R
     K = kalman_gain(dx.T @ weighted, Pyy)
     correction = K @ (y - y_mean)
-    # Equal to the printed P̃ - K Pyy K', as the weighted dx dx' add up to P̃; but rounding cannot make it
-    # negative.
+    # This equals the printed P̃ - K Pyy K', since the weighted dx dx' add up to P̃, but rounding cannot make
+    # it negative.
     left = dx - dy @ K.T
     return FilterModel(
         mean=prior.mean + correction,
@@ -182,7 +194,7 @@ def sigma_points(mean: Array, P: Array) -> Array:
 
 @lru_cache(maxsize=8)
 def unscented_weights(n: int) -> tuple[Array, Array]:
-    """Weights of means and of covariances, each (2n+1,), for n dimensions (section 5.1)."""
+    """Return the weights of means and of covariances, each (2n+1,), for n dimensions (section 5.1)."""
     scale = SPREAD**2 * 3  # n + λ, with κ = 3 - n
     Wm = np.full(2 * n + 1, 1 / (2 * scale))
     Wm[0] = (scale - n) / scale
@@ -205,9 +217,9 @@ def kalman_gain(Pxy: Array, Pyy: Array) -> Array:
 
 
 def cholesky(P: Array) -> Array:
-    """Return the lower triangular root of P (n, n), NaN if P is indefinite or not finite.
+    """Return the lower triangular root of P (n, n); NaN if P is indefinite or not finite.
 
-    Unlike LAPACK's it takes semidefinite matrices: P = 0 is how a parameter is held fixed.
+    Unlike LAPACK's routine, this one takes semidefinite matrices, since P = 0 holds a parameter fixed.
     """
     n = len(P)
     root = np.zeros_like(P)
@@ -224,15 +236,16 @@ def cholesky(P: Array) -> Array:
 
 
 def symmetric(P: Array) -> Array:
-    """Return the symmetric part of P, which rounding would otherwise lose over thousands of steps."""
+    """Return the symmetric part of P; otherwise rounding destroys the symmetry over thousands of steps."""
     return P if P.shape == (1, 1) else (P + P.T) / 2
 
 
 class Fltea:
-    """The finite length triple estimation algorithm, section 5: feed it samples with `step`.
+    """The finite length triple estimation algorithm, section 5; call `step` for each sample.
 
     `window` is the implementation length L in samples; a window at least as long as the data is the full
-    memory. Settings whose shapes do not fit the system raise ValueError. The memory starts with x0 and P0.
+    memory.
+    Settings whose shapes do not fit the system raise ValueError. The memory starts with x0 and P0.
     """
 
     def __init__(
@@ -266,10 +279,11 @@ class Fltea:
         self._remember(x0, covariance("state P0", state.P0, len(x0)))
 
     def step(self, y: ArrayLike | None, u: ArrayLike | None = None) -> Step:
-        """Take measurement y_k (p,) and the input u_{k-1} (d,) that led to it; None is a zero input.
+        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it; None is a zero input.
 
         Without a measurement (y is None) this is `predict`. Wrong shapes and numbers that are not finite
-        raise ValueError and change nothing.
+        raise ValueError
+        and change nothing.
         """
         if y is None:
             return self.predict(u)
@@ -293,25 +307,28 @@ class Fltea:
                 self._parameter_R,
                 self._parameter_delta,
             )
-            # `A` and `rate` still hold the parameters from before this sample.
+            # `A` and `rate` still use the parameters from before this sample.
             predicted = predict_state(A, rate, at, self.covariances.values, self._Q)
             return self._finish(*state_filter(*predicted, measured, self.system.C, self._R))
 
     def retune(self, Q: ArrayLike, R: ArrayLike) -> None:
-        """Go on with other variances of source and measurement, in all three filters; the memory stays."""
+        """Change the variances of state noise and measurement in all three filters; the memory stays."""
         p = len(self.system.C)
         self._Q = covariance("state Q", Q, len(self._Q))
         self._R = self._order_R = self._parameter_R = covariance("R", R, p, definite=True)
 
     def predict(self, u: ArrayLike | None = None) -> Step:
-        """Pass over a sample whose measurement is missing; `u` as in `step`.
+        """Advance by a sample whose measurement is missing; `u` as in `step`.
 
-        The state moves on by the model alone and enters the memory with its predicted covariance, so that
-        the history keeps one entry a sample time: that is the fractional Kalman filter over a lossy link
-        (the paper's references 18 and 20). The filters of order and parameters stand still: their Q is
-        adapted to what a measurement moves them by, so it is a walk a measurement, not a sample time. (If
-        their covariances grew in a gap, a loss of 20 % of the samples would move α on white noise from 0.39
-        to 0.60.)
+        The state moves on by the model alone and enters the memory with its predicted covariance, so that the
+        history
+        keeps one entry for each sample time. This is the fractional Kalman filter over a lossy link (the
+        paper's
+        references 18 and 20). The filters of order and parameters stand still, since their Q is adapted to
+        the corrections
+        by measurements: it is the step of a walk for each measurement, not for each sample time. (If their
+        covariances
+        grew in a gap, a loss of 20 % of the samples would move α on white noise from 0.39 to 0.60.)
         """
         drive = self._drive(u)
         with np.errstate(all="ignore"):
@@ -323,17 +340,17 @@ class Fltea:
             return self._finish(x, P, np.full(len(C), np.nan), symmetric(C @ P @ C.T + self._R))
 
     def run(self, ys: Iterable[ArrayLike | None], us: Iterable[ArrayLike | None] | None = None) -> list[Step]:
-        """Step through a record, None standing for a missing sample; us[k] is the input that led to ys[k].
+        """Process a record, with None for a missing sample; us[k] is the input that led to ys[k].
 
-        Raises ValueError, besides `step`'s, if the two differ in length (after the steps they have in
-        common).
+        Raises ValueError as `step` does, and if the lengths of `ys` and `us` differ (after processing the
+        common steps).
         """
         if us is None:
             return [self.step(y) for y in ys]
         return [self.step(y, u) for y, u in zip(ys, us, strict=True)]
 
     def _drive(self, u: ArrayLike | None) -> Array:
-        """B u (N,)."""
+        """Return B u (N,)."""
         B = self.system.B
         if u is None:
             return np.zeros(len(self._Q))
@@ -346,7 +363,7 @@ class Fltea:
         self.covariances.push(P)
 
     def _finish(self, x: Array, P: Array, innovation: Array, innovation_variance: Array) -> Step:
-        """Remember the state and report."""
+        """Store the state in the memory, and return all estimates."""
         self._remember(x, P)
         order, parameter = self.order, self.parameter
         estimates = (x, P, order.mean, order.P, parameter.mean, parameter.P)
@@ -364,7 +381,7 @@ class Fltea:
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
-    """Return `value` as a finite vector (size,); a plain number passes for size 1."""
+    """Return `value` as a finite vector (size,); a plain number is accepted for size 1."""
     vector = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if vector.shape != (size,):
         raise ValueError(f"{name} must have shape ({size},), got {vector.shape}")

@@ -1,7 +1,8 @@
-"""What the reference estimator is told: the system and the settings of its three filters.
+"""Configure the reference estimator: the system, and the settings of its three filters.
 
-Macias & Sierociuk 2023, section 5 for the meaning, 6.1 and 7.1 for values. A covariance may be given as a
-number, which stands for that number times the identity.
+Macias & Sierociuk 2023 gives their meaning in section 5, and values in 6.1 and 7.1. A covariance may be given
+as
+a number, which stands for that number times the identity.
 """
 
 import math
@@ -16,16 +17,16 @@ from fltea.records.arrays import Array
 
 @dataclass(frozen=True)
 class System:
-    """D^α x_{k+1} = A(w) x_k + B u_k, y_k = C x_k, with sampling time h in s."""
+    """The system D^α x_{k+1} = A(w) x_k + B u_k, y_k = C x_k, with sampling period h."""
 
     A: Callable[[Array], Array]
-    """parameters (n_w,) to matrix (N, N) in s^-α; must take any, also infinite ones, without raising"""
+    """Map parameters (n_w,) to the matrix (N, N) in s^-α; must not raise, even for infinite parameters."""
     B: Array | None
-    """(N, d), or None without input"""
+    """Input matrix, (N, d); None without input."""
     C: Array
-    """(p, N)"""
+    """Output matrix, (p, N)."""
     h: float
-    """sampling time in s"""
+    """Sampling period [s]."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.h) and self.h > 0):
@@ -42,16 +43,17 @@ class System:
         if shape != (N, N):
             raise ValueError(f"A(w0) must have shape ({N}, {N}) for x0 of {N} states, got {shape}")
         if self.C.shape[1] != N:
-            raise ValueError(f"C must have {N} columns, one a state, got shape {self.C.shape}")
+            raise ValueError(f"C must have {N} columns, one for each state, got shape {self.C.shape}")
         if self.B is not None and self.B.shape[0] != N:
-            raise ValueError(f"B must have {N} rows, one a state, got shape {self.B.shape}")
+            raise ValueError(f"B must have {N} rows, one for each state, got shape {self.B.shape}")
 
 
 @dataclass(frozen=True)
 class OrderSettings:
-    """KFo, section 5.1: initial order and variance, process noise and forgetting factor, measurement noise.
+    """Settings of KFo, section 5.1: initial order and variance, process noise, forgetting, measurement noise.
 
-    All but R (p, p), in the square of y's unit, are plain numbers. P0 = Q0 = 0 holds the order at alpha0.
+    All except R (p, p) are plain numbers; R is in the square of y's unit. P0 = Q0 = 0 holds the order at
+    alpha0.
     """
 
     P0: float
@@ -70,10 +72,7 @@ class OrderSettings:
 
 @dataclass(frozen=True)
 class ParameterSettings:
-    """KFw, section 5.3: P0, Q0 (n_w, n_w), initial parameters w0 (n_w,), measurement noise R (p, p).
-
-    P0 = Q0 = 0 holds the parameters at w0.
-    """
+    """Settings of KFw, section 5.3: P0, Q0 (n_w, n_w), initial parameters w0 (n_w,), measurement R (p, p)."""
 
     P0: ArrayLike
     Q0: ArrayLike
@@ -87,7 +86,7 @@ class ParameterSettings:
 
 @dataclass(frozen=True)
 class StateSettings:
-    """KFx, section 5.2: P0 (N, N), Q (N, N) of a whole step, x0 (N,), measurement noise R (p, p)."""
+    """Settings of KFx, section 5.2: P0 (N, N), Q (N, N) of a whole step, x0 (N,), measurement R (p, p)."""
 
     P0: ArrayLike
     Q: ArrayLike

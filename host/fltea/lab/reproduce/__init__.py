@@ -1,9 +1,17 @@
-"""The paper, run again: tables 1–5 and figures 2–10, 12–20 of Macias & Sierociuk 2023, over many seeds.
+"""Reproduce tables 1–5 and figures 2–10, 12–20 of Macias & Sierociuk 2023, over many seeds.
 
-paper: the printed numbers. simulate: fractional systems, many seeds at once. scenarios, gyroscope: data with
-its truth, and the filters' settings. runs: the engine over every seed and length L, squared errors, runs that
-were lost. timing: table 1. paper_tables: rows beside the paper's numbers, with their percentiles. exchange:
-whether tables 3 and 4 are exchanged in print. readings, open_choices: other readings of the algorithm, and
-what each choice that the paper leaves open does. figures: PNG. request: what is asked for. report: all of it
-in the order of the paper. score: what the guards do.
+Modules:
+    paper: the printed numbers.
+    simulate: fractional systems, many seeds at once.
+    scenarios, gyroscope: data with the truth, and the settings of the filters.
+    runs: the engine over every seed and length L: squared errors, and runs that diverged.
+    timing: table 1.
+    paper_tables: our rows next to the paper's numbers, with percentiles.
+    exchange: whether tables 3 and 4 are swapped in print.
+    readings: other readings of the algorithm.
+    open_choices: the effect of each choice that the paper leaves open.
+    figures: figures as PNG.
+    request: what the user asks for.
+    report: all results in the order of the paper.
+    score: the effect of the guards.
 """

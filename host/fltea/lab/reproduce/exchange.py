@@ -1,7 +1,8 @@
-"""Whether tables 3 and 4 of the paper are exchanged in print: the evidence, and the inference drawn from it.
+"""Judge whether tables 3 and 4 of the paper are exchanged in print: the evidence, and the inference from it.
 
 The paper says that table 3 belongs to example 2 (saw-tooth) and table 4 to example 3 (Gaussian input). Eight
-printed numbers are held against the seeds of both: the errors of state and parameter of either table at
+printed numbers are compared with the seeds of both examples: the errors of state and parameter of either
+table at
 L = 4,000, and their changes to L = 2,000. The order column is left out here, since it fits neither example.
 """
 
@@ -19,26 +20,29 @@ from fltea.records.arrays import Array
 
 AS_PRINTED = {3: 2, 4: 3}
 EXCHANGED = {3: 3, 4: 2}
-"""Table to the example that its numbers would belong to."""
+"""For each table, the example that its numbers would belong to."""
 
 SHORT = 2000
 JUDGED = ("state", "parameter")
 FEWEST_SEEDS = 400
-"""Below it a percentile of 0 or 100 is no evidence: the 95 % limit for the share is 3 in the seeds."""
+"""Least number of seeds; with fewer, a percentile of 0 or 100 is no evidence.
+
+The 95 % limit for such a share is 3 divided by the number of seeds.
+"""
 TAIL_PERCENT = 0.5
-"""A number is out of place if fewer seeds than these lie beyond it on its side."""
+"""A number does not fit if fewer per cent of the seeds than this lie beyond it on its side."""
 
 Results = Mapping[int, Mapping[int, Outcome]]
-"""Example to length L to the outcome over the seeds; both lengths of the tables have to be there."""
+"""For each example and length L, the outcome over the seeds; both lengths of the tables have to be there."""
 
 
 class Place(NamedTuple):
-    """Where one printed number lies among the seeds of one example."""
+    """The position of one printed number among the seeds of one example."""
 
     table: int
     example: int
     what: str
-    """as it stands in the text: "the state's error" or "the change of the state's error" """
+    """What the number is, as in the text: "the state's error" or "the change of the state's error"."""
     percentile: float
 
     @property
@@ -50,10 +54,13 @@ class Place(NamedTuple):
 def evidence(results: Results) -> Row:
     """Return what speaks for and against the exchange, as numbers for JSON.
 
-    `rarest` is the one of the eight numbers that fewest seeds reach. `at_least_4` is the per cent of the
-    seeds of an example whose state error changes, relative to itself, by as much as table 4's or more;
-    `at_most_3` likewise by as little as table 3's or less. `largest_order` is the largest error of the order
-    in any finite seed, None if it overflows.
+    Keys:
+        rarest: the one of the eight numbers that fewest seeds reach.
+        at_least_4: per cent of an example's seeds whose state error changes, relative to itself, by at least
+            as much
+            as in table 4.
+        at_most_3: per cent of the seeds whose state error changes by at most as much as in table 3.
+        largest_order: the largest error of the order in any finite seed; None if it overflows.
     """
     seeds = min(_finite(by_length) for by_length in results.values())
     pairings = {"as_printed": _rarest(results, AS_PRINTED), "exchanged": _rarest(results, EXCHANGED)}
@@ -74,7 +81,7 @@ def evidence(results: Results) -> Row:
 
 
 def text(found: Row) -> str:
-    """The evidence in words, for a reader who has the paper at hand (Markdown)."""
+    """Return the evidence in words, for a reader with the paper at hand (Markdown)."""
     asked = "Are tables 3 and 4 exchanged in print?"
     heading = {
         "exchanged": "Tables 3 and 4 are most likely exchanged in print: an inference, "
@@ -131,7 +138,7 @@ def _order_text(found: Row) -> str:
 
 
 def zero_order_error() -> float:
-    """Return the order's squared error in examples 2 and 3 if it were estimated as 0 throughout."""
+    """Return the order's squared error in examples 2 and 3 for an estimate of 0 throughout."""
     return float(np.sum((0.2 + 0.1 * paper.H * np.arange(1, paper.SAMPLES + 1)) ** 2))
 
 
@@ -145,7 +152,7 @@ def _inference(seeds: int, pairings: Mapping[str, Place | None]) -> str:
 
 
 def _rarest(results: Results, pairing: Mapping[int, int]) -> Place | None:
-    places = []
+    positions = []
     for table, example in pairing.items():
         outcome, moved = results[example][paper.SAMPLES], changes(results[example], SHORT)
         good = ~outcome.not_finite
@@ -156,8 +163,8 @@ def _rarest(results: Results, pairing: Mapping[int, int]) -> Place | None:
             for what, found in zip(whats, (level, change), strict=True):
                 if found is None:
                     return None
-                places.append(Place(table, example, what, found))
-    return min(places, key=lambda place: place.tail)
+                positions.append(Place(table, example, what, found))
+    return min(positions, key=lambda position: position.tail)
 
 
 def _place(pairing: Row) -> str:

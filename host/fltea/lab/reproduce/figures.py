@@ -1,7 +1,8 @@
-"""Figures 2–10 and 12–20 of Macias & Sierociuk 2023 as PNG: the original against the estimates for each L.
+"""Draw figures 2–10 and 12–20 of Macias & Sierociuk 2023 as PNG: the original and the estimates for each L.
 
-One run is drawn, as in the paper: that of the seed with the median error of the order (without a truth: the
-median order). Nothing here opens a window; the figures are rendered by Agg.
+One run is drawn, as in the paper: the run of the seed with the median error of the order (or with the median
+order
+if the truth is not known). No window is opened; Agg renders the figures.
 """
 
 from collections.abc import Mapping
@@ -21,10 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 QUANTITIES = ("state", "order", "parameter")
-"""The paper's sequence of figures for each example and axis."""
+"""Sequence of the paper's figures for each example and axis."""
 
-# Wide pale lines below, narrow dark ones above: where all lengths agree, all stay visible. The longest length
-# takes the first, the shortest the last.
+# Wide pale lines are drawn first and narrow dark lines on top, so that all stay visible where lengths agree.
+# The longest length takes the first style, the shortest the last.
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#9ecae1", "linewidth": 4.0},
     {"color": "#fd8d3c", "linewidth": 1.9},
@@ -35,7 +36,7 @@ ORIGINAL: dict[str, Any] = {"color": "black", "linewidth": 0.8}
 
 
 def median_seed(scenario: Scenario, results: Mapping[int, Outcome]) -> tuple[int, str]:
-    """Index of the seed to draw, and in words why this one."""
+    """Return the index of the seed to draw, and a reason in words."""
     outcome = next(iter(results.values()))
     if scenario.single:
         return 0, "the one run there is"
@@ -57,7 +58,7 @@ def draw(
     estimates: Mapping[int, Estimates],
     note: str,
 ) -> None:
-    """Write one figure of one run (`data` and `estimates` hold the one run alone).
+    """Write one figure of one run; `data` and `estimates` hold this run alone.
 
     Raises:
         FlteaError: the file cannot be written.
@@ -65,7 +66,7 @@ def draw(
     figure = _figure(caption, note, height=5.6 if quantity == "state" else 4.4)
     t = _times(scenario)
     original, curves = _curves(quantity, scenario, data, estimates)
-    # Whole runs hide what happens from sample to sample.
+    # A second panel shows a fortieth of the run, where changes from sample to sample are visible.
     fortieth = slice(len(t) // 2, len(t) // 2 + len(t) // 40)
     names = [None, fortieth] if quantity == "state" else [None]
     panels = figure.subplots(len(names), squeeze=False, height_ratios=[5, 3][: len(names)])[:, 0]
@@ -107,7 +108,7 @@ def draw_unknown(
 def _curves(
     quantity: str, scenario: Scenario, data: Data, estimates: Mapping[int, Estimates]
 ) -> tuple[Array | None, dict[str, Array]]:
-    """The original (None if it is not known) and the estimates by their name in the legend."""
+    """Return the original (None if not known), and the estimates by their name in the legend."""
     attribute = {"state": "x", "order": "alpha", "parameter": "f"}[quantity]
     curves = {f"L = {L:,}": getattr(got, attribute)[:, 0] for L, got in estimates.items()}
     original: Array | None = None
@@ -148,12 +149,12 @@ def _panel(
     *,
     measured: bool = False,
 ) -> None:
-    """Draw all of a run with a legend, or a part of it without."""
+    """Draw a whole run with a legend, or a part of the run without."""
     styles = [*STYLES[: len(curves) - 1], STYLES[-1]]
     shown = part or slice(None)
-    if original is not None and measured:  # noise: below the estimates, which it would hide
+    if original is not None and measured:  # noise is drawn below the estimates, which it would hide
         axes.plot(t[shown], original[shown], label="measured", color="#999999", linewidth=0.6)
-    slender = 0.4 if measured and part is None else 1.0  # a whole run of noise is dense
+    slender = 0.4 if measured and part is None else 1.0  # thinner, as a whole run of noise is dense
     for style, (name, values) in zip(styles, curves.items(), strict=True):
         width = slender * style["linewidth"]
         axes.plot(t[shown], _drawable(values[shown]), label=name, **{**style, "linewidth": width})
@@ -170,7 +171,7 @@ def _panel(
 
 
 def _limits(original: Array | None, curves: Mapping[str, Array]) -> tuple[float, float]:
-    """Range of all but the wildest 0.2 % at either end: a first jump must not flatten the rest."""
+    """Return the range without the wildest 0.2 % at either end: a first jump must not flatten the rest."""
     known = [] if original is None else [original]
     values = np.concatenate([*known, *(v[np.isfinite(v) & (np.abs(v) < 1e6)] for v in curves.values())])
     if not len(values):
@@ -181,7 +182,7 @@ def _limits(original: Array | None, curves: Mapping[str, Array]) -> tuple[float,
 
 
 def _drawable(values: Array) -> Array:
-    """Nothing where the estimate is not finite or too large for a picture."""
+    """Return the values with NaN where an estimate is not finite or too large to draw."""
     return np.where(np.isfinite(values) & (np.abs(values) < 1e6), values, np.nan)
 
 

@@ -1,8 +1,10 @@
-"""Section 7 of Macias & Sierociuk 2023: a resting gyroscope, or white noise where there is no recording.
+"""Set up section 7 of Macias & Sierociuk 2023: a resting gyroscope, or white noise without a recording.
 
-White noise has the paper's R as its variance, and the filters get that R. A recording gives its first 3,000
-samples, mean removed, as the printed algorithm diverges on an offset; R is then the variance of these
-samples, not the paper's, for R belongs to the sensor and the algorithm diverges on one that is far too small.
+White noise has the paper's R as its variance, and the filters use this R. From a recording, the first 3,000
+samples are used, with the mean removed, since the printed algorithm diverges on an offset. R is then the
+variance of
+these samples, not the paper's R: R is a property of the sensor, and the algorithm diverges if R is far too
+small.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,13 +22,13 @@ from fltea.sources.replay import ReplaySource
 from fltea.stream.decode import Decoded, Decoder
 
 ANY_GAP = 10**9
-"""Samples: the paper's filters know of no gaps, so what is there is taken for unbroken."""
+"""Gap in samples that is accepted: the paper's filters know no gaps, so samples count as unbroken."""
 
 Make = Callable[[Sequence[int]], Data]
 
 
 def white_noise() -> dict[str, Scenario]:
-    """Axis name to its experiment on white noise of the paper's R; each seed gives three independent axes."""
+    """Return the experiment of each axis on white noise with the paper's R; axes are independent."""
     return {axis: _white_axis(number, axis, R) for number, (axis, R) in enumerate(paper.GYRO_R.items())}
 
 
@@ -41,10 +43,10 @@ def _white_axis(number: int, axis: str, R: float) -> Scenario:
 
 
 def recorded(path: Path, how: How = AS_IT_SAYS) -> dict[str, Scenario]:
-    """Axis name to its experiment on a recording as `replay:` reads it.
+    """Return the experiment of each axis on a recording, read as `replay:` does.
 
     Raises:
-        UsageError: a file that cannot be read, is shorter than the paper's run, or stands still.
+        UsageError: the file cannot be read, is shorter than the paper's run, or an axis is constant.
     """
     gyro_dps, rate_hz = _read(path, how)
     n = paper.GYRO_SAMPLES
@@ -81,7 +83,7 @@ def _scenario(axis: str, source: str, R: float, make: Make, h: float, *, single:
 
 
 def _read(path: Path, how: How) -> tuple[Array, float]:
-    """Samples (n, axes) in deg/s and their rate in Hz, of the first epoch."""
+    """Return the samples (n, axes) of the first epoch in deg/s, and their rate in Hz."""
     source, decoder = ReplaySource(path, how=how), Decoder(lambda: 0, ANY_GAP)
     decoded = [found for event in source.events() for found in decoder.feed(event)]
     first = [one for one in decoded if isinstance(one, Decoded) and one.block.epoch == 1]

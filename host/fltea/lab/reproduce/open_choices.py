@@ -1,7 +1,8 @@
-"""What the paper leaves open, and how each choice moves the errors of tables 2 to 4, one choice at a time.
+"""Vary each choice that the paper leaves open, one at a time, and compare the errors of tables 2 to 4.
 
-Every choice runs examples 1 to 3 with the full memory (L = 4,000). Beside the medians stand the percentiles
-of the printed numbers, tables 3 and 4 against examples 2 and 3 both (`exchange`).
+Every choice runs examples 1 to 3 with the full memory (L = 4,000). The medians come with the percentiles of
+the
+printed numbers; tables 3 and 4 are compared with examples 2 and 3 both (`exchange`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,29 +19,29 @@ from fltea.lab.reproduce.runs import Curves, Options, Outcome, estimate, outcome
 from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example
 
 NEAR = 1.5
-"""An error of the order that is within this factor of the printed one counts as near it."""
+"""Factor within which an error of the order counts as near the printed error."""
 WIDTH = 16
-"""Runs that a reading takes side by side: few enough for the weights of their orders to stay in the cache."""
+"""Number of runs that a reading processes at once; few, so that the weights of their orders fit the cache."""
 
 
 AS_BUILT = Reading()
-"""The reading of the engine."""
+"""The engine's reading of the algorithm."""
 CHOSEN_SAWTOOTH = SawTooth()
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One choice that the paper leaves open, all others being those of this project."""
+    """One choice that the paper leaves open; all other choices are those of this project."""
 
     name: str
     reading: Reading = AS_BUILT
     sawtooth: SawTooth = CHOSEN_SAWTOOTH
     omega_outside: bool = False
     order_P0: float | None = None
-    """initial variance of the order in place of the printed 0.05"""
+    """Initial variance of the order in place of the printed 0.05."""
 
     def scenario(self, number: int, samples: int = paper.SAMPLES) -> Scenario:
-        """Example 1, 2 or 3 by this choice, with the full memory."""
+        """Return example 1, 2 or 3 under this choice, with the full memory."""
         made = example(number, self.sawtooth, samples, omega_outside=self.omega_outside)
         made = replace(made, lengths=(paper.SAMPLES,))
         if self.order_P0 is None:
@@ -50,7 +51,7 @@ class Choice:
         return replace(made, filters=replace(made.filters, config=config))
 
     def run(self, scenario: Scenario, data: Data, length: int, options: Options) -> Curves:
-        """Estimates of every run: by the engine, unless the reading is another than the engine's."""
+        """Return the estimates of every run: by the engine, unless the reading differs from the engine's."""
         if self.reading == AS_BUILT:
             return estimate(scenario, data, length, options)
         return readings.run(scenario.filters, self.reading, data)
@@ -74,12 +75,12 @@ CHOICES = (
 
 
 def steps(seeds: int, choices: Sequence[Choice] = CHOICES) -> int:
-    """Runs that `compare` makes."""
+    """Return the number of runs that `compare` makes."""
     return len(choices) * len(paper_examples()) * seeds
 
 
 def paper_examples() -> tuple[int, ...]:
-    """Examples that tables 2 to 4 are held against."""
+    """Return the examples that tables 2 to 4 are compared with."""
     return tuple(sorted({number for examples in EXAMPLES.values() for number in examples}))
 
 
@@ -89,12 +90,17 @@ def compare(
     choices: Sequence[Choice] = CHOICES,
     samples: int = paper.SAMPLES,
 ) -> list[Row]:
-    """One row a choice.
+    """Return one row for each choice.
 
-    `examples`: by number what `outcome_row` tells. `percentiles`: for each table and each example that it is
-    held against, those of the printed numbers at L = 4,000. `near_order`: likewise how many seeds have an
-    error of the order within a factor of NEAR of the printed one. `advance` is told the choice's name and how
-    many runs were just done.
+    `advance` receives the name of the choice and the number of runs that were just done.
+
+    Keys:
+        examples: result of `outcome_row` by example.
+        percentiles: percentiles of the printed numbers at L = 4,000, for each table and each example it is
+            compared
+            with.
+        near_order: number of seeds whose error of the order is within a factor of NEAR of the printed one,
+            likewise.
     """
     return [_row(choice, seeds, samples, advance) for choice in choices]
 
@@ -117,7 +123,7 @@ def _row(choice: Choice, seeds: int, samples: int, advance: Callable[[str, int],
 
 
 def _against(tell: Callable[[int, int], Any]) -> Row:
-    """What `tell` says of each table and each example that it is held against."""
+    """Return the result of `tell` for each table and each example that it is compared with."""
     return {
         str(table): {str(number): tell(table, number) for number in numbers}
         for table, numbers in EXAMPLES.items()
@@ -137,11 +143,11 @@ def _places(table: int, outcome: Outcome) -> dict[str, float | None]:
 
 
 def document(rows: Sequence[Row]) -> str:
-    """The choices as two Markdown tables: their errors, and where the printed numbers lie."""
+    """Return the choices as two Markdown tables: their errors, and the percentiles of the printed numbers."""
     seeds = rows[0]["seeds"]
     against = [(table, number) for table, numbers in EXAMPLES.items() for number in numbers]
     heads = [f"table {t} in example {n}" + (", exchanged" if n != EXAMPLES[t][0] else "") for t, n in against]
-    places = [
+    cells = [
         [row["choice"], *(_percentiles(row["percentiles"][str(t)][str(n)]) for t, n in against), _near(row)]
         for row in rows
     ]
@@ -160,7 +166,7 @@ def document(rows: Sequence[Row]) -> str:
         f"order is within a factor of {NEAR:g} of the printed {printed}, tables 3 and 4 in the example "
         "with more of them.",
         "",
-        *_table(["choice", *heads, "near the printed order: table 2 / 3 / 4"], places),
+        *_table(["choice", *heads, "near the printed order: table 2 / 3 / 4"], cells),
     ]
     return "\n".join(lines) + "\n"
 
@@ -178,8 +184,8 @@ def _errors(row: Row) -> list[str]:
     return cells
 
 
-def _percentiles(places: Mapping[str, float | None]) -> str:
-    return " / ".join("–" if place is None else percent_text(place) for place in places.values())
+def _percentiles(percentiles: Mapping[str, float | None]) -> str:
+    return " / ".join("–" if share is None else percent_text(share) for share in percentiles.values())
 
 
 def _near(row: Row) -> str:

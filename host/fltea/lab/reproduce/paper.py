@@ -1,7 +1,8 @@
 """Numbers printed in Macias & Sierociuk 2023 (Acta Mechanica et Automatica 17(2)).
 
-All errors are sums of squared differences (SSE) over a whole run: state in the square of its unit, order
-without unit, parameter in s^-2α.
+All errors are sums of squared errors (SSE) over a whole run: the state's in the square of its unit, the
+order's
+without unit, the parameter's in s^-2α.
 """
 
 from typing import NamedTuple
@@ -17,18 +18,18 @@ class Errors(NamedTuple):
 
 QUANTITIES = Errors._fields
 
-# Section 6.1: step in s, samples, and the noises E[ωω'], E[vv'].
+# Section 6.1: step [s], number of samples, and the noise variances E[ωω'], E[vv'].
 H, SAMPLES = 1e-3, 4000
 NOISE_Q, NOISE_R = 1e-5, 1e-3
 PARAMETER = -0.3
 
-# Section 7.1: step in s, samples (30 s), R in (deg/s)² of the axes x, y, z.
+# Section 7.1: step [s], number of samples (30 s), and R of the axes x, y, z [(deg/s)²].
 GYRO_H, GYRO_SAMPLES = 1e-2, 3000
 GYRO_R = {"x": 0.0235, "y": 0.0178, "z": 0.0191}
 GYRO_LENGTHS = (3000, 1500)
 
 TABLE_1 = {4000: 230.75, 3000: 218.76, 2500: 195.30, 2000: 183.55}
-"""Length L to seconds for the 4,000 samples of example 1 (MATLAB 2021b, Core i7-5500U)."""
+"""For each length L, the time for the 4,000 samples of example 1 [s] (MATLAB 2021b, Core i7-5500U)."""
 
 TABLE_2 = {
     4000: Errors(0.2179, 37.8467, 62.7249),
@@ -43,10 +44,10 @@ TABLE_5 = {
     "y": Errors(3.29e-8, 2.52e-5, 1.08e-6),
     "z": Errors(6.52e-9, 1.62e-6, 7.36e-8),
 }
-"""Axis to the SSE between the estimates at L = 3000 and at L = 1500."""
+"""For each axis, the SSE between the estimates at L = 3000 and at L = 1500."""
 
 GYRO_SETTLED = {"x": (0.3, -1.6), "y": (0.3, -1.5), "z": (0.3, -2.0)}
-"""Axis to the order and the parameter at which the estimates settle (section 7.2, from the text)."""
+"""For each axis, the final order and parameter of the estimates (section 7.2, from the text)."""
 
 SAMPLES_PER_SECOND = SAMPLES / TABLE_1[4000]
-"""17.3: the paper's speed at L = 4000."""
+"""The paper's speed at L = 4000: 17.3 samples per second."""

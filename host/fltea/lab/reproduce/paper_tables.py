@@ -1,8 +1,9 @@
-"""Tables 1–5 and section 6.2 as rows for JSON and as Markdown, beside the numbers of the paper.
+"""Arrange tables 1–5 and section 6.2 as rows for JSON and as Markdown, with the numbers of the paper.
 
-Every number is a median over the seeds whose runs are finite, with the range in which 5 to 95 % of them lie.
-A printed number has its percentile: the share of these seeds, in per cent, whose number is smaller. Tables 3
-and 4 are held against examples 2 and 3 both, since they are most likely exchanged in print (`exchange`).
+Every number is a median over the seeds whose runs are finite, with its 5–95 % range. A printed number has its
+percentile: the per cent of these seeds with a smaller number. Tables 3 and 4 are compared with examples 2 and
+    3
+both, since they are most likely exchanged in print (`exchange`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,11 +21,11 @@ Row = dict[str, Any]
 
 PAPER = {2: paper.TABLE_2, 3: paper.TABLE_3, 4: paper.TABLE_4}
 EXAMPLES = {2: (1,), 3: (2, 3), 4: (3, 2)}
-"""Table to the examples that its numbers are held against: the one that the paper names comes first."""
+"""For each table, the examples that its numbers are compared with; the one the paper names comes first."""
 
 
 def spread(values: Array, printed: float | None = None) -> Row:
-    """Median and 5–95 % of `values`, None where there are none or they overflow; the paper's number."""
+    """Return median and 5–95 % range of `values` (None if empty or overflowed), and the paper's number."""
     numbers: list[float | None] = [None] * 3
     if len(values):
         with np.errstate(all="ignore"):
@@ -35,14 +36,14 @@ def spread(values: Array, printed: float | None = None) -> Row:
 
 
 def percentile(values: Array, printed: float | None) -> float | None:
-    """Share of `values` in per cent that are below `printed`, ties by half; None if either is missing."""
+    """Return the per cent of `values` below `printed`, ties by half; None if either is missing."""
     if printed is None or not len(values):
         return None
     return float(100 * (np.mean(values < printed) + np.mean(values == printed) / 2))
 
 
 def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
-    """Seeds, how many were lost, and the spread of the three errors over those that are finite."""
+    """Return the numbers of seeds and of diverged runs, and the spread of the errors over finite seeds."""
     good = ~outcome.not_finite
     row: Row = {
         "seeds": len(good),
@@ -56,9 +57,9 @@ def outcome_row(outcome: Outcome, printed: paper.Errors | None) -> Row:
 
 
 def changes(results: Mapping[int, Outcome], L: int) -> dict[str, tuple[Array, Array]]:
-    """Each error's change from the longest length to `L`, and the error that it starts from, seed by seed.
+    """Return each error's change from the longest length to `L`, and the error before the change, by seed.
 
-    Seeds for which either error is not finite are left out.
+    Seeds with an error that is not finite are left out.
     """
     first, short = next(iter(results.values())), results[L]
     found = {}
@@ -70,7 +71,7 @@ def changes(results: Mapping[int, Outcome], L: int) -> dict[str, tuple[Array, Ar
 
 
 def printed_change(table: int, L: int, name: str) -> float:
-    """Return what the paper's table prints at `L` minus what it prints at L = 4,000."""
+    """Return the difference between the paper's numbers at `L` and at L = 4,000."""
     printed = PAPER[table]
     return float(getattr(printed[L], name) - getattr(printed[paper.SAMPLES], name))
 
@@ -78,9 +79,9 @@ def printed_change(table: int, L: int, name: str) -> float:
 def example_rows(
     table: int, example: int, scenario: Scenario, results: Mapping[int, Outcome], options: Options
 ) -> list[Row]:
-    """Tables 2, 3, 4 against one example: a row for each length.
+    """Compare table 2, 3 or 4 with one example: one row for each length.
 
-    Rows of the shorter lengths have `change`, the errors' changes from the longest length.
+    Rows of the shorter lengths have `change`, the change of the errors from the longest length.
     """
     rows = []
     for L, outcome in results.items():
@@ -97,7 +98,7 @@ def example_rows(
 def gyroscope_rows(
     axis: str, scenario: Scenario, results: Mapping[int, Outcome], options: Options
 ) -> list[Row]:
-    """Table 5, one axis: the shorter length against the longest."""
+    """Return the rows of table 5 for one axis: the shorter length compared with the longest."""
     return [
         {"axis": axis, "L": L, "against": scenario.lengths[0]}
         | outcome_row(outcome, paper.TABLE_5[axis])
@@ -108,7 +109,7 @@ def gyroscope_rows(
 
 
 def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Options) -> list[Row]:
-    """Section 6.2: errors, and where order and parameter settle; the paper prints no numbers."""
+    """Return the rows of section 6.2: errors, and final order and parameter; the paper prints no numbers."""
     return [
         {"L": L, **outcome_row(outcome, None), **accepted(outcome), **labels(scenario, options)}
         for L, outcome in results.items()
@@ -116,12 +117,12 @@ def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Op
 
 
 def time_rows(times: Mapping[int, Times]) -> list[Row]:
-    """Table 1."""
+    """Return the rows of table 1."""
     return [{"L": L, **row._asdict(), "paper_s": paper.TABLE_1[L]} for L, row in times.items()]
 
 
 def accepted(outcome: Outcome, printed: tuple[float | None, float | None] = (None, None)) -> Row:
-    """Means of order and parameter over the last third of each run."""
+    """Return the spread of the means of order and parameter over the last third of each run."""
     good = ~outcome.not_finite
     return {
         "settled_order": spread(outcome.settled_order[good], printed[0]),
@@ -130,17 +131,17 @@ def accepted(outcome: Outcome, printed: tuple[float | None, float | None] = (Non
 
 
 def labels(scenario: Scenario, options: Options) -> Row:
-    """What went in and what worked on it, so that no row can be read without."""
+    """Return labels for data and settings, so that every row states them."""
     return {"data": scenario.source, "R": scenario.R, "variant": options.variant, "guard": options.guard}
 
 
 def document(rows: Mapping[str, Sequence[Row]], remarks: Sequence[str] = ()) -> str:
-    """All tables as Markdown, with remarks below them."""
+    """Return all tables as Markdown, with remarks below them."""
     return "\n\n".join([*(markdown(table, rows[table]) for table in rows), *remarks]) + "\n"
 
 
 def markdown(table: str, rows: Sequence[Row]) -> str:
-    """The rows of one table as Markdown, with a caption."""
+    """Return the rows of one table as Markdown, with a caption."""
     heads, body = _LAYOUT.get(table, _beside_paper)(rows)
     lines = [f"**{_CAPTIONS[table]}**", ""]
     if table != "1":
@@ -151,7 +152,7 @@ def markdown(table: str, rows: Sequence[Row]) -> str:
 
 
 def _how(rows: Sequence[Row]) -> str:
-    """What went in, and how the numbers below are to be read."""
+    """Return a sentence on the data, and on how to read the numbers below."""
     first = rows[0]
     named = [f"Example {row['example']}: {row['data']}" if "example" in row else row["data"] for row in rows]
     how = f"{'; '.join(dict.fromkeys(named))}. Variant {first['variant']}, guard {first['guard']}"
@@ -183,7 +184,7 @@ def _times(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def _examples(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Tables 2 to 4: for each example its lengths, and the change from the longest to the shortest."""
+    """Lay out tables 2 to 4: the lengths of each example, and the change from the longest to the shortest."""
     heads = ["seeds of", "L", "not finite", "far off"]
     for name in paper.QUANTITIES:
         heads += [name, "paper (percentile)"]
@@ -205,18 +206,18 @@ def _examples(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def _printed(value: Row, sign: str = "") -> str:
-    """The paper's number, and behind it in brackets its percentile among the seeds."""
-    place = "–" if value["percentile"] is None else percent_text(value["percentile"])
-    return f"{value['paper']:{sign}.4g} ({place})"
+    """Format the paper's number, followed by its percentile among the seeds in brackets."""
+    share = "–" if value["percentile"] is None else percent_text(value["percentile"])
+    return f"{value['paper']:{sign}.4g} ({share})"
 
 
 def percent_text(share: float) -> str:
-    """Return a percentile in three digits, where 0 and 100 stand for none and all."""
+    """Format a percentile with three digits; 0 and 100 only stand for none and all."""
     return f"{share:.3g}" if share in {0.0, 100.0} else f"{np.clip(share, 0.01, 99.9):.3g}"
 
 
 def _beside_paper(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
-    """Table 5: a column for each error, and where an axis settles, with the paper's number beside it."""
+    """Lay out table 5: for each error, and for final order and parameter, our number and the paper's."""
     columns = {name: name for name in paper.QUANTITIES}
     columns |= {"settled_order": "order settles at", "settled_parameter": "parameter settles at"}
     heads = ["axis", "not finite", "far off"]

@@ -1,8 +1,10 @@
-"""The printed algorithm in other readings, many runs at once: to see what the choices left open do.
+"""Run the printed algorithm in other readings, many runs at once, to see the effect of open choices.
 
-The equations are those of `fltea.lab.reference`, for one state and one parameter with the full memory. What a
-`Reading` changes is named in its fields; with the defaults the estimates are the engine's (variant "triple",
-guard "off"). It is plain numpy, a hundred times slower than the engine, which knows one reading only.
+The equations are those of `fltea.lab.reference`, for one state and one parameter with the full memory. The
+fields
+of `Reading` name what a reading changes; with the defaults the estimates equal the engine's (variant
+"triple", guard
+"off"). The code is plain numpy, and a hundred times slower than the engine, which knows one reading only.
 """
 
 from dataclasses import dataclass
@@ -21,13 +23,13 @@ class Reading:
     """One way to read section 5; the defaults are those of this project."""
 
     kappa: float = 2.0
-    """scaling κ of the sigma points in KFo and KFw; section 5.1 calls it "usually chosen as 3 - L" """
+    """Scaling κ of the sigma points in KFo and KFw; section 5.1 calls it "usually chosen as 3 - L"."""
     sums_from: Literal[0, 1] = 0
-    """first i of the covariance sums in KFo and KFw; 1 as printed, 0 as usual"""
+    """First i of the covariance sums in KFo and KFw: 1 as printed, 0 as usual."""
     parameter_first: bool = False
-    """KFw runs before KFo: it takes the order, and KFo the parameter, of the step before or of this one"""
+    """Whether KFw runs before KFo, so that KFw uses the previous order, and KFo the new parameter."""
     state_variance: bool = False
-    """P_yy of KFo and KFw counts the variance of the predicted state, which the printed one leaves out"""
+    """Whether P_yy of KFo and KFw includes the predicted state's variance, which the printed one lacks."""
 
 
 class Estimated(NamedTuple):
@@ -39,7 +41,7 @@ class Estimated(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """Estimate of a quantity that walks at random, each (runs,): its mean, its variance, that of a step."""
+    """Estimate of a quantity that walks randomly: mean, variance, and variance of a step; each (runs,)."""
 
     mean: Array
     P: Array
@@ -54,21 +56,21 @@ class Past(NamedTuple):
 
 
 class Weighed(NamedTuple):
-    """The past at one order of each run, each (runs,)."""
+    """The weighted past at the order of each run; each (runs,)."""
 
     order: Array
     gain: Array
-    """h^α"""
+    """The factor h^α."""
     x: Array
-    """sum_{j=1}^{k} c_j x̂_{k-j}"""
+    """The sum over j = 1 … k of c_j x̂_{k-j}."""
     P: Array
-    """sum_{j=2}^{k} c_j² P_{k-j}"""
+    """The sum over j = 2 … k of c_j² P_{k-j}."""
 
 
 def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
-    """Run the three filters over all runs of `data`; estimates that run away become infinite or NaN.
+    """Run the three filters over all runs of `data`; estimates that diverge become infinite or NaN.
 
-    `filters` has plain numbers only, one R for all three filters.
+    `filters` has plain numbers only, and one R for all three filters.
     """
     n, runs = data.y.shape
     x, P = np.empty((2, runs, n + 1))
@@ -85,7 +87,7 @@ def run(filters: LaneSettings, reading: Reading, data: Data) -> Estimated:
 
 
 class _Step:
-    """Order and parameter of all runs; each call moves them on by one sample."""
+    """Order and parameter of all runs; each call advances them by one sample."""
 
     def __init__(self, filters: LaneSettings, reading: Reading, runs: int) -> None:
         order, parameter = filters.config.order, filters.config.parameter
@@ -95,10 +97,10 @@ class _Step:
         self.order = Walk(order.alpha0 * ones, order.P0 * ones, order.Q0 * ones)
         self.parameter = Walk(parameter.f0 * ones, parameter.P0 * ones, parameter.Q0 * ones)
         self.V = 0 * ones
-        """what the variances of the past added to the state's at the sample before"""
+        """Variance that the past contributed to the state's variance at the previous sample."""
 
     def __call__(self, y: Array, u: Array, past: Past) -> tuple[Array, Array]:
-        """Take y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""
+        """Process y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""
         f = self.parameter.mean
         if self.reading.parameter_first:
             self._move_parameter(y, u, past, self._weigh(past))
@@ -108,7 +110,7 @@ class _Step:
             self._move_order(y, u, past)
             at = self._weigh(past)
             self._move_parameter(y, u, past, at)
-        # KFx, section 5.2, takes the parameter from before this sample.
+        # KFx, section 5.2, uses the parameter from before this sample.
         x = at.gain * (f * past.x[:, 0] + u) - at.x
         P = self._predicted_variance(f, past, at)
         self.V = at.P
@@ -116,7 +118,7 @@ class _Step:
         return x + K * (y - x), (1 - K) ** 2 * P + K**2 * self.R
 
     def _weigh(self, past: Past) -> Weighed:
-        """Weigh the past by the present estimate of the order."""
+        """Weight the past with the present estimate of the order."""
         order = self.order.mean
         c = weights(order, past.x.shape[1])[:, 1:]
         V = np.einsum("rj,rj,rj->r", c[:, 1:], c[:, 1:], past.P[:, 1:])
@@ -127,7 +129,7 @@ class _Step:
         return np.asarray(F**2 * past.P[:, 0] + self.settings.state.Q + at.P)
 
     def _move_order(self, y: Array, u: Array, past: Past) -> None:
-        """KFo, section 5.1."""
+        """Run KFo, section 5.1."""
         f, before = self.parameter.mean, self.order
         points = self._sigma_points(before)
         c = weights(points.ravel(), past.x.shape[1]).reshape(*points.shape, -1)[:, :, 1:]
@@ -139,7 +141,7 @@ class _Step:
         self.order = self._updated(before, points, Y, y, R, self.settings.order.delta)
 
     def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
-        """KFw, section 5.3, at the order of `at`."""
+        """Run KFw, section 5.3, at the order of `at`."""
         before = self.parameter
         points = self._sigma_points(before)
         Y = at.gain * (points * past.x[:, 0] + u) - at.x
@@ -149,12 +151,12 @@ class _Step:
         self.parameter = self._updated(before, points, Y, y, R, self.settings.parameter.delta)
 
     def _sigma_points(self, walk: Walk) -> Array:
-        """Mean and mean ± sqrt((1 + κ) P̃), shape (3, runs); one dimension and 𝔄 = 1 make λ = κ."""
+        """Return the mean, and the mean ± sqrt((1 + κ) P̃), (3, runs); λ = κ in one dimension with 𝔄 = 1."""
         root = np.sqrt((1 + self.reading.kappa) * (walk.P + walk.Q))
         return np.stack([walk.mean, walk.mean + root, walk.mean - root])
 
     def _updated(self, walk: Walk, points: Array, Y: Array, y: Array, R: Array, delta: float) -> Walk:
-        """Measurement update common to KFo and KFw; `points` and `Y` are (3, runs)."""
+        """Run the measurement update that KFo and KFw share; `points` and `Y` are (3, runs)."""
         scale = 1 + self.reading.kappa
         sides = 1 / (2 * scale)
         mean = np.array([[self.reading.kappa / scale], [sides], [sides]])
@@ -165,6 +167,6 @@ class _Step:
         Pyy = np.sum(covariance * dy * dy, axis=0) + R
         K = np.sum(covariance * dx * dy, axis=0) / Pyy
         correction = K * (y - np.sum(mean * Y, axis=0))
-        # Equal to the printed P̃ - K Pyy K, but rounding cannot make it negative.
+        # This equals the printed P̃ - K Pyy K, but rounding cannot make it negative.
         P = np.sum(covariance * (dx - K * dy) ** 2, axis=0) + K**2 * R
         return Walk(walk.mean + correction, P, (1 - delta) * walk.Q + delta * correction**2)

@@ -1,4 +1,4 @@
-"""Tables and figures of the paper in its order: each scenario is run once, however much is made of it."""
+"""Make the paper's tables and figures in its order; each scenario is run only once."""
 
 import csv
 from collections.abc import Callable, Mapping
@@ -15,13 +15,13 @@ from fltea.records.whole_file import prepare_folder, whole_file
 from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
-"""Is told what is being done and how many steps have just been finished."""
+"""Receives what is being done, and the number of steps that were just finished."""
 
 UNKNOWN = {"white": "white source noise", "fractional": "fractional source noise"}
 
 
 class Report:
-    """Runs what a `Request` asks for.
+    """Run what a `Request` asks for.
 
     Raises:
         UsageError: at once, for a bad recording, a folder that cannot be written to, or figures without
@@ -41,7 +41,7 @@ class Report:
 
     @property
     def steps(self) -> int:
-        """Progress steps of the whole: one a run, and one for every line of table 1 and every figure."""
+        """Number of progress steps: one for each run, each row of table 1 and each figure."""
         runs = sum((1 if s.single else self.request.seeds) * len(s.lengths) for s in self._scenarios.values())
         return runs + len(self._figures()) + (len(paper.TABLE_1) if "1" in self.request.tables else 0)
 
@@ -57,18 +57,18 @@ class Report:
         return rows
 
     def exchange(self) -> Row | None:
-        """Return the evidence that tables 3 and 4 are exchanged, once either of them has been made."""
+        """Return the evidence that tables 3 and 4 are exchanged; None if neither table was asked for."""
         if not {"3", "4"} & set(self.request.tables):
             return None
         return exchange.evidence({example: self._outcomes(str(example)) for example in (2, 3)})
 
     def document(self, rows: Mapping[str, list[Row]]) -> str:
-        """The rows that `run` returned as Markdown, with what is inferred of tables 3 and 4."""
+        """Return the rows from `run` as Markdown, with the inference on tables 3 and 4."""
         found = self.exchange()
         return paper_tables.document(rows, [] if found is None else [exchange.text(found)])
 
     def _choose_scenarios(self) -> dict[str, Scenario]:
-        """Scenarios by name, in the paper's order, of all that is asked for."""
+        """Return the scenarios for all that is asked for, by name, in the paper's order."""
         request = self.request
         named = [key for table in request.tables for key in _of_table(table)]
         named += [_of_figure(figure)[0] for figure in request.figures if figure != "6.2"]
@@ -113,7 +113,7 @@ class Report:
             return paper_tables.time_rows(dict(times))
         rows: list[Row] = []
         for name in _of_table(table):
-            if name not in self._scenarios:  # an axis that the recording does not have
+            if name not in self._scenarios:  # the recording does not have this axis
                 continue
             scenario, results = self._scenarios[name], self._outcomes(name)
             if table == "6.2":
@@ -127,7 +127,7 @@ class Report:
         return rows
 
     def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
-        """One line a seed and length; the first scenario of a table begins its file."""
+        """Write one row for each seed and length; the first scenario of a table starts the file."""
         try:
             with path.open("a" if path in self.files else "w", newline="", encoding="utf-8") as file:
                 lines = csv.writer(file)
@@ -163,7 +163,7 @@ class Report:
         self.progress(f"Figure {figure}", 1)
 
     def _one_run(self, name: str) -> tuple[Scenario, Data, dict[int, Estimates], str]:
-        """The run to draw: its data, its estimates by length, and which it is."""
+        """Return the run to draw: its data, its estimates by length, and which run it is."""
         scenario = self._scenarios[name]
         seed, why = figures.median_seed(scenario, self._outcomes(name))
         data = scenario.make([seed])
@@ -172,14 +172,14 @@ class Report:
 
 
 def _of_table(table: str) -> tuple[str, ...]:
-    """Names of the scenarios of a table."""
+    """Return the names of the scenarios of a table."""
     named = {"5": tuple(paper.GYRO_R), "6.2": tuple(UNKNOWN)}
     named |= {str(n): tuple(map(str, examples)) for n, examples in paper_tables.EXAMPLES.items()}
     return named.get(table, ())
 
 
 def _of_figure(figure: str) -> tuple[str, str]:
-    """Scenario and quantity of a figure: three in a row for each example, then for each axis."""
+    """Return scenario and quantity of a figure; each example, then each axis, has three figures in a row."""
     number = int(figure)
     first, names = (2, ("1", "2", "3")) if number <= 10 else (12, tuple(paper.GYRO_R))
     return names[(number - first) // 3], figures.QUANTITIES[(number - first) % 3]

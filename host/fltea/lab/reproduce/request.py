@@ -1,4 +1,4 @@
-"""What of the paper is asked for: table and figure numbers, checked before anything is computed."""
+"""Choose tables and figures of the paper; numbers are checked before anything is computed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -30,20 +30,23 @@ class Request:
     sawtooth: SawTooth = field(default_factory=SawTooth)
     recording: Path | None = None
     how: How = AS_IT_SAYS
-    """what is said of the recording"""
+    """How to read the recording."""
     out: Path | None = None
-    """where figures and, for each table, one line a seed go; None: DEFAULT_OUT if there are figures"""
+    """Folder for figures and, for each table, a CSV file with one row per seed.
+
+    None: DEFAULT_OUT if there are figures.
+    """
     everything: bool = False
-    """nothing was named, so what a recording has no axis for may be left out"""
+    """Whether no table or figure was named; then those of axes that a recording lacks are left out."""
 
     @property
     def folder(self) -> Path | None:
-        """Where files go, if there are any."""
+        """Folder for the files; None if none are written."""
         return self.out or (DEFAULT_OUT if self.figures else None)
 
 
 def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
-    """Tables and figures to make, in the paper's order and each once, and whether that is everything.
+    """Return the tables and figures to make, in the paper's order and each once, and whether that is all.
 
     Raises:
         UsageError: a number that the paper does not have, or that cannot be computed.

@@ -1,10 +1,14 @@
-"""The engine over every seed and every length L of a scenario: squared errors, and which runs were lost.
+"""Run the engine over every seed and length L of a scenario: squared errors, and runs that diverged.
 
-A run is not finite if any estimate is infinite or NaN: it has no squared error, so no statistic holds it. A
-run is far off if it is finite, but |α̂| > 10 at any sample, or the state is ever further than 10 sqrt(R) from
-the truth (from the measurement, where there is no truth): such runs are counted, and every statistic holds
-them, for the paper's own run may be one. Where lengths are compared with each other, both runs of a seed have
-to be finite, and the seed is far off if either run is.
+A run is not finite if any estimate is infinite or NaN. It has no squared error, so it is in no statistic. A
+run is
+far off if it is finite, but |α̂| > 10 at any sample, or the state is ever further than 10 sqrt(R) from the
+truth
+(from the measurement, if the truth is not known). Such runs are counted, and they are in every statistic,
+since the
+paper's own run may be one. Where lengths are compared with each other, both runs of a seed have to be finite,
+and
+the seed is far off if either run is.
 """
 
 import os
@@ -25,12 +29,12 @@ from fltea.records.arrays import Array
 
 ORDER_LIMIT = 10.0
 STATE_LIMIT = 10.0
-"""in standard deviations sqrt(R)"""
+"""Limit in standard deviations sqrt(R)."""
 
 
 @dataclass(frozen=True)
 class Options:
-    """What of the engine is asked for; the defaults are the printed algorithm with its exact memory."""
+    """Options of the engine; the defaults are the printed algorithm with its exact memory."""
 
     variant: Literal["triple", "joint"] = "triple"
     guard: Literal["off", "faithful", "consistent"] = "off"
@@ -38,25 +42,25 @@ class Options:
 
 
 class Outcome(NamedTuple):
-    """One number a seed, arrays (seeds,), for one length L."""
+    """The results of all seeds for one length L: one number per seed, arrays (seeds,)."""
 
     state: Array
-    """sum of squared errors over the run, unit²"""
+    """Sum of squared errors of the state over the run, in unit²."""
     parameter: Array
-    """likewise, s^-2α"""
+    """Sum of squared errors of the parameter, in s^-2α."""
     order: Array
     not_finite: NDArray[np.bool_]
-    """an estimate is infinite or NaN, so that the run has no errors"""
+    """Whether an estimate is infinite or NaN, so that the run has no errors."""
     far_off: NDArray[np.bool_]
-    """the run is finite, but an order or the state is beyond the limits above"""
+    """Whether the run is finite, but an order or the state exceeds the limits above."""
     settled_order: Array
-    """mean of α̂ over the last third"""
+    """Mean of α̂ over the last third of the run."""
     settled_parameter: Array
-    """mean of f̂ over the last third, s^-α"""
+    """Mean of f̂ over the last third of the run, in s^-α."""
 
 
 class Curves(Protocol):
-    """Estimates of several runs, each array (n, runs): an engine's, or those of another implementation."""
+    """Estimates of several runs, each array (n, runs), by the engine or another implementation."""
 
     @property
     def x(self) -> Array:
@@ -72,12 +76,12 @@ class Curves(Protocol):
 
 
 def estimate(scenario: Scenario, data: Data, length: int, options: Options) -> Estimates:
-    """Every estimate of every run, arrays (n, runs)."""
+    """Return all estimates of every run, arrays (n, runs)."""
     return Engine(data.y.shape[1], lane_settings(scenario.filters, length, options)).run(data.y, data.u)
 
 
 def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneSettings:
-    """The filters of an experiment with the length L and what of the engine is asked for."""
+    """Return the filters of an experiment with the length L and the options of the engine."""
     config = msgspec.structs.replace(
         filters.config,
         window=length,
@@ -100,16 +104,17 @@ def outcomes(
     run: Run = estimate,
     width: int = WIDTH,
 ) -> dict[int, Outcome]:
-    """Length L to the outcome over `seeds`; `advance` is told the number of runs just done.
+    """Return the outcome over `seeds` for each length L; `advance` receives the number of runs just done.
 
-    Without a truth the first length is what the others are compared with, and has no entry of its own. `run`
-    makes the estimates of `width` seeds at once.
+    Without a truth, the other lengths are compared with the first, which has no entry of its own. `run` makes
+    the
+    estimates of `width` seeds at once.
     """
     seeds = seeds[:1] if scenario.single else seeds
     groups = [seeds[i : i + width] for i in range(0, len(seeds), width)]
     parts: dict[int, dict[int, Outcome]] = {}
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        # The engine lets go of the interpreter, so threads run side by side; results do not depend on them.
+        # The engine releases the GIL, so threads run in parallel; results do not depend on them.
         tasks = {pool.submit(_group, scenario, group, options, run): i for i, group in enumerate(groups)}
         try:
             pending = set(tasks)
@@ -143,10 +148,10 @@ def _compare(scenario: Scenario, data: Data, options: Options, run: Run) -> Iter
 
 
 def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
-    """Squared errors of runs against the state, parameter and orders that the data were made with.
+    """Compare runs with the state, parameter and orders that the data were made with.
 
     Raises:
-        ValueError: a scenario without a truth.
+        ValueError: the scenario has no truth.
     """
     if data.x is None or scenario.f is None or scenario.alpha is None:
         raise ValueError(f"{scenario.title}: the true state, parameter and order are not known")
@@ -160,7 +165,7 @@ def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
 
 
 def _against(scenario: Scenario, data: Data, got: Curves, first: Curves) -> Outcome:
-    """Squared differences between the runs of two lengths."""
+    """Compare the runs of two lengths by squared differences."""
     lost = not_finite(got) | not_finite(first)
     far = [far_off(one, data.y, scenario.R**0.5) for one in (got, first)]
     return _outcome(got, (first.x, first.f, first.alpha), lost, (far[0] | far[1]) & ~lost)
@@ -188,15 +193,15 @@ def _sse(errors: Array) -> Array:
 
 
 def not_finite(got: Curves) -> NDArray[np.bool_]:
-    """Tell of each run (runs,) whether any estimate of state, parameter or order is infinite or NaN."""
+    """Return for each run (runs,) whether any estimate of state, parameter or order is infinite or NaN."""
     finite = np.isfinite(got.alpha) & np.isfinite(got.f) & np.isfinite(got.x)
     return np.asarray(~finite.all(axis=0))
 
 
 def far_off(got: Curves, state: Array, sigma: float) -> NDArray[np.bool_]:
-    """Tell of each run (runs,) whether an order or the state is ever beyond its limit.
+    """Return for each run (runs,) whether an order or the state ever exceeds its limit.
 
-    state: (n, runs), what x̂ is measured against. sigma: sqrt(R). Runs that are not finite count, too.
+    `state`: reference for x̂, (n, runs). `sigma`: sqrt(R). Runs that are not finite count, too.
     """
     with np.errstate(all="ignore"):
         near = (np.abs(got.alpha) <= ORDER_LIMIT) & (np.abs(got.x - state) <= STATE_LIMIT * sigma)

@@ -1,11 +1,13 @@
-"""What the paper runs the algorithm on: data with its truth, and the settings of the three filters.
+"""Define the paper's experiments: data with the truth, and the settings of the three filters.
 
-Sections 6.1 (examples 1–3, known input) and 6.2 (unknown input) of Macias & Sierociuk 2023; section 7 is in
-`gyroscope`. Every seed gives one run; the same seed gives the same samples, however many there are.
+They are sections 6.1 (examples 1–3, known input) and 6.2 (unknown input) of Macias & Sierociuk 2023; section
+7 is
+in `gyroscope`. Every seed gives one run. A seed gives the same samples whatever other seeds there are.
 
-Not printed in the paper and therefore chosen here: the saw-tooth of examples 1 and 2 (`SawTooth`) and all
-numbers of section 6.2. The process noise E[ωω'] = 1e-5 stands inside the brackets of equation (2), before
-h^α; the filter's Q = 1e-5 is the variance of a whole step, as printed.
+The paper does not print the saw-tooth of examples 1 and 2 (`SawTooth`), nor any number of section 6.2, so
+they are
+chosen here. The process noise E[ωω'] = 1e-5 is inside the brackets of equation (2), before h^α; the filter's
+Q = 1e-5 is the variance of a whole step, as printed.
 """
 
 import math
@@ -32,7 +34,7 @@ EXAMPLE_FILTERS = LaneSettings(
     h=paper.H,
     R=paper.NOISE_R,
 )
-"""Section 6.1; R is that of all three filters."""
+"""Filters of section 6.1; R is that of all three filters."""
 
 STEP_VARIANCE = 0.15
 GYROSCOPE_FILTERS = LaneSettings(
@@ -46,12 +48,12 @@ GYROSCOPE_FILTERS = LaneSettings(
     h=paper.GYRO_H,
     R=paper.GYRO_R["x"],
 )
-"""Section 7.1, R of the x axis."""
+"""Filters of section 7.1, with R of the x axis."""
 
 
 @dataclass(frozen=True)
 class SawTooth:
-    """Input of examples 1 and 2: rises from -amplitude (0 if unipolar) to amplitude in each period (s)."""
+    """Input of examples 1 and 2: rises from -amplitude (0 if unipolar) to amplitude in each period."""
 
     amplitude: float = 1.0
     period_s: float = 1.0
@@ -70,22 +72,22 @@ class SawTooth:
         return f"saw-tooth {size}, {1 / self.period_s:g} Hz, starting at {start:g}"
 
     def samples(self, n: int, h: float) -> Array:
-        """u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
+        """Return u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
         phase = np.arange(n, dtype=np.float64) * h / self.period_s
-        phase -= np.floor(phase + 1e-9)  # a period that ends on a sample ends on it in spite of rounding
+        phase -= np.floor(phase + 1e-9)  # rounding must not hide the end of a period
         return self.amplitude * (phase if self.unipolar else 2 * phase - 1)
 
 
 @dataclass(frozen=True)
 class Data:
-    """Runs side by side, each array (n, runs)."""
+    """Several runs, each array (n, runs)."""
 
     y: Array
-    """measurements y_1 .. y_n"""
+    """Measurements y_1 .. y_n."""
     u: Array | None = None
-    """known inputs u_0 .. u_{n-1}"""
+    """Known inputs u_0 .. u_{n-1}."""
     x: Array | None = None
-    """true states x_1 .. x_n"""
+    """True states x_1 .. x_n."""
 
 
 @dataclass(frozen=True)
@@ -94,28 +96,28 @@ class Scenario:
 
     title: str
     source: str
-    """what goes in, in words: stands in every output"""
+    """Description of the data for every output."""
     lengths: tuple[int, ...]
-    """lengths L, the longest first"""
+    """Lengths L, the longest first."""
     filters: LaneSettings
     R: float
-    """measurement variance that the filters assume"""
+    """Measurement variance that the filters assume."""
     samples: int
     make: Callable[[Sequence[int]], Data]
     alpha: Array | None = None
-    """true orders α_1 .. α_n; None: there is no truth, and lengths are compared with each other"""
+    """True orders α_1 .. α_n; None if not known, and lengths are then compared with each other."""
     f: float | None = None
-    """true parameter in s^-α"""
+    """True parameter in s^-α."""
     unit: str = ""
-    """of y and x"""
+    """Unit of y and x."""
     single: bool = False
-    """there is one run only, whatever the seeds"""
+    """Whether there is a single run, whatever the seeds."""
 
 
 def example(
     number: int, sawtooth: SawTooth, samples: int = paper.SAMPLES, *, omega_outside: bool = False
 ) -> Scenario:
-    """Example 1, 2 or 3 of section 6.1; `omega_outside` adds the process noise to the state after h^α."""
+    """Return example 1, 2 or 3 of section 6.1; `omega_outside` adds the process noise after h^α."""
     k = np.arange(1, samples + 1, dtype=np.float64)
     alpha = np.full(samples, 0.6) if number == 1 else 0.2 + 0.1 * k * paper.H
     gain = (paper.H**alpha)[:, np.newaxis]
@@ -124,7 +126,7 @@ def example(
     def make(seeds: Sequence[int]) -> Data:
         drawn = [noises(seed, samples, paper.NOISE_Q, paper.NOISE_R) for seed in seeds]
         omega, v = (np.column_stack(noise) for noise in zip(*drawn, strict=True))
-        if number == 3:  # a stream of its own beside that of the noises
+        if number == 3:  # the input has a random generator of its own, apart from the noises
             u = np.column_stack(
                 [np.random.default_rng((seed, 3)).normal(0, math.sqrt(0.1), samples) for seed in seeds]
             )
@@ -147,18 +149,20 @@ def example(
     )
 
 
-# Section 6.2, numbers chosen here: x is of order α₁, its source ω' is itself a fractional noise of order α₂.
-# Step, number of samples and filters are the gyroscope's, for that is where the paper has no known input.
+# Numbers of section 6.2, chosen here: x has the order α₁, and its source ω' is itself fractional noise of
+# order α₂. Step, number of samples and filters are the gyroscope's, where the paper has no known input.
 UNKNOWN_ALPHA, UNKNOWN_F = 0.4, -1.0
 SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
-"""variance of v, and the R of the filters: about the variance of y, as in section 7. What one step adds to x
-has the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the filters the
-printed algorithm runs away for every seed: it leaves the state's own variance out of account."""
+"""Variance of v, and the filters' R: about the variance of y, as in section 7.
+
+One step adds to x the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the
+filters, the printed algorithm diverges for every seed, since it ignores the state's own variance.
+"""
 
 
 def unknown_input(*, fractional: bool, samples: int = paper.GYRO_SAMPLES) -> Scenario:
-    """Section 6.2: no input is known, and the source noise is fractional itself or, to compare, white."""
+    """Return the experiment of section 6.2: unknown input; the source noise is fractional, or white."""
     alpha = np.full(samples, UNKNOWN_ALPHA)
     source_alpha = np.full(samples, SOURCE_ALPHA)
     h = paper.GYRO_H

@@ -1,8 +1,10 @@
-"""The guards' score: does any input make the estimates run away, and what do guards cost where none does?
+"""Score the guards: does any input make the estimates diverge, and what do guards cost where none does?
 
-Driven cases are examples 1–3 with other inputs; resting ones are the gyroscope of section 7 on white noise
-with a wrong R, unremoved offsets, and inputs that are no noise at all. `runs` says which runs are not finite
-and which are far off; at rest the state is held against the measurement.
+Driven cases are examples 1–3 with other inputs. Resting cases are the gyroscope of section 7 on white noise
+with a
+wrong R, on offsets that are not removed, and on inputs that are no noise at all. `runs` defines which runs
+are not
+finite and which are far off; at rest the state is compared with the measurement.
 """
 
 import math
@@ -32,7 +34,7 @@ LSB_DPS = 1 / 16.4
 
 @dataclass(frozen=True)
 class Resting:
-    """A gyroscope at rest, or what it gives instead: white noise of variance V turned into something else."""
+    """A gyroscope at rest, or faulty data in its place: white noise of variance V, changed by `turn`."""
 
     name: str
     turn: Callable[[Array], Array] = lambda noise: noise
@@ -65,27 +67,30 @@ RESTING = (
 
 
 def driven() -> list[Scenario]:
-    """Examples 1 and 2 with every saw-tooth, and example 3, each at its full length only."""
+    """Return examples 1 and 2 with every saw-tooth, and example 3, each at its full length only."""
     cases = [example(number, sawtooth) for number in (1, 2) for sawtooth in SAWTEETH]
     return [replace(case, lengths=case.lengths[:1]) for case in [*cases, example(3, SawTooth())]]
 
 
 def steps(seeds: int) -> int:
-    """Runs that `score` makes."""
+    """Return the number of runs that `score` makes."""
     return len(GUARDS) * seeds * (len(driven()) + len(RESTING))
 
 
 def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> list[dict[str, Any]]:
-    """One row a case and guard; `options.guard` is left aside.
+    """Return one row for each case and guard; `options.guard` is ignored.
 
-    `not_finite`, `far_off`: number of such runs. `state`, `parameter`, `order`: medians of the squared errors
-    over the runs that are finite; `kept`: the same over the seeds for which the printed algorithm (guard off)
-    is neither. At rest `alpha` and `f`: medians of the last estimates of finite runs. A median that
-    overflows is None.
+    Keys:
+        not_finite, far_off: number of such runs.
+        state, parameter, order: medians of the squared errors over the finite runs.
+        kept: the same over the seeds whose run without a guard is finite and not far off.
+        alpha, f: at rest, medians of the last estimates of finite runs.
+
+    A median that overflows is None.
     """
     rows = []
     for simulated in driven():
-        case = replace(simulated, make=cache(simulated.make))  # once for all guards
+        case = replace(simulated, make=cache(simulated.make))  # compute the data once for all guards
         name = f"{case.title}, {case.source}"
         told = partial(advance, name)
         printed: Outcome | None = None
@@ -148,7 +153,7 @@ def _median(values: Array) -> float | None:
 
 
 def document(rows: Sequence[dict[str, Any]]) -> str:
-    """The score as two Markdown tables, a case a line."""
+    """Return the score as two Markdown tables, with one row for each case."""
     cases: dict[str, dict[str, dict[str, Any]]] = {}
     for row in rows:
         cases.setdefault(row["case"], {})[row["guard"]] = row

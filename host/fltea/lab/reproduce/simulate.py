@@ -1,12 +1,14 @@
-"""Fractional systems of one state, many at once, with the samples of `fltea.noise.simulation`.
+"""Simulate fractional systems of one state, many at once, with the samples of `fltea.noise.simulation`.
 
     x_k = h^α_k (f x_{k-1} + u_{k-1} + ω_{k-1}) - sum_{j=1}^{k} c_j(α_k) x_{k-j},    x_0 = 0
 
 (Macias & Sierociuk 2023, section 6, equations (1) and (2), with the full memory; c_j = (-1)^j binom(α, j)).
 
-All runs share the orders α_k. The part of the sum that lies before a block of samples is one product of
-matrices for all runs; only what lies within the block is done sample by sample. Runs are taken in groups of a
-fixed width, so that the samples of one seed do not depend on how many there are.
+All runs share the orders α_k. For a block of samples, the part of the sum before the block is one matrix
+product
+for all runs; only the part within the block is computed sample by sample. Runs are processed in groups of a
+fixed
+width, so that the samples of one seed do not depend on the number of runs.
 """
 
 import numpy as np
@@ -15,16 +17,19 @@ from fltea.noise.weights import weights
 from fltea.records.arrays import Array
 
 BLOCK = 64
-"""samples whose distant past is summed at once"""
+"""Number of samples in a block, whose distant past is summed at once."""
 WIDTH = 64
-"""runs in one product of matrices"""
+"""Number of runs in one matrix product."""
 
 
 def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
-    """States x_1 .. x_n of many runs of one system, shape (n, runs).
+    """Return the states x_1 .. x_n of many runs of one system, shape (n, runs).
 
-    alpha: (n,) orders α_1 .. α_n. f: parameter in s^-α. drive: (n, runs), u_{k-1} + ω_{k-1} in row k-1.
-    h: step in s.
+    Args:
+        alpha: orders α_1 .. α_n, (n,).
+        f: parameter in s^-α.
+        drive: u_{k-1} + ω_{k-1} in row k-1, (n, runs).
+        h: step [s].
     """
     n, runs = drive.shape
     if runs > WIDTH:
@@ -37,7 +42,7 @@ def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
     for start in range(1, n + 1, BLOCK):
         stop = min(start + BLOCK, n + 1)
         c = weights(alpha[start - 1 : stop - 1], stop - 1)
-        # Row i of `distant` weighs x_0 .. x_{start-1} for sample k = start + i: c_{k-m}(α_k) x_m.
+        # Row i of the weights applies to x_0 .. x_{start-1} for sample k = start + i: c_{k-m}(α_k) x_m.
         lags = np.arange(start, stop)[:, np.newaxis] - np.arange(start)
         past = np.take_along_axis(c, lags, axis=1) @ x[:start]
         for i, k in enumerate(range(start, stop)):
@@ -47,6 +52,6 @@ def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
 
 
 def noises(seed: int, n: int, Q: float, R: float) -> tuple[Array, Array]:
-    """ω_0 .. ω_{n-1} and v_1 .. v_n of variances Q and R, drawn in turns as in `fltea.noise.simulation`."""
+    """Return ω_0 .. ω_{n-1} and v_1 .. v_n with variances Q and R, drawn alternately as in the simulation."""
     pairs = np.random.default_rng(seed).standard_normal((n, 2))
     return pairs[:, 0] * np.sqrt(Q), pairs[:, 1] * np.sqrt(R)

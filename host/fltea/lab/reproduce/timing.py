@@ -1,4 +1,4 @@
-"""Table 1 of Macias & Sierociuk 2023: seconds for the 4,000 samples of example 1 by length L, in one lane."""
+"""Measure table 1 of Macias & Sierociuk 2023: times for the 4,000 samples of example 1, by length L."""
 
 import statistics
 import time
@@ -20,7 +20,7 @@ MEMORIES: tuple[Literal["direct", "compressed"], ...] = ("direct", "compressed")
 
 
 class Times(NamedTuple):
-    """Seconds for one run, medians of REPETITIONS (the reference: one run)."""
+    """Times for one run [s], medians of REPETITIONS (for the reference: one run)."""
 
     direct_s: float
     compressed_s: float
@@ -30,7 +30,7 @@ class Times(NamedTuple):
 def measure(
     sawtooth: SawTooth, options: Options, advance: Callable[[int], None]
 ) -> Iterator[tuple[int, Times]]:
-    """Length L and its times; the reference runs the printed algorithm, the engine what `options` says."""
+    """Yield each length L with its times; the reference runs the printed algorithm, the engine `options`."""
     scenario = example(1, sawtooth)
     data = scenario.make([0])
     for length in scenario.lengths:
@@ -47,21 +47,21 @@ def measure(
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Wall-clock seconds that `work` takes."""
+    """Return the wall-clock seconds that `work` takes."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
 
 
 def run_reference(settings: LaneSettings, length: int, data: Data) -> Array:
-    """Estimates (n, 3) of state, parameter and order of the first run, by the numpy reference."""
+    """Return the numpy reference's estimates (n, 3) of state, parameter and order, for the first run."""
     inputs = None if data.u is None else data.u[:, 0]
     steps = reference_filters(settings, length).run(data.y[:, 0], inputs)
     return np.array([(step.x[0], step.w[0], step.order) for step in steps])
 
 
 def reference_filters(settings: LaneSettings, length: int) -> reference.Fltea:
-    """The numpy reference with one state and settings that are plain numbers, R the same in all filters."""
+    """Return the numpy reference with one state; settings are plain numbers, R is the same in all filters."""
     state, order, parameter = settings.config.state, settings.config.order, settings.config.parameter
     R = np.asarray(settings.R)
     return reference.Fltea(
