@@ -1,12 +1,12 @@
 // Allan variance of one axis in constant memory: overlapping estimates at τ = 2^j samples, from running sums.
 //
-// With B_k the sum of m = 2^j samples that ends at k, σ²(m) = mean of (B_k - B_{k-m})² / (2 m²). Up to m = 8
-// every k is used; above, every (m/8)-th, which loses next to nothing: neighbours are nearly the same. So
-// octave 3 + i needs the last 16 sums of 2^i samples, and each level of sums is made of pairs of the one
-// before.
+// Let B_k be the sum of the m = 2^j samples that end at sample k. Then σ²(m) is the mean of (B_k - B_{k-m})²
+// / (2 m²). For m up to 8, every k is used. For larger m, every (m/8)-th k is used; this loses almost no
+// information, because neighbouring terms are nearly equal. Octave 3 + i therefore needs only the last 16
+// sums of 2^i samples. The sums of each level are sums of pairs of the level below.
 //
-// Values are taken in chunks of kChunk of each level, counted from the last break, so that figures do not
-// depend on how the samples are cut into calls.
+// Each level processes its values in chunks of kChunk, counted from the last break. The results therefore do
+// not depend on how callers split the samples into calls.
 #pragma once
 
 #include <cmath>
@@ -18,30 +18,31 @@ namespace fltea {
 namespace allan {
 
 constexpr std::size_t kChunk = 16, kHistory = 15;
-// Octaves 0 to 3 come from level 0, each further one from a level of its own.
+// Octaves 0 to 3 are computed from level 0, and each further octave from its own level.
 constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamples - 1;
-// What is older than so many time constants is not shown.
+// Results older than this number of memory time constants are not shown.
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
-// Weighted sum of squared differences; a term's weight is 1 when it comes.
+// Weighted sum of squared differences. A new term has weight 1.
 struct Octave {
     double squares = 0, weight = 0, weight_squared = 0;
-    // When the last term came, in samples since the beginning.
+    // Time of the last term, in samples since the beginning.
     double last = 0;
 };
 
 struct Level {
-    // kHistory values of earlier chunks, 0 where the stretch has fewer, and what waits for a whole chunk.
+    // The last kHistory values of earlier chunks (0 where the stretch has fewer), then the values that wait
+    // until their chunk is complete.
     double values[kHistory + kChunk] = {};
     std::size_t waiting = 0;
-    // Values of this stretch before those that wait.
+    // Number of values of this stretch that were already processed, without the waiting values.
     double taken = 0;
 };
 
 struct Point {
     double factor, avar;
-    // Effective number of overlapping terms; their number if nothing is forgotten.
+    // Effective number of overlapping terms; the exact number if nothing is forgotten.
     double terms;
 };
 
@@ -49,26 +50,27 @@ struct Point {
 
 class AllanSums {
   public:
-    // memory_samples: time constant of forgetting; 0: nothing is forgotten.
+    // `memory_samples`: time constant of the exponential forgetting [samples]; 0: nothing is forgotten.
     explicit AllanSums(double memory_samples = 0) : memory_(memory_samples) {
         for (std::size_t i = 0; i < allan::kLevels; ++i) {
             step_decay_[i] = memory_ > 0 ? std::exp(-std::ldexp(1.0, static_cast<int>(i)) / memory_) : 1;
         }
     }
 
-    // Samples that were taken.
+    // Number of samples that were added.
     double samples() const { return samples_; }
-    // As many of them as the figures are of.
+    // Number of recent samples that the results describe.
     double span() const {
         const double oldest = allan::kOldest * memory_;
         return memory_ > 0 && oldest < samples_ ? oldest : samples_;
     }
 
-    // Finite numbers of at most kLargestValue.
+    // Adds `n` samples. Each has to be finite and at most kLargestValue in magnitude.
     void add(const double* y, std::size_t n) {
         if (n == 0) return;
         if (!begun_) {
-            // Differences do not depend on it; sums are then not rounded for an offset's sake.
+            // The differences do not depend on the origin. Subtracting it keeps a large offset from causing
+            // rounding errors in the sums.
             origin_ = y[0];
             begun_ = true;
         }
@@ -81,7 +83,7 @@ class AllanSums {
         now_ += static_cast<double>(n);
     }
 
-    // A break, of so many lost samples: no term reaches across it.
+    // Notes a break with `lost` missing samples. No term spans a break.
     void cut(double lost = 0) {
         for (std::size_t i = 0; i < allan::kLevels; ++i) {
             if (levels_[i].waiting > 0) take(i);
@@ -92,7 +94,7 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds what another one has seen, as if both ended now; a break for this one.
+    // Adds the sums of another instance, as if both series ended now. For this instance this is a break.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);
@@ -112,7 +114,7 @@ class AllanSums {
         }
     }
 
-    // Of all octaves that have a term.
+    // Returns the points of all octaves that have at least one term.
     std::vector<allan::Point> points() const {
         AllanSums ended(*this);
         ended.cut();
@@ -128,7 +130,8 @@ class AllanSums {
         return result;
     }
 
-    // Samples, time, length of the stretch, origin; the values of the levels; four numbers an octave.
+    // Returns the state: sample count, current time, length of the stretch, origin; the values of the levels;
+    // then four numbers per octave.
     std::vector<double> save() const {
         const double length = begun_ ? now_ - stretch_begin_ : 0;
         std::vector<double> numbers = {samples_, now_, length, begun_ ? origin_ : 0};
@@ -143,7 +146,8 @@ class AllanSums {
         return numbers;
     }
 
-    // False, and nothing has changed, if these numbers cannot come from save().
+    // Restores the state from `save`. Returns false and changes nothing if `save` cannot have made these
+    // numbers.
     bool load(const double* numbers, std::size_t size) {
         AllanSums found(memory_);
         if (!found.read(numbers, numbers + size)) return false;
@@ -157,7 +161,7 @@ class AllanSums {
                                                                   : allan::kHistory;
     }
 
-    // What waits at a level becomes terms, and pairs for the next.
+    // Turns the waiting values of level i into terms, and into pair sums for the next level.
     void take(std::size_t i) {
         allan::Level& level = levels_[i];
         const std::size_t n = level.waiting, old = history(level);
@@ -185,7 +189,7 @@ class AllanSums {
         for (std::size_t k = 0; k < allan::kHistory; ++k) level.values[k] = level.values[k + n];
     }
 
-    // The terms of one octave: differences of block sums a block of `width` values apart.
+    // Adds the terms of octave j: squared differences of two block sums that lie `width` values apart.
     void count(std::size_t j, std::size_t i, const double* sums, std::size_t width, std::size_t old,
                std::size_t n) {
         const std::size_t needed = 2 * width - 1, first = old < needed ? needed - old : 0;
@@ -196,7 +200,7 @@ class AllanSums {
         const double step = std::ldexp(1.0, static_cast<int>(i)), taken = levels_[i].taken;
         if (memory_ > 0) {
             const double decay = step_decay_[i], decay2 = decay * decay;
-            // The first one may come long after the last: a break lay between them.
+            // The first term may come long after the last one, if a break lies between them.
             fade(octave, stretch_begin_ + (taken + static_cast<double>(first + 1)) * step - octave.last);
             double squares = octave.squares, weight = octave.weight, both = octave.weight_squared;
             for (std::size_t k = first; k < n; ++k) {
@@ -241,7 +245,7 @@ class AllanSums {
         octave.squares *= decay;
         octave.weight *= decay;
         octave.weight_squared *= decay * decay;
-        // Before squares of weights leave the range of doubles.
+        // Reset before the squares of the weights underflow.
         if (octave.weight < 1e-100) octave = allan::Octave();
     }
 

@@ -1,5 +1,5 @@
-// All axes of one sensor: start-up window, filters under the supervisor, and the whiteness of their
-// innovations, for any number of rows at a time.
+// All axes of one sensor: the start-up window, the filters with their supervisor, and the whiteness of the
+// innovations. One call takes any number of rows.
 #pragma once
 
 #include <algorithm>
@@ -15,26 +15,26 @@
 
 namespace fltea {
 
-// Where a block of estimates goes: each (rows, axes).
+// Output arrays for a block of estimates, each of shape (rows, axes).
 struct BankBlock {
     double* columns[kLaneColumns];  // NaN where not valid
     std::uint8_t* valid;            // 0 or 1
     std::uint8_t* white;            // 0 or 1: Whiteness::is_white
 };
 
-// What a fit of the same samples knows of the order and of the parameter of an axis, with its deviations.
+// Result of a fit for one axis: the order and the parameter f, each with its standard deviation.
 //
-// A filter takes its Q and R for certain, and the slope of what it predicts for that of its past too: its own
-// deviation shrinks round a value that may be off. No filter can know more than the fit does, and it may be
-// as far off as it has gone from there.
+// A filter treats its Q and R, and the slope of its predictions, as exact. The deviation that it reports
+// therefore shrinks even around a wrong value. A filter cannot know more than the fit does, so its published
+// deviation is at least that of the fit, and grows with its distance from the fitted value.
 struct Known {
-    bool any;  // else there is no fit to go by
+    bool any;  // false: there is no fit for this axis
     double alpha, alpha_std, f, f_std;
 };
 
 class AxisBank {
   public:
-    // axes: one or more.
+    // `axes`: number of axes, at least one.
     explicit AxisBank(std::size_t axes)
         : axes_(axes),
           window_(axes),
@@ -47,31 +47,32 @@ class AxisBank {
     std::size_t axes() const { return axes_; }
     bool started() const { return lanes_ != nullptr; }
 
-    // What the rows until start() were like.
+    // Returns the statistics of the rows that came before start().
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 
-    // The window is full: from here on the lanes, one for each axis, take the rows less `bias`. Axes that are
-    // not `live` stay invalid, whatever their lanes would say.
+    // Ends the start-up window. From the next row on, one lane per axis filters the rows minus `bias`. Axes
+    // that are not `live` stay invalid, whatever their lanes report.
     void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
         lanes_ = std::move(lanes);
         bias_.assign(bias, bias + axes_);
         live_.assign(live, live + axes_);
     }
 
-    // From the next row on the deviations of these axes are those of what is known.
+    // Sets the fit results that limit the deviations of the axes from the next row on.
     void know(const std::vector<Known>& known) { known_ = known; }
 
     struct Order {
         double alpha, alpha_std;
     };
-    // After the last row, with the filter's own deviation; NaN where not valid.
+    // Returns the estimate after the last row, with the filter's own deviation; NaN where it is not valid.
     const Order& newest(std::size_t axis) const { return newest_[axis]; }
 
     LaneRunner* lanes() { return lanes_.get(); }
     const Whiteness& whiteness(std::size_t axis) const { return white_[axis]; }
     std::vector<Whiteness>& whiteness() { return white_; }
 
-    // Takes rows of y (rows, axes), all finite; what became invalid with one of them is added to `lost`.
+    // Processes rows of `y` (rows, axes), all finite. Appends to `lost` each axis that becomes invalid, with
+    // its row.
     void run(const double* y, std::size_t rows, const BankBlock& out, std::vector<Lost>& lost) {
         for (std::size_t first = 0; first < rows; first += kSlab) {
             const std::size_t n = std::min(std::size_t(kSlab), rows - first), place = first * axes_;
@@ -97,8 +98,8 @@ class AxisBank {
         }
     }
 
-    // Bridges lost rows by prediction alone; in the start-up window they do not matter. Rows in `lost` count
-    // from the first of those that are missing.
+    // Bridges `count` lost rows by prediction alone. Lost rows in the start-up window do not matter. The rows
+    // in `lost` are counted from the first missing row.
     void skip(std::size_t count, std::vector<Lost>& lost) {
         if (count > 0) {
             for (Whiteness& one : white_) one.skip();
@@ -115,7 +116,8 @@ class AxisBank {
     }
 
   private:
-    // Rows at a time, so that what one step leaves is near for the next one.
+    // Number of rows that are processed at a time, so that the output of one step is still in the cache for
+    // the next step.
     enum : std::size_t { kSlab = 128 };
 
     static BankBlock shifted(const BankBlock& out, std::size_t place) {
@@ -166,7 +168,7 @@ class AxisBank {
         }
     }
 
-    // Leaves nothing of what the lane of an axis that is not live has made.
+    // Clears all outputs that the lane of a dead axis has written.
     void forget(std::size_t axis, std::size_t rows, const BankBlock& out) {
         for (std::size_t i = axis; i < rows * axes_; i += axes_) {
             for (double* column : out.columns) column[i] = __builtin_nan("");

@@ -1,6 +1,7 @@
-// What the bias of one axis is now, and how sure that is: the filter of the noise that was found, from a bank
-// of walks until it is found, while the sensor is at rest. Whether it is, is judged of all axes together
-// (sensor_tracker.hpp). Nothing depends on how samples are put together.
+// Tracks the present bias of one axis and its standard deviation while the sensor is at rest. The tracker
+// uses the filter of the fitted noise model; until there is a model, it uses a bank of random-walk filters.
+// Rest and motion are decided for all axes together (sensor_tracker.hpp). Results do not depend on how
+// samples are grouped into calls.
 #pragma once
 
 #include <limits>
@@ -17,29 +18,30 @@
 namespace fltea {
 namespace track {
 
-// After a sample, in its unit; NaN where nothing is known yet. innovation: NaN without a sample.
+// Estimate after a sample, in the unit of the sample; NaN where nothing is known yet. `innovation` is NaN
+// without a sample.
 struct Tracked {
     double state, state_std, bias, bias_std, innovation;
     bool moving;
 };
 
 struct TrackerCounts {
-    std::uint64_t moved;  // samples in motion
-    std::uint64_t begun;  // how often it had to begin again, at an offset that has changed
-    std::uint64_t steps;  // of the bias
+    std::uint64_t moved;  // number of samples in motion
+    std::uint64_t begun;  // number of restarts, because the offset had changed
+    std::uint64_t steps;  // number of steps of the bias
 };
 
 struct TrackerRules : BiasLengths {
-    // Farther a bias does not step; what does is motion.
+    // Largest step of the bias. A larger change is taken for motion.
     double largest_step = std::numeric_limits<double>::infinity();
-    // Samples that lie still elsewhere until there is where the offset is now, and until that is so although
-    // the sensor may turn.
+    // Number of samples that have to lie still at another level until the tracker accepts that level as the
+    // new offset: `still` if the sensor cannot have turned, `patience` if it may turn.
     std::int64_t still = 1024, patience = 60000;
-    // Still elsewhere is where the offset is now.
+    // Whether the tracker accepts another level that lies still as the new offset.
     bool settles = true;
 };
 
-// A step of the bias, of which the newest `ago` samples are behind it.
+// A step of the bias. The newest `ago` samples came after the step.
 struct BiasStep {
     std::int64_t ago;
     double size, size_std;
@@ -47,21 +49,22 @@ struct BiasStep {
 
 class AxisTracker {
   public:
-    // Lost samples of which more make it begin again.
+    // A longer gap of lost samples restarts the tracker.
     enum { kLongestGap = 100000 };
-    // Values of no sensor.
+    // Larger in magnitude than any sensor value.
     static constexpr double kLargest = 1e100;
 
-    // `offset`: what the sensor adds, if that is given.
+    // `offset`: the known offset of the sensor, or null if it is to be tracked.
     AxisTracker(const TrackerRules& rules, const double* offset) : rules_(rules), fixed_(offset != nullptr) {
         if (fixed_) origin_ = *offset;
         for (int i = 0; i < BiasCheck::kTimes; ++i) check_.expect(i, rules.checked[i]);
         begin_again();
     }
 
-    // Whether there was a sample.
+    // Whether a sample has arrived.
     bool has_begun() const { return has_origin_; }
-    // Of the likeliest system after the newest sample, relative to the origin; no system, no coordinates.
+    // State vector of the likeliest system after the newest sample, relative to the origin. Without a model
+    // its size is 0.
     const double* x() const { return model_->x(); }
     int size() const { return model_ == nullptr ? 0 : model_->size(); }
     double origin() const { return origin_; }
@@ -71,9 +74,10 @@ class AxisTracker {
     const Remembered& memory() const { return memory_; }
     bool fixed() const { return fixed_; }
 
-    // From the next sample on this is the noise, and always has been. False, and nothing has changed, if no
-    // filter can work with it. begun: what was filtered of it elsewhere, or none; without it, and where more
-    // has happened meanwhile than that samples came, all that is remembered is filtered here.
+    // Sets the noise model, which then applies from the next sample on, and to all remembered samples.
+    // Returns false and changes nothing if no filter can work with the model. `begun`: a filter that has
+    // already processed the remembered samples in another thread, or null. The remembered samples are
+    // filtered here if `begun` is null, or if it no longer matches the memory.
     bool set(const std::shared_ptr<TrackerModel>& model, Refiltered* begun = nullptr) {
         std::unique_ptr<Refiltered> own;
         if (begun == nullptr || begun->model() != model || !begun->expects(memory_)) {
@@ -96,12 +100,12 @@ class AxisTracker {
     }
     const StepTest& steps() const { return steps_; }
 
-    // 2 log L of the samples by the bank, but for a constant, for as long as there is one.
+    // Returns 2 log L of the samples under the bank, up to a constant; NaN without a bank.
     double likelihood() const {
         return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
     }
 
-    // Predicts a sample; true if it is one of motion by itself. Then `take`.
+    // Predicts a sample. Returns true if this sample alone shows motion. Call `take` afterwards.
     bool predict(double y) {
         if (!has_origin_) {
             if (!fixed_) origin_ = y;
@@ -132,7 +136,7 @@ class AxisTracker {
         return tracked(moving);
     }
 
-    // A sample is missing, behind one that there was.
+    // Bridges one missing sample by prediction.
     void miss() {
         white_.skip();
         check_.skip();
@@ -141,12 +145,13 @@ class AxisTracker {
         memory_.add(__builtin_nanf(""));
     }
 
-    // After a sample: whether the bias has changed with it, or before.
+    // After a sample: whether the step test has detected a change of the bias.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // How far the bias would be from where it last was for long, if that is a step.
+    // Whether the suspected step would move the bias farther from its settled value than a step can.
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
-    // What was seen is so: the bias is that of the samples since then. False: it is not told after all.
+    // Accepts the detected step: the bias becomes that of the samples since then. Returns false if it is no
+    // step after all.
     bool step(BiasStep& found) {
         const StepSeen seen = seen_;
         const double was = bias(), was_variance = bias_variance(), size = step_size();
@@ -167,15 +172,15 @@ class AxisTracker {
         return told(BiasStep{seen.ago, bias() - was, std::sqrt(bias_variance() + was_variance)}, found);
     }
 
-    // At the end of a chunk, before `roll`.
+    // Judges the chunk at its end. Call this before `roll`.
     ChunkVerdict end_chunk(bool moving) {
         return gate_.end_chunk(deviation_, settled_bias(), largest_step(), moving);
     }
 
     void drop_chunk() { gate_.drop_chunk(); }
 
-    // Motion was seen: what this chunk and the one before have done is undone, and the steps that led to it.
-    // Returns the number of samples that are.
+    // Motion was detected: undoes what this chunk and the chunk before have changed, and the steps that
+    // preceded the motion. Returns the number of samples that were undone.
     std::int64_t go_back() {
         steps_.clear();
         check_.skip();
@@ -199,21 +204,21 @@ class AxisTracker {
         return count;
     }
 
-    // Motion begins with the next sample, as somebody says.
+    // The caller announces that motion begins with the next sample.
     void pause() {
         steps_.clear();
         check_.skip();
         before_.reset();
     }
 
-    // The end of a chunk.
+    // Ends a chunk.
     void roll() {
         if (before_ != nullptr && memory_.total - before_->newest > kSettled) before_.reset();
         memory_.roll();
         keep();
     }
 
-    // With what is known of the noise, if anything is, and nothing of the offset.
+    // Restarts the tracker. Keeps what is known of the noise, and forgets the offset.
     void begin_again() {
         memory_.clear();
         const Usual usual = gate_.usual();
@@ -234,9 +239,9 @@ class AxisTracker {
     }
     void count_beginning() { ++counts_.begun; }
 
-    // Of the sample that was taken last, beside the bias of before.
+    // Distance of the last sample from the settled bias.
     double off() const { return std::fabs(apart_ - settled_bias()); }
-    // Bias now, as it is published.
+    // Present bias, as it is published.
     double absolute_bias() const { return bias() + origin_; }
 
     template <typename Io>
@@ -279,8 +284,8 @@ class AxisTracker {
 
   private:
     static constexpr double kRoundings = 3.4641016151377544;  // √12
-    // The prior variance of a step, over what it seems to be, squared; and the samples without another one
-    // after which a step has not been the beginning of motion.
+    // kWide: prior variance of a step, as a multiple of its squared apparent size. kSettled: number of
+    // samples without a further step after which a step cannot have been the beginning of motion.
     static constexpr double kWide = 10, kLeastOfNoise = 2;
     enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
@@ -290,19 +295,19 @@ class AxisTracker {
     };
 
     struct LastStep {
-        std::int64_t at;  // samples until it was told
+        std::int64_t at;  // number of samples when the step was reported
         double size;
     };
 
-    // The filter before the first of the newest steps, which may be the beginning of motion.
+    // State of the filter before the first of the newest steps, which may be the beginning of motion.
     struct Before {
         NoiseModel::State state;
         double bias;
-        std::int64_t at, newest;  // samples until then, and until the newest step
+        std::int64_t at, newest;  // number of samples when this was saved, and at the newest step
         std::uint64_t steps;
     };
 
-    // Its deviation from what is expected, over the deviation that is expected.
+    // Returns the innovation of `y`, divided by its expected deviation.
     double begin_sample(double y) {
         if (model_ == nullptr) {
             banks_->bank.predict(y);
@@ -318,12 +323,12 @@ class AxisTracker {
         return e_ / deviation_;
     }
 
-    // Whether no sample has ever changed: then there is no noise to go by.
+    // Whether no sample has changed so far. Then the noise cannot be estimated.
     bool has_slept() const {
         return model_ == nullptr && banks_->bank.knows() && !(banks_->bank.variance() > kNothing);
     }
 
-    // The first change: what was before says nothing of the noise.
+    // Handles the first change of the samples. The constant samples before it say nothing about the noise.
     void wake(double y) {
         banks_.reset(new Banks(rules_.ahead));
         memory_.past.clear();
@@ -337,7 +342,7 @@ class AxisTracker {
         keep_twice();
     }
 
-    // While hardly any sample changes there is still the noise of rounding to the least change.
+    // Even if hardly any sample changes, there is the noise of rounding to the smallest change.
     void note_change(double y) {
         const double change = std::fabs(y - last_);
         if (change > 0 && has_last_ && (rounding_ == 0 || change < rounding_ * kRoundings)) {
@@ -381,7 +386,7 @@ class AxisTracker {
                        moving};
     }
 
-    // With a step that may have been, the bias is the mean of both cases.
+    // If a step may have happened, the bias is the mean of both cases, weighted by their probability.
     void suspect(Known& now) const {
         const StepSuspected& one = steps_.suspected();
         if (!(one.likely > 0)) return;
@@ -391,17 +396,18 @@ class AxisTracker {
             one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
     }
 
-    // Less than the noise of a sample cannot be told from it in a moment.
+    // A step smaller than the noise of one sample cannot be told from noise quickly.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
 
-    // Relative to the origin.
+    // Bias relative to the origin.
     double bias() const {
         if (model_ != nullptr) return model_->bias();
         return banks_->bank.knows() ? banks_->bank.known().bias : 0;
     }
-    // What the step that was seen seems to be: the test counts large innovations as smaller ones.
+    // Apparent size of the detected step. It is computed from the samples, because the step test limits large
+    // innovations.
     double step_size() const {
         double sum = 0;
         int known = 0;
@@ -413,7 +419,7 @@ class AxisTracker {
         return known > 0 ? sum / known - bias() : seen_.size * deviation_;
     }
     double bias_variance() const { return known().bias_variance; }
-    // Where it was before steps that may be the beginning of motion.
+    // Bias before the steps that may be the beginning of motion.
     double settled_bias() const { return before_ != nullptr ? before_->bias : bias(); }
 
     void note_before() {
@@ -424,7 +430,7 @@ class AxisTracker {
         ++before_->steps;
     }
 
-    // All that is remembered goes through the filter once more.
+    // Filters all remembered samples once more.
     void again() {
         steps_.clear();
         gate_.forget_chunk();
@@ -433,14 +439,14 @@ class AxisTracker {
         keep_twice();
     }
 
-    // Small steps one way, one after the other, are no steps.
+    // Whether small steps in the same direction follow each other. They are a drift, not steps.
     bool goes_on(const StepSeen& seen, double size) const {
         const std::int64_t since = memory_.total - last_step_.at;
         return seen.ago >= kSlow && size * last_step_.size > 0 && since < kSoon * std::int64_t(seen.ago);
     }
 
-    // A bias that has gone on growing: it drifts by more than its model says, which is a walk of the offset
-    // until the next model is there.
+    // The bias keeps growing, so it drifts by more than its model says. Until the next model, a larger random
+    // walk of the offset accounts for the drift.
     void drift(const StepSeen& seen, double change) {
         steps_.clear();
         if (model_ == nullptr) return;
@@ -451,7 +457,7 @@ class AxisTracker {
         again();
     }
 
-    // Without a model the noise is found again, of the samples since then.
+    // Without a model, estimates the noise again from the samples since the step.
     bool begin_bank_at(int ago, double size, double was, double was_variance, BiasStep& found) {
         steps_.clear();
         if (banks_->bank.count() < kFewestOfBank || ago < WalkBank::kFewest) return false;
@@ -465,7 +471,8 @@ class AxisTracker {
         if (!banks_->bank.knows()) return false;
         gate_.forget_chunk();
         keep_twice();
-        // The bank has followed the step for a while, so what was before is the mean of samples.
+        // The bank has already followed the step for a while, so the mean of earlier samples gives the bias
+        // before it.
         double before = was, variance = was_variance;
         mean_before(ago, before, variance);
         return told(BiasStep{ago, bias() - before, std::sqrt(bias_variance() + variance)}, found);
@@ -477,7 +484,8 @@ class AxisTracker {
         return true;
     }
 
-    // Of up to kBefore samples before the newest `ago`; nothing changes if there are too few.
+    // Mean of up to kBefore samples before the newest `ago`, and its variance. Changes nothing if there are
+    // too few samples.
     void mean_before(int ago, double& mean, double& variance) const {
         const std::vector<double> all = memory_.newest(ago + kBefore);
         double sum = 0, squares = 0;
@@ -493,7 +501,7 @@ class AxisTracker {
         variance = std::fmax(squares / known - mean * mean, 0) / known;
     }
 
-    // The filter as it is now is the one of a chunk ago before long.
+    // Keeps a copy of the filter. After the next chunk it serves as the state one chunk ago.
     void keep() {
         if (model_ != nullptr) {
             model_->keep();
@@ -521,7 +529,8 @@ class AxisTracker {
     TrackerRules rules_;
     bool fixed_, has_origin_ = false, has_last_ = false;
     double origin_ = 0, last_ = 0, rounding_ = 0;
-    // Of the newest sample: relative to the origin, its innovation, and that one's deviation.
+    // Of the newest sample: its value relative to the origin, its innovation, and the deviation of the
+    // innovation.
     double apart_ = 0, e_ = 0, deviation_ = kLargest, for_steps_ = 0;
     StepSeen seen_ = StepSeen{StepSeen::kNothing, 0, 0};
     LastStep last_step_ = LastStep{0, 0};
@@ -533,7 +542,7 @@ class AxisTracker {
     Whiteness white_;
     std::unique_ptr<NoiseModel> model_;
     std::unique_ptr<Before> before_;
-    std::unique_ptr<Banks> banks_;  // until it is found
+    std::unique_ptr<Banks> banks_;  // until there is a model
 };
 
 }  // namespace track

@@ -1,4 +1,4 @@
-// The noises of which a bank of filters is made (walk_bank.hpp), in units of their white noise.
+// The noise models of which the bank of filters consists (walk_bank.hpp), in units of their white noise.
 #pragma once
 
 #include <complex>
@@ -15,10 +15,11 @@ namespace track {
 
 class BankMembers {
   public:
-    enum { kMost = 4, kRoom = 320 };  // coordinates, members
+    enum { kMost = 4, kRoom = 320 };  // largest number of states; room for members
     typedef Kalman<kMost> Filter;
 
-    // Those whose bias is meant for so many samples to come, to 3 %: sensors of one rate share them.
+    // Returns the members whose bias is the mean over the next `ahead` samples, rounded to 3 %. Sensors of
+    // similar rate share the members.
     static const BankMembers& of(std::int64_t ahead) {
         static std::mutex alone;
         static std::map<std::int64_t, std::unique_ptr<const BankMembers>> known;
@@ -37,8 +38,9 @@ class BankMembers {
     const Filter::Gains& gains(int i) const { return gains_[i]; }
 
   private:
-    // White noise, behind a low-pass of two poles with this corner in rad a sample if it is not 0; an offset
-    // that walks by steps of variance q; relaxations of these times, in samples, and variances.
+    // White noise, low-pass filtered by a pole pair with this corner [rad/sample] if `corner` is not 0; an
+    // offset that does a random walk with steps of variance q; `n` relaxations with time constants `times`
+    // [samples] and variances `powers`.
     struct Noise {
         double corner, q;
         int n;
@@ -57,7 +59,7 @@ class BankMembers {
                 for (double q : {1e-6, 1e-4}) add(Noise{0, q, 1, {time}, {power}});
             }
         }
-        // Like 1/f over a decade or two, from the shortest time on.
+        // Similar to 1/f noise over one or two decades, beginning at the shortest time constant.
         for (double time : {0.4, 1.0, 4.0}) {
             for (double apart : {4.0, 10.0}) {
                 for (double tilt : {0.5, 1.0, 3.0}) {
@@ -75,7 +77,7 @@ class BankMembers {
                 for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) add(Noise{corner, 0, 1, {time}, {power}});
             }
         }
-        // Members side by side: a sample goes through all of them.
+        // The gains of all members are interleaved, because each sample passes through all members.
         const std::size_t stride = std::size_t(count_);
         of_samples_.reset(new Filter::Gain[stride * Filter::kExact]);
         for (int i = 0; i < count_; ++i) {
@@ -110,7 +112,7 @@ class BankMembers {
         maps_[count_++].set(s);
     }
 
-    // White noise of variance 1 through a pair of poles, as system.py's.
+    // White noise of variance 1 through a pair of poles, as in system.py.
     static void low_pass(double corner, System<kMost>& s) {
         typedef std::complex<double> Complex;
         const Complex z = std::exp(corner * std::polar(1.0, 2.356194490192345)), m = z / (z - std::conj(z));
@@ -124,7 +126,7 @@ class BankMembers {
         s.c[0] = 1;
     }
 
-    // Of real and imaginary part of ξ, from E |ξ|² and E ξ².
+    // Covariance of the real and imaginary parts of ξ, from E |ξ|² and E ξ².
     static void covariance(double hermitian, std::complex<double> plain, int n, double* to) {
         to[0] = hermitian + plain.real();
         to[n + 1] = hermitian - plain.real();

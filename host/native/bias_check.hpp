@@ -1,5 +1,6 @@
-// Whether the bias holds: the mean of the next T seconds is off by the error of the bias, by what the bias
-// moves on until then, and by white noise. No truth is needed for that.
+// Checks whether the published deviation of the bias is right. The mean of the next T seconds differs from
+// the bias by the error of the bias, by the movement of the bias until then, and by white noise. The check
+// compares that difference with its expected deviation, so the true bias is not needed.
 #pragma once
 
 #include <cmath>
@@ -15,13 +16,13 @@ class BiasCheck {
     enum { kTimes = BiasLengths::kChecks };
     struct Found {
         std::uint64_t pieces;
-        double rms;  // of the differences, over their deviation; NaN before there is one
+        double rms;  // RMS ratio of difference to expected deviation; NaN before the first piece
     };
 
-    // length: samples of a piece; 0: nothing is checked.
+    // Sets the length of a piece [samples]; 0: this time is not checked.
     void expect(int which, std::int64_t length) { pieces_[which].length = length; }
 
-    // From the next sample on the noise is another one.
+    // From the next sample on, another noise model applies.
     void set(const TrackerModel& model) {
         density_ = model.density();
         for (int k = 0; k < kTimes; ++k) {
@@ -31,7 +32,7 @@ class BiasCheck {
         skip();
     }
 
-    // There is no sample.
+    // The sample is missing, or shows motion.
     void skip() {
         for (Piece& one : pieces_) one.ends = 0;
         count_ = 0;
@@ -39,7 +40,7 @@ class BiasCheck {
         sum_ = 0;
     }
 
-    // A sample at rest, by which the filters have gone on.
+    // Adds a sample at rest that the filters have already processed.
     void add(const NoiseModel& model, double y) {
         sum_ += y;
         if (++count_ >= due_) end_pieces(model);
@@ -73,10 +74,11 @@ class BiasCheck {
 
   private:
     struct Piece {
-        std::int64_t length = 0, ends = 0;  // with which sample it ends; 0: there is none
+        // `ends`: count of the sample with which the piece ends; 0: no piece
+        std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};  // of each system
+        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};  // one for each candidate system
     };
 
     void end_pieces(const NoiseModel& model) {

@@ -1,4 +1,4 @@
-// The bytes of a bytes-like object of Python, held while they are read.
+// Gives access to the bytes of a Python bytes-like object, and holds the object meanwhile.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -8,7 +8,7 @@
 
 class BufferView {
   public:
-    // TypeError if it is not bytes-like, BufferError if its bytes do not follow each other.
+    // Raises TypeError if `object` is not bytes-like, BufferError if its bytes are not contiguous.
     explicit BufferView(nanobind::handle object) {
         if (PyObject_GetBuffer(object.ptr(), &view_, PyBUF_SIMPLE) != 0) nanobind::raise_python_error();
     }

@@ -1,4 +1,4 @@
-// Where the records of an unpacked MCAP chunk stand (the MCAP specification, "Records" and "Message").
+// Finds the records in a decompressed MCAP chunk (the MCAP specification, "Records" and "Message").
 #pragma once
 
 #include <cstddef>
@@ -7,20 +7,20 @@
 
 namespace fltea {
 
-// One record. begin, end: of its content in the chunk, of a message of what stands behind its head; the rest
-// is 0 for all but messages.
+// One record. `begin`, `end`: byte range of its content in the chunk; for a message, without the message's
+// header. The other fields are 0 except for messages.
 struct ChunkRecord {
     std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
 };
 
-// Why a chunk cannot be read: nothing, if `what` is empty. at: of the record in the chunk; claimed, left: its
-// length, and what the chunk has behind its head.
+// Why a chunk cannot be read; no fault if `what` is empty. `at`: offset of the record in the chunk;
+// `claimed`: its stated length; `left`: number of bytes that the chunk has after the record's header.
 struct ChunkFault {
     const char* what = "";
     std::uint64_t at = 0, claimed = 0, left = 0;
 };
 
-// Appends the records of a chunk, up to one that runs beyond its end or cannot be.
+// Appends the records of a chunk, up to the first record that is invalid or runs beyond the chunk's end.
 inline ChunkFault index_chunk(const std::uint8_t* data, std::size_t size, std::vector<ChunkRecord>& records) {
     constexpr std::size_t kHead = 9, kMessageHead = 22;
     constexpr std::uint8_t kMessage = 0x05;

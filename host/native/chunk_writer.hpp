@@ -1,5 +1,5 @@
-// Packs messages into chunks of MCAP, and keeps what a file's summary says of them (the MCAP specification,
-// "Chunk", "Message Index" and "Chunk Index").
+// Writes messages into MCAP chunks, and collects the file's summary (the MCAP specification, "Chunk",
+// "Message Index" and "Chunk Index").
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace fltea {
 
-// What MCAP's records are made of: numbers in little-endian order, and texts with their lengths.
+// Builds the content of MCAP records: numbers in little-endian order, and strings with their lengths.
 class RecordText {
   public:
     template <typename T>
@@ -44,13 +44,13 @@ class RecordText {
     std::string text_;
 };
 
-// The chunks of one file. Numbers of channels stand in an index in their order.
+// Writes the chunks of one file. The index of a chunk is sorted by channel number.
 class ChunkWriter {
   public:
-    // compression: MCAP's name of how `end` gets its chunks.
+    // `compression`: MCAP's name of the format in which `end` receives the records.
     explicit ChunkWriter(const std::string& compression) : compression_(compression) {}
 
-    // Appends a record that is no message, as it is.
+    // Appends a record that is not a message, unchanged.
     void add_record(const char* record, std::size_t size) { records_.put(record, size); }
 
     void add_message(std::uint16_t channel, std::uint32_t sequence, std::uint64_t log_ns,
@@ -69,17 +69,18 @@ class ChunkWriter {
         index.emplace_back(log_ns, at);
     }
 
-    // Records of the chunk in progress, and how many of them are messages.
+    // The records of the chunk in progress, and the number of its messages.
     const std::string& records() const { return records_.text(); }
     std::size_t messages() const { return messages_; }
 
-    // Ends the chunk, of which there is at least one message, and gives what the file has of it from `at` on.
-    // packed: its records, compressed.
+    // Ends the chunk, which has at least one message, and returns the bytes to write at offset `at` of the
+    // file. `packed`: the chunk's records, compressed.
     std::string end(const char* packed, std::size_t size, std::uint64_t at) {
         const std::uint64_t plain = records_.text().size();
         RecordText out;
         out.begin(0x06, chunk_bytes(size) - kHead).put(start_ns_).put(end_ns_).put(plain);
-        out.put(std::uint32_t{0}).put_text(compression_);  // what packs it has a checksum of its own
+        // CRC 0: not given, since the compressed format has its own checksum
+        out.put(std::uint32_t{0}).put_text(compression_);
         out.put(static_cast<std::uint64_t>(size)).put(packed, size);
         note(at - next_at_);
         note(start_ns_ - (chunks_ ? last_ns_ : 0));
@@ -109,13 +110,14 @@ class ChunkWriter {
         return out.text();
     }
 
-    // Of all chunks that have ended: their times, number, and messages by channel.
+    // Over all finished chunks: first and newest time [ns], number of chunks, and number of messages per
+    // channel.
     std::uint64_t first_ns() const { return first_ns_; }
     std::uint64_t newest_ns() const { return newest_ns_; }
     std::size_t chunks() const { return chunks_; }
     const std::map<std::uint16_t, std::uint64_t>& counts() const { return counts_; }
 
-    // The records of the index of all chunks that have ended.
+    // Returns the Chunk Index records of all finished chunks.
     std::string summary() const {
         RecordText out;
         const char* from = noted_.data();
@@ -155,7 +157,8 @@ class ChunkWriter {
         return index_.insert(place, Index(channel, {}))->second;
     }
 
-    // Seven bits a byte: an index in full takes five times as much memory, until the file ends.
+    // Appends a number, seven bits per byte. A plain index would take five times the memory until the file
+    // ends.
     void note(std::uint64_t value) {
         for (; value >= 0x80; value >>= 7) noted_.push_back(static_cast<char>(value | 0x80));
         noted_.push_back(static_cast<char>(value));

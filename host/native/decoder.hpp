@@ -1,8 +1,9 @@
-// The host's receiver of the wire (protocol/README.md, "Framing"): bytes of one port in, frames out.
+// The host's decoder of the wire protocol (protocol/README.md, "Framing"): takes the bytes of one port and
+// returns frames.
 //
-// It gives the same as a decoder in plain Python, tests/rig/plain_decoder.py, which is its oracle
-// (tests/wire/test_block_reader.py), at a tenth of the cost or less. It parses whatever a line delivers:
-// nothing is read beyond what was given, and between calls it keeps at most one unfinished block.
+// The decoder returns the same frames as the plain Python decoder tests/rig/plain_decoder.py, which
+// tests/wire/test_block_reader.py compares with it, at a tenth of the cost or less. Any bytes may be fed: the
+// decoder never reads beyond them, and keeps at most one unfinished block between calls.
 #pragma once
 
 #include <cstddef>
@@ -13,57 +14,59 @@
 
 namespace fltea {
 
-// One good SAMPLE.
+// One valid SAMPLE frame.
 struct SampleRow {
-    std::int64_t end;  // offset in the bytes fed, just behind its closing 0x00
+    std::int64_t end;  // offset in the fed bytes, just after the closing 0x00
     std::uint32_t device_us;
     std::uint16_t sequence;
     Sample sample;
 };
 
-// In the order in which they are judged; the first that holds counts. Names: reason_name().
+// Why a block is not a valid frame, in the order of the checks; the first that applies is reported. Names:
+// reason_name().
 enum class Reason : std::uint8_t { none, partial, oversize, cobs, short_, crc, unknown_type, length };
 
-// As in fltea.wire.messages.REASONS; nullptr for none.
+// Name as in fltea.wire.messages.REASONS; nullptr for none.
 const char* reason_name(Reason reason);
 
-// A frame of another type, or a block that is no good frame.
+// A frame of another type, or a block that is not a valid frame.
 struct OtherRow {
-    std::size_t row;   // samples of the same call that stand before it
-    std::int64_t end;  // as in SampleRow; of an oversize block behind the byte that made it too long
-    Reason reason;     // none: an intact frame, whose header follows
+    std::size_t row;   // number of samples of the same call that precede it
+    std::int64_t end;  // as in SampleRow; for an oversize block, just after the byte that made it too long
+    Reason reason;     // none: a valid frame, whose header fields follow
     std::uint8_t type;
     std::uint16_t sequence;
     std::uint32_t device_us;
-    // Its part of Decoded::bytes: the payload of an intact frame; else the block as it came, without the
-    // 0x00, of an oversize one the first kMaxBlock bytes.
+    // Its byte range in Decoded::bytes. For a valid frame, this is the payload; otherwise the block as
+    // received, without the 0x00 (of an oversize block, the first kMaxBlock bytes).
     std::size_t offset;
     std::size_t size;
 };
 
-// What one call found, each kind in the order of the bytes.
+// Results of one call. Each list is in the order of the bytes.
 struct Decoded {
     std::vector<SampleRow> samples;
     std::vector<OtherRow> others;
     std::vector<std::uint8_t> bytes;
 };
 
-// Whether the payload of an intact HELLO is one of another version, of which nothing may be interpreted.
+// Whether the payload of a valid HELLO states another protocol version. Then nothing else in it may be
+// interpreted.
 bool is_other_version(const std::uint8_t* payload, std::size_t n);
 
 class Decoder {
   public:
-    // A frame after COBS, without the 0x00 [bytes].
+    // Largest frame after COBS encoding, without the 0x00 [bytes].
     static constexpr std::size_t kMaxBlock = kMaxWire - 1;
 
-    // Adds to `found` what ends in these bytes. An intact HELLO of another version is an intact frame of any
-    // length, because its version is for the caller to judge.
+    // Appends to `found` the frames and bad blocks that end in these bytes. A HELLO of another version is
+    // valid at any length, because the caller judges its version.
     void feed(const std::uint8_t* data, std::size_t n, Decoded& found);
 
-    // The port was opened again: drops the unfinished block, and the next one may be partial.
+    // Call this when the port was reopened: drops the unfinished block. The next block may be partial.
     void reset() { *this = Decoder(); }
 
-    // Bytes of the unfinished block.
+    // Number of bytes in the unfinished block.
     std::size_t pending() const { return pending_; }
 
   private:
@@ -72,8 +75,8 @@ class Decoder {
 
     std::uint8_t block_[kMaxBlock] = {};
     std::size_t pending_ = 0;
-    bool discarding_ = false;  // the rest of an oversize block
-    bool attaching_ = true;    // no 0x00 since the port was opened
+    bool discarding_ = false;  // skips the rest of an oversize block
+    bool attaching_ = true;    // no 0x00 has come since the port was opened
 };
 
 }  // namespace fltea

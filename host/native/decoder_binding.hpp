@@ -1,4 +1,4 @@
-// Adds what is read of the wire to the native module: its decoder, the reader of ports, a line.
+// Adds the wire protocol to the native module: the decoder, the port reader, and the printer of wire lines.
 #pragma once
 
 #include <nanobind/nanobind.h>

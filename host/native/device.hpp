@@ -1,5 +1,5 @@
-// One device: place, clock and scales of its samples, and its sensors. There is one way through it, sample by
-// sample, whoever has read them (host/README.md, "The way of a sample").
+// One device: its sensors, and the sequence numbers, clock and scales of its samples. All samples, live or
+// recorded, pass through this class one by one (host/README.md, "The way of a sample").
 #pragma once
 
 #include <algorithm>
@@ -17,28 +17,28 @@
 
 namespace fltea {
 
-// Why `advance` came back. What is to be done is the caller's; then it is called again.
+// Why `advance` returned. The caller handles the reason, then calls `advance` again.
 enum class Stop : int {
-    kEnd,          // all samples are taken
-    kMore,         // nothing has happened; there is more
-    kStatsDue,     // before a sample: it arrived when statistics were due
-    kGap,          // before a sample: others are missing, over which the sensors have predicted
-    kEpoch,        // before a sample: an epoch begins with it, and waits for `begin`
-    kHappened,     // after a sample: a bias has stepped, motion has begun or ended, an axis was lost
+    kEnd,          // all samples are consumed
+    kMore,         // no event; more samples wait
+    kStatsDue,     // before a sample: it arrived after statistics were due
+    kGap,          // before a sample: samples are missing, and the sensors have predicted over the gap
+    kEpoch,        // before a sample: it begins an epoch; the caller has to call `begin`
+    kHappened,     // after a sample: a bias stepped, motion began or ended, or an axis was lost
     kWindowFull,   // after a sample: the start-up window of a sensor is full
-    kFitCounts,    // after a sample: from the next one on a fit counts
-    kFitDue,       // after a sample: a fit is to begin
+    kFitCounts,    // after a sample: a fit takes effect at the next sample
+    kFitDue,       // after a sample: a fit has to begin
     kRateDiffers,  // after a sample: the device's clock contradicts the rate that its HELLO states
 };
 
-// Whether it is with the next sample that something is to be done, not with the last one.
+// Whether this stop comes before its sample, rather than after it.
 constexpr bool stands_before_sample(Stop stop) {
     return stop == Stop::kStatsDue || stop == Stop::kGap || stop == Stop::kEpoch;
 }
 
-// What has happened with a sample: `lost` says that an axis became invalid, else `event` counts.
+// An event at a sample: an axis became invalid (`lost`) if `is_lost`, otherwise `event`.
 struct Happening {
-    std::size_t row;  // of the run
+    std::size_t row;  // index in the run
     std::size_t sensor;
     bool is_lost;
     Lost lost;
@@ -47,22 +47,22 @@ struct Happening {
 
 // Columns of the samples of a run: n rows, each (n,) or (n, width).
 struct RunColumns {
-    std::size_t n = 0, first = 0;  // rows; which of the source's samples is the first
+    std::size_t n = 0, first = 0;  // number of rows; index of the first sample in the source
     std::int64_t *seq = nullptr, *device_us = nullptr, *host_ns = nullptr, *flags = nullptr;
     double *gyro_dps = nullptr, *accel_ms2 = nullptr, *temperature_c = nullptr;
     std::size_t gyro_width = 0, accel_width = 0;
     std::vector<SensorColumns> sensors;
 };
 
-// Number, device's time and Unix time of a sample.
+// Sample number, device time and Unix time of a sample.
 struct Moment {
     std::int64_t seq, device_us, host_ns;
 };
 
 struct Advanced {
     Stop stop;
-    std::size_t next;        // which of the source's samples comes next
-    std::size_t begin, end;  // rows of the run that are news, and go out before what has happened
+    std::size_t next;        // index of the next sample in the source
+    std::size_t begin, end;  // rows of the run to publish before the events are handled
 };
 
 class Device {
@@ -74,10 +74,10 @@ class Device {
     Scales scales = {};
     std::vector<Sensor> sensors;
     std::int64_t stats_due_ns = kNever;
-    // Numbers of samples; each is told once, and has to be set again then.
+    // Sample numbers at which `advance` stops. Each causes one stop, and then has to be set again.
     std::int64_t fit_due = kNever, fit_counts = kNever;
 
-    // An epoch begins with the sample at which `advance` stopped.
+    // Begins an epoch with the sample at which `advance` stopped.
     void begin(std::int64_t offset_ns, std::vector<Sensor> of_epoch) {
         timebase = Timebase(offset_ns);
         sensors = std::move(of_epoch);
@@ -87,19 +87,19 @@ class Device {
     }
 
     const RunColumns& run() const { return run_; }
-    // Of the last sample that was given out, if there is one.
+    // Moment of the last sample that was returned, if any.
     bool has_moment() const { return has_moment_; }
     const Moment& moment() const { return moment_; }
     const std::vector<Happening>& happened() const { return happened_; }
-    // What stopped `advance` at kGap and kEpoch, and its Unix time (kGap).
+    // Judgement of the sample that stopped `advance` with kGap or kEpoch, and its Unix time (kGap).
     const Judged& judged() const { return judged_; }
     std::int64_t judged_ns() const { return judged_ns_; }
-    // Which axes were lost while samples were missing (kGap).
+    // Axes that were lost while samples were missing (kGap).
     const std::vector<std::vector<Lost>>& lost_meanwhile() const { return lost_; }
 
-    // Takes samples from `at` on, up to one with which something is to be done. room(bytes) gives memory for
-    // the columns of a run, which has to last until all its rows have been given. Throws std::domain_error
-    // for numbers that no filter can work with.
+    // Takes samples from index `at` on, up to the first sample that the caller has to act on. `room(bytes)`
+    // returns memory for the columns of a run. The memory has to stay valid until all rows of the run have
+    // been returned. Throws std::domain_error for values that no filter can process.
     template <typename Room>
     Advanced advance(const SampleColumns& from, std::size_t at, Room room) {
         happened_.clear();
@@ -133,10 +133,11 @@ class Device {
     }
 
   private:
-    // Rows of a run: so many keep what one part leaves near for the next.
+    // Largest number of rows in a run. It is small enough that the data of one step are still in the cache
+    // for the next step.
     static constexpr std::size_t kMostRows = 2048;
 
-    // kEnd: the sample is either left out, or to be taken now.
+    // kEnd: the sample is either ignored, or to be consumed now.
     Stop judge(const SampleColumns& from, std::size_t at) {
         if (!is_judged_) {
             judged_ = place.judge(from.sequence[at], from.device_us[at], from.host_ns[at]);
@@ -165,7 +166,7 @@ class Device {
             place.told_news();
             return Stop::kRateDiffers;
         }
-        if (is_new_) return Stop::kEnd;  // numbers are of the epoch before
+        if (is_new_) return Stop::kEnd;  // the limits are sample numbers of the previous epoch
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
             fit_counts = kNever;
@@ -178,7 +179,7 @@ class Device {
         return Stop::kEnd;
     }
 
-    // The rows of the run up to the next with which something has happened.
+    // Returns the rows of the run up to the next event.
     Advanced more_of_run(const SampleColumns& from, std::size_t next) {
         const std::size_t begin = given_;
         std::size_t end = run_.n;
@@ -224,7 +225,7 @@ class Device {
         });
     }
 
-    // A source may leave the accelerometer out.
+    // A source may have no accelerometer columns.
     bool has_values(std::size_t k) const { return !sensors[k].is_accel || run_.accel_ms2 != nullptr; }
 
     void run_sensor(std::size_t k, const double* accel) {
@@ -232,7 +233,7 @@ class Device {
         std::vector<track::TrackerEvent> events;
         std::vector<Lost> lost;
         const std::size_t left = one.window_left;
-        // The accelerometer's own axes show motion by themselves.
+        // The accelerometer detects motion by its own axes.
         one.run(values_[k], one.is_accel ? nullptr : accel, accel == nullptr ? 0 : run_.accel_width, run_.n,
                 run_.sensors[k], events, lost);
         window_is_full_ |= left > 0 && one.window_left == 0;
@@ -240,7 +241,7 @@ class Device {
         for (const track::TrackerEvent& each : events) pending_.push_back({each.row, k, false, {}, each});
     }
 
-    // Places and times of the rows of a run.
+    // Computes the sample numbers and times of the rows of a run.
     void place_rows(const SampleColumns& from, std::size_t at, bool goes_on) {
         seq_.clear();
         device_us_.clear();
@@ -277,7 +278,7 @@ class Device {
         std::size_t numbers = n * (3 + run_.gyro_width + run_.accel_width) + (from.temperature ? n : 0) +
                               (from.flags != nullptr ? n : 0);
         std::size_t flags = 0;
-        for (const Sensor& one : sensors) {  // room for all, with values or without
+        for (const Sensor& one : sensors) {  // room for all sensors, also for those without values
             const std::size_t size = n * one.places.size();
             numbers += size * (kTrackedColumns + (one.bank != nullptr ? kLaneColumns : 0));
             flags += size * (one.bank != nullptr ? 3 : 1);
@@ -301,7 +302,7 @@ class Device {
             if (sensors[k].bank == nullptr) continue;
             for (double*& column : run_.sensors[k].bank.columns) column = real(size);
         }
-        for (std::size_t k = 0; k < sensors.size(); ++k) {  // wider types came first: all are aligned
+        for (std::size_t k = 0; k < sensors.size(); ++k) {  // the wider types came first, so all are aligned
             if (!has_values(k)) continue;
             const std::size_t size = n * sensors[k].places.size();
             run_.sensors[k].moving = taken<std::uint8_t>(next, size);
@@ -336,25 +337,25 @@ class Device {
 
     RunColumns run_;
     std::vector<std::int64_t> seq_, device_us_, host_ns_;
-    std::vector<std::vector<double>> values_;  // of each sensor's axes
-    std::size_t given_ = 0, told_ = 0;         // rows, and happenings, of the run that have been given
+    std::vector<std::vector<double>> values_;  // for each sensor, the values of its axes
+    std::size_t given_ = 0, told_ = 0;         // number of rows and events of the run that were returned
     std::vector<Happening> pending_, happened_;
     std::vector<std::vector<Lost>> lost_;
     Moment moment_ = {};
     bool has_moment_ = false;
     Judged judged_ = {};
     std::int64_t judged_ns_ = kNever;
-    bool is_judged_ = false;  // the next sample is, and not taken yet
-    bool is_ready_ = false;   // what has to be done before it is taken is done
-    bool is_new_ = false;     // no sample of the epoch has been taken
+    bool is_judged_ = false;  // the next sample is judged, but not consumed yet
+    bool is_ready_ = false;   // all work before consuming it is done
+    bool is_new_ = false;     // no sample of this epoch was consumed yet
     bool window_is_full_ = false;
 };
 
-// Which columns a run has: numbers a row of the gyroscope, and of the accelerometer or 0; whether there are
-// temperatures and flags; of each sensor its axes (0: it has no samples), whether it is the accelerometer,
-// and whether it has estimates.
+// Shape of a run's columns: gyroscope width; accelerometer width or 0; whether there are temperatures;
+// whether there are flags; then for each sensor its number of axes (0: no samples), whether it is the
+// accelerometer, and whether it has estimates.
 using RunShape = std::vector<std::size_t>;
-// Sensors without samples stand in it with no axes, or are left out.
+// How a shape represents sensors without samples: with 0 axes, or not at all.
 enum class Absent { kZero, kLeftOut };
 
 inline RunShape shape_of(const Device& device, Absent absent) {

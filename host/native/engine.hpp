@@ -1,7 +1,8 @@
-// The engine as the binding sees it: plain data and one table of functions per instruction set.
+// Interface between the engine and its binding: plain data, and one table of functions per instruction set.
 //
-// engine.cpp is compiled once per instruction set; each compilation fills one table. Nothing in this file is
-// code, so that no function compiled for one set can be linked into another. The caller owns all memory.
+// engine.cpp is compiled once per instruction set, and each compilation fills one table. This file contains
+// no code, so that the linker cannot put a function compiled for one set into another. The caller owns all
+// memory.
 #pragma once
 
 #include <cstddef>
@@ -9,13 +10,13 @@
 
 namespace fltea {
 
-// Squares of larger numbers, and sums of thousands of them, would leave the range of doubles.
+// Larger inputs would overflow a double when they are squared and summed over thousands of samples.
 constexpr double kLargestInput = 1e100;
 
 namespace engine {
 
-// What all lanes of an engine have in common. Numbers for the enumerations, which belong to the instruction
-// sets' own namespaces.
+// Settings that all lanes of an engine share. Enumerations are stored as numbers, because their types belong
+// to the namespaces of the instruction sets.
 struct EngineShape {
     std::size_t lanes;
     std::int32_t joint;       // 0: triple (three filters), 1: joint (filters.hpp, joint.hpp)
@@ -25,7 +26,7 @@ struct EngineShape {
     std::size_t window;       // L in samples; 0, with compressed memory only: unlimited
 };
 
-// What one lane is told; Tuning of filters.hpp, in the same order.
+// Settings of one lane: the fields of Tuning (filters.hpp), in the same order.
 struct LaneSettings {
     double log_h;
     double x0, P0, Q, R;
@@ -34,8 +35,8 @@ struct LaneSettings {
     double gate;
 };
 
-// What a lane takes for granted of its order and its parameter, which is f of `triple` and beta of `joint`:
-// the means, their variances, and (joint only) how they go together.
+// Estimate from which a lane continues: means and variances of the order and of the parameter (f of `triple`,
+// beta of `joint`), and, for `joint` only, their covariance.
 struct Belief {
     double alpha, parameter;
     double alpha_variance, covariance, parameter_variance;
@@ -54,8 +55,8 @@ enum Column : int {
     kColumns
 };
 
-// `samples` rows of `lanes` numbers each, row after row; u and missing may be null (no input, none missing).
-// All numbers are finite.
+// A block of `samples` rows with `lanes` numbers each, stored row by row. `u` may be null (no input), and so
+// may `missing` (no sample is missing). All numbers are finite.
 struct Block {
     std::size_t samples;
     const double* y;
@@ -64,11 +65,11 @@ struct Block {
     double* out[kColumns];
 };
 
-// A run under the supervisor (supervisor.hpp). Lanes that it lost begin again with the next row, and their
-// supervisors with them. Of the block's columns, variances become standard deviations, kP is not written, and
-// all are NaN where a lane is not valid.
+// Extra arguments of a run under the supervisor (supervisor.hpp). A lane that the supervisor declares lost
+// restarts at the next row, together with its supervisor. In the block's columns, standard deviations replace
+// the variances, kP is not written, and all columns are NaN where a lane is not valid.
 struct Watch {
-    unsigned char* supervisors;  // Backend::supervisor bytes a lane; zeros have seen nothing
+    unsigned char* supervisors;  // Backend::supervisor bytes per lane; all zeros: a new supervisor
     std::uint8_t* verdicts;      // (samples, lanes): VerdictBits
 };
 
@@ -77,28 +78,29 @@ enum VerdictBits : int { kValid = 1, kRestarted = 2, kRanAway = 4, kBound = 8 };
 struct Backend {
     const char* name;
     int width;               // lanes in a pack
-    int causes;              // counters a lane
-    std::size_t supervisor;  // bytes of one
+    int causes;              // counters per lane
+    std::size_t supervisor;  // bytes of one supervisor
 
-    // Bytes of storage that an engine of this shape needs, aligned to 64.
+    // Returns the number of bytes of storage, aligned to 64, that an engine of this shape needs.
     std::size_t (*storage)(const EngineShape& shape);
-    // Builds an engine in `storage`; `settings` has one entry a lane.
+    // Builds an engine in `storage`. `settings` has one entry per lane.
     void (*start)(void* storage, const EngineShape& shape, const LaneSettings* settings);
-    // Other settings from the next sample on, one entry a lane; all that the lanes remember stays.
+    // Applies other settings from the next sample on, one entry per lane. The state and memory of the lanes
+    // stay.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
-    // One lane goes on with this in place of what it has found; its state and its memory stay.
+    // Replaces the estimated order and parameter of one lane. Its state and its memory stay.
     void (*believe)(void* storage, const EngineShape& shape, std::size_t lane, const Belief& belief);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
-    // Lanes whose mask is not 0 begin again.
+    // Restarts the lanes whose mask is not 0.
     void (*reset)(void* storage, const EngineShape& shape, const std::uint8_t* mask);
-    // (lanes, causes), row after row.
+    // Writes the counters (lanes, causes), row by row.
     void (*counts)(const void* storage, const EngineShape& shape, std::int32_t* out);
-    // Size of a snapshot, and the snapshot: settings are not part of it.
+    // Returns the size of a snapshot; `save` writes the snapshot. The settings are not part of a snapshot.
     std::size_t (*snapshot)(const EngineShape& shape);
     void (*save)(const void* storage, const EngineShape& shape, unsigned char* out);
-    // False if the snapshot cannot come from an engine of this shape whose numbers are sound: some of them
-    // have been loaded then, so that it has to be thrown away or started again.
+    // Returns false if the snapshot cannot come from an engine of this shape, or has impossible numbers. Part
+    // of it may be loaded by then, so the engine has to be discarded or restarted.
     bool (*load)(void* storage, const EngineShape& shape, const unsigned char* in);
 };
 

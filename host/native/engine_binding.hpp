@@ -1,4 +1,4 @@
-// What the classes of fltea._native that run the engine have in common.
+// Helpers that the classes of fltea._native share when they run the engine.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -17,7 +17,7 @@ using Places = nanobind::ndarray<uint8_t, nanobind::ndim<2>, nanobind::c_contig,
 using Results = nanobind::ndarray<double, nanobind::ndim<3>, nanobind::c_contig, nanobind::device::cpu>;
 using Counts = nanobind::ndarray<int32_t, nanobind::ndim<2>, nanobind::c_contig, nanobind::device::cpu>;
 
-// Gives Python's lock away for work on many rows only: who does may wait long until he has it again.
+// Releases Python's GIL, but only for work on many rows, because it may take long to acquire the GIL again.
 class LockGivenAway {
   public:
     explicit LockGivenAway(size_t rows) {
@@ -29,29 +29,30 @@ class LockGivenAway {
     std::optional<nanobind::gil_scoped_release> release_;
 };
 
-// ValueError, with those that are, if the set is not usable here.
+// Raises ValueError, with the list of usable sets, if the instruction set is not usable here.
 const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 
-// Of the arguments that all such classes begin with; ValueError for those that would break memory safety.
+// Builds the shape from the arguments that all such classes begin with. Raises ValueError for arguments that
+// would break memory safety.
 fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                                     const Rows& settings);
 
-// For retune(): ValueError unless they are as many as there are lanes.
+// Checks the settings of retune(). Raises ValueError unless there is one entry per lane.
 const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lanes);
 
-// Before anything reaches the memory, where a NaN would stay for a whole window: ValueError for numbers
-// beyond ±largest. Those that are `ignored` (null: none) may be anything.
+// Raises ValueError for numbers beyond ±`largest`, except where `ignored` is set (null: nowhere). Checked
+// before any number reaches the memory, where a NaN would stay for a whole window.
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,
                    double largest);
 
-// ValueError unless the array is (lanes, causes).
+// Raises ValueError unless the array has the shape (lanes, causes).
 void check_counts(const Counts& out, const fltea::OwnedEngine& engine);
 
-// As Python's bytes and back.
+// Converts bytes to a Python bytes object and back.
 nanobind::bytes as_bytes(const std::vector<unsigned char>& bytes);
 const unsigned char* data_of(const nanobind::bytes& bytes);
 
-// (row, lane, "runaway" or "bound") of each.
+// Returns a list of (row, lane, "runaway" or "bound").
 nanobind::list as_list(const std::vector<fltea::Lost>& lost);
 
 void bind_engine(nanobind::module_& m);

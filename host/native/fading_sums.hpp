@@ -1,4 +1,4 @@
-// Welch's sums of one octave, which can be made to forget.
+// Welch sums of one octave, with optional forgetting.
 #pragma once
 
 #include <cmath>
@@ -7,11 +7,11 @@
 
 namespace fltea {
 
-// What is to be remembered: `samples` of the whole, 0 to forget nothing.
+// How long sums are remembered: `samples` is the memory length; 0: nothing is forgotten.
 //
-// To forget, time is cut into generations of one memory. Sums are those of this generation and of the one
-// before, whose weight goes from 1 to 0 while this one grows: what is older than two memories is gone, and
-// nothing jumps.
+// For forgetting, time is divided into generations of one memory length. The sums are those of the current
+// generation plus those of the previous generation, whose weight falls from 1 to 0 while the current one
+// grows. Samples older than two memory lengths are therefore forgotten, and the sums never jump.
 class FadingMemory {
   public:
     FadingMemory(double samples = 0) : samples_(samples) {}
@@ -21,11 +21,11 @@ class FadingMemory {
     double generation(std::uint64_t sample) const {
         return fades() ? std::floor(double(sample) / samples_) : 0;
     }
-    // How far through its generation a sample is.
+    // Fraction of its generation that has passed at a sample.
     double part(std::uint64_t sample) const {
         return fades() ? double(sample) / samples_ - generation(sample) : 0;
     }
-    // The first sample that is not to be forgotten.
+    // First sample that is not forgotten at sample `now`.
     std::uint64_t oldest(std::uint64_t now) const {
         const double least = double(now) - 2 * samples_;
         return least > 0 ? std::uint64_t(std::ceil(least)) : 0;
@@ -43,7 +43,7 @@ class FadingSums {
         std::memset(&before_, 0, sizeof before_);
     }
 
-    // A block of a generation; the powers are in the unit of the sums.
+    // Adds a block that belongs to generation `born`. The powers are in the unit of the sums.
     template <typename Number>
     void add(const Number* power, int, double born) {
         age(born);
@@ -53,7 +53,7 @@ class FadingSums {
         to.blocks += 1;
     }
 
-    // Time goes on to a generation, forwards only.
+    // Advances to a later generation.
     void age(double generation) {
         if (!(generation > generation_)) return;
         if (generation == generation_ + 1) {
@@ -65,8 +65,8 @@ class FadingSums {
         generation_ = generation;
     }
 
-    // As they are at a time `part` of the way through the generation. effective: as many blocks of equal
-    // weight say as much.
+    // Returns the sums at the time when the fraction `part` of the generation has passed. `effective`: number
+    // of blocks of equal weight that give the same precision.
     void read(double part, double* power, double* blocks, double* effective) const {
         const double old = 1 - part;
         for (int i = 0; i < kLines; ++i) power[i] = now_.power[i] + old * before_.power[i];
@@ -79,7 +79,7 @@ class FadingSums {
         add(now_, other.now_);
         add(before_, other.before_);
     }
-    // Where its clock stands after a merge: no longer that of its own samples.
+    // Sets the generation after a merge, when it no longer follows from the own samples.
     void set_generation(double generation) { generation_ = generation; }
 
     template <typename Io>

@@ -1,5 +1,5 @@
-// Whether a sensor moves, by its accelerometer: gravity turns or changes its length, or samples shake. Chunks
-// are those of the gyroscope's axes.
+// Detects motion of a sensor by its accelerometer: gravity changes its direction or magnitude, or the samples
+// shake. The chunks are those of the gyroscope's axes.
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,7 @@ class GravityGate {
     enum { kAxes = 3 };
     static constexpr double kKnock = 16, kMean = 8;
 
-    // A sample of so many axes, up to kAxes.
+    // Adds a sample of `axes` axes; only the first kAxes count.
     void add(const double* y, int axes) {
         for (int i = 0; i < axes && i < kAxes; ++i) {
             if (known_ == 0) first_[i] = y[i];
@@ -24,8 +24,8 @@ class GravityGate {
         ++known_;
     }
 
-    // At the end of a chunk. largest_step: by how much the mean of a chunk at rest may differ from that of
-    // the ones before, by a bias alone.
+    // Ends a chunk; true if it shows motion. `largest_step`: how far the mean of a chunk at rest may differ
+    // from that of earlier chunks because of a changing bias alone.
     bool end_chunk(double largest_step, bool moving) {
         bool knock = false;
         const int n = known_;
@@ -63,7 +63,7 @@ class GravityGate {
         const double power = std::fmax(squares_[i] - mean * sums_[i], 0) / (n - 1);
         bool knock = false;
         if (has_place_) {
-            // Where it moves it has to lie still again, and not be on its way.
+            // While the sensor moves, the mean has to lie still, rather than still be changing.
             const double step = moving ? largest_step / kStill : largest_step;
             const double least = step + kMean * std::sqrt(usual_[i] * 2 / n);
             knock = power > kKnock * std::fmax(usual_[i], largest_step * largest_step / kKnock) ||
@@ -74,7 +74,7 @@ class GravityGate {
         } else if (!knock && !moving) {
             usual_[i] += kLearned * (std::fmin(power, kOutlier * usual_[i]) - usual_[i]);
         }
-        // Moved to where it lies now; at rest drifting on with its bias.
+        // During motion, the position is the latest mean. At rest, it slowly follows the bias.
         place_[i] = !has_place_ || knock || moving ? place : place_[i] + kLearned * (place - place_[i]);
         return knock;
     }

@@ -1,4 +1,4 @@
-// The Kalman filter of a system: x is the mean after the newest sample, P the covariance of the next
+// The Kalman filter of a linear system. x is the mean after the newest sample, P the covariance of the next
 // prediction.
 #pragma once
 
@@ -7,12 +7,13 @@
 namespace fltea {
 namespace track {
 
-// What a filter knows after a sample. Relative to the origin of the samples; S: variance of the innovation.
+// Estimates after a sample, relative to the origin of the samples. S: variance of the innovation.
 struct Known {
     double state, state_variance, bias, bias_variance, innovation, S;
 };
 
-// The logarithm of what often is as it was: a gain is held for many samples.
+// The logarithm of a value that often stays the same, because a gain is held for many samples. It is computed
+// only when the value changes.
 class HeldLog {
   public:
     double of(double S) {
@@ -33,23 +34,25 @@ class Kalman {
     struct Variances {
         double state, bias;
     };
-    // Before a sample: the gain, the variance of its innovation and its logarithm, and what is known by then.
+    // Values for one sample: the gain, the variance S of the innovation and its logarithm, and the variances
+    // after the sample.
     struct Gain {
         double K[N], S, log_S;
         Variances now;
     };
-    // Of a system from its start on. at: of the first kExact samples, `stride` apart; P: before the last of
-    // them. They do not depend on the samples, so all filters of the system share them.
+    // Gains of a system from its start on. `at`: the gain of the first of kExact samples, the next ones
+    // `stride` apart. P: covariance before the last of them. The gains do not depend on the samples, so all
+    // filters of the system share them.
     struct Gains {
         const Gain* at;
         std::size_t stride;
         double P[N * N];
     };
 
-    // Gains are exact for so many samples after a start or a gap; then one serves for kHeld samples, that
-    // of the last of them.
+    // Gains are exact for kExact samples after a start or a gap. Then each gain serves for kHeld samples and
+    // is the exact gain of the last of them.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
-    // An innovation of more deviations counts as one of so many.
+    // An innovation larger than this is clipped [deviations].
     static constexpr double kClip = 6;
 
     Kalman() {}
@@ -72,7 +75,7 @@ class Kalman {
         return *this;
     }
 
-    // gains: of this system, or none.
+    // `gains`: the precomputed gains of this system, or null.
     void start(const System<N>* system, const RiccatiMap<N>* map, const Gains* gains = nullptr) {
         start(system, map, system->P0);
         gains_ = gains;
@@ -126,7 +129,7 @@ class Kalman {
         return y - sum;
     }
 
-    // The next sample has this innovation; without a measurement `take` is false.
+    // Advances by the sample with innovation `e`, or over a missing sample if `take` is false.
     void go_on(double e, bool take) {
         const int n = system_->n;
         if (take) {
@@ -158,7 +161,7 @@ class Kalman {
         if (exact_ == 0) hold();
     }
 
-    // Coordinate i may have changed by this variance before the next sample.
+    // State i may have changed with this variance before the next sample.
     void widen(int i, double variance) {
         find_covariance();
         if (exact_ == 0) let_go();
@@ -190,11 +193,11 @@ class Kalman {
         io.require(S > 0);
     }
 
-    // What every sample needs comes first.
+    // The values that every sample needs come first.
     double x[N] = {}, K[N] = {}, S = 1;
 
   private:
-    // What a sample says, taken out of the covariance.
+    // Updates the covariance by a measurement.
     void correct() {
         const int n = system_->n;
         for (int i = 0; i < n; ++i) {
@@ -212,7 +215,7 @@ class Kalman {
         now_ = one.now;
     }
 
-    // P as it would be without `gains_`, which are left for good.
+    // Computes P as if `gains_` had not been used, and stops using `gains_`.
     void find_covariance() {
         if (gains_ == nullptr) return;
         std::memcpy(P, system_->P0, sizeof(double) * std::size_t(system_->n * system_->n));
@@ -240,7 +243,7 @@ class Kalman {
         for (int i = 0; i < s.n; ++i) K[i] /= S;
     }
 
-    // P is from here on that of the end of the time for which the gain is held.
+    // Holds a gain. From here on P is the covariance at the end of the time for which the gain is held.
     void hold() {
         const int n = system_->n;
         held_ = 0;
@@ -260,7 +263,8 @@ class Kalman {
             hold();
         }
         if (held_ % kStep != 0) return;
-        // Knowledge grows evenly: what is constant is known by 1 over the number of samples.
+        // The information grows linearly: the variance of a constant is proportional to 1 / number of
+        // samples.
         const double share = double(held_ + kStep / 2) / kHeld;
         now_.state = between(from_.state, to_.state, share);
         now_.bias = between(from_.bias, to_.bias, share);
@@ -270,7 +274,7 @@ class Kalman {
         return whole > 0 ? from * to / whole : 0;
     }
 
-    // The covariance of now.
+    // Stops holding the gain, and restores the present covariance.
     void let_go() {
         const double ahead = to_.bias > 0 ? now_.bias / to_.bias : 1;
         if (ahead > 1) {
@@ -281,7 +285,7 @@ class Kalman {
     }
 
     const System<N>* system_ = nullptr;
-    const Gains* gains_ = nullptr;  // while P is not kept
+    const Gains* gains_ = nullptr;  // not null while P is not updated
     int exact_ = 0, held_ = 0;
     Variances now_ = Variances(), from_ = Variances(), to_ = Variances();
     const RiccatiMap<N>* map_ = nullptr;

@@ -1,5 +1,5 @@
-// Lanes under the supervisor: the engine, what watches it, and the restarts. The one runner of lanes, of a
-// daemon's axes as of shuffled copies and simulated runs.
+// Runs lanes under the supervisor: the engine, the supervision, and the restarts. All lanes use this class,
+// whether they are a live sensor's axes, shuffled copies or simulated runs.
 #pragma once
 
 #include <cstdint>
@@ -11,20 +11,20 @@
 
 namespace fltea {
 
-// A lane has become invalid with a row of a block.
+// A lane became invalid at a row of a block.
 struct Lost {
     std::size_t row, lane;
     engine::Loss reason;
 };
 
-// Columns of a block of lanes, each (rows, lanes): NaN where the lane is not valid.
+// Columns of a block of lanes, each (rows, lanes); NaN where the lane is not valid.
 enum LaneColumn : int {
     kLaneAlpha,
     kLaneAlphaStd,
     kLaneF,
     kLaneFStd,
     kLaneX,
-    kLaneInnovation,  // NaN where the sample is missing, too
+    kLaneInnovation,  // also NaN where the sample is missing
     kLaneInnovationStd,
     kLaneColumns
 };
@@ -40,14 +40,14 @@ class LaneRunner {
     std::size_t lanes() const { return engine_.lanes(); }
     const OwnedEngine& engine() const { return engine_; }
 
-    // From the next row on; settings: one entry a lane.
+    // Applies other settings from the next row on, one entry per lane.
     void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
 
     void believe(std::size_t lane, const engine::Belief& belief) { engine_.believe(lane, belief); }
 
-    // Rows of all lanes, one after the other. y: finite where not missing. missing: (rows, lanes), or null.
-    // valid: (rows, lanes), 0 or 1. What was lost is added to `lost`, row after row; `first` is the number
-    // of this block's first row there.
+    // Runs rows of all lanes. `y`: (rows, lanes), finite where not missing. `missing`: (rows, lanes), or
+    // null. `valid`: (rows, lanes), 0 or 1. Appends each lane that becomes invalid to `lost`, in row order;
+    // there, rows are counted from `first` for this block's first row.
     void run(const double* y, const std::uint8_t* missing, std::size_t rows,
              double* const (&columns)[kLaneColumns], std::uint8_t* valid, std::vector<Lost>& lost,
              std::size_t first = 0) {
@@ -78,23 +78,23 @@ class LaneRunner {
         }
     }
 
-    // Since the lanes were made.
+    // Restarts of each lane since the lanes were created.
     const std::vector<std::uint64_t>& restarts() const { return restarts_; }
     void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
 
-    // (lanes, causes): how often the guard stepped in, since each lane's last start.
+    // Writes (lanes, causes): how often the guard intervened since each lane's last start.
     void counts(std::int32_t* out) const { engine_.counts(out); }
 
     std::vector<unsigned char> save() const { return engine_.save(); }
     bool load(const unsigned char* bytes, std::size_t size) { return engine_.load(bytes, size); }
 
-    // What the supervisors have seen.
+    // Returns the state of the supervisors.
     std::vector<unsigned char> save_supervisors() const {
         const unsigned char* const bytes = reinterpret_cast<const unsigned char*>(supervisors_.data());
         return std::vector<unsigned char>(bytes, bytes + supervisors_.size() * sizeof(Supervisor));
     }
 
-    // False, and nothing has changed, if these cannot be so many supervisors.
+    // Returns false and changes nothing if `bytes` cannot be the state of these supervisors.
     bool load_supervisors(const unsigned char* bytes, std::size_t size) {
         if (size != supervisors_.size() * sizeof(Supervisor)) return false;
         std::vector<Supervisor> loaded(supervisors_.size());

@@ -1,4 +1,5 @@
-// Rows of columns as lines of JSON, as msgspec writes them: texts, and numbers in the holes between them.
+// Prints rows of columns as JSON lines in the format of msgspec: fixed texts with numbers in the holes
+// between them.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +20,7 @@ struct Cells {
     enum Kind { kReal, kWhole, kFlag };  // double, int64, 0 or 1 in a byte
 
     const void* first;
-    std::ptrdiff_t row, place;  // bytes from a row to the next, and from a place in it to the next
+    std::ptrdiff_t row, place;  // bytes from one row to the next, and from one index in a row to the next
     Kind kind;
 };
 
@@ -29,8 +30,8 @@ class LinePrinter {
         std::size_t column, place;
     };
 
-    // texts: what stands before each hole, and after the last one. nulls: numbers that are not finite are
-    // null; else they are left out with their key. Throws std::invalid_argument.
+    // `texts`: the texts before each hole and after the last hole. `nulls`: whether non-finite numbers are
+    // printed as null; if false, they are omitted together with their key. Throws std::invalid_argument.
     LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
         : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
         if (texts_.size() != holes_.size() + 1)
@@ -43,11 +44,12 @@ class LinePrinter {
         return std::any_of(holes_.begin(), holes_.end(),
                            [&](const Hole& one) { return one.column == column; });
     }
-    // Bytes that so many rows take at most.
+    // Largest number of bytes that this number of rows takes.
     std::size_t room(std::size_t rows) const { return rows * room_; }
 
-    // Prints rows begin, begin + step, … below end, for which there is `room`; the end of what was printed.
-    // Columns without a hole may be anything; the others have these rows and the places of their holes.
+    // Prints the rows begin, begin + step, … below `end` into `out`, which needs `room` bytes. Returns the
+    // end of the printed text. Every column with a hole needs these rows and the indexes of its holes; other
+    // columns may be anything.
     char* print(const Cells* columns, std::size_t begin, std::size_t end, std::size_t step, char* out) const {
         std::vector<Cell> cells;
         cells.reserve(holes_.size());
@@ -62,7 +64,7 @@ class LinePrinter {
     }
 
   private:
-    // No number takes more, its sign and exponent included.
+    // Largest number of characters of a number, including sign and exponent.
     static constexpr std::size_t kLongest = 32;
 
     struct Cell {
@@ -72,7 +74,7 @@ class LinePrinter {
     };
 
     char* print_row(const std::vector<Cell>& cells, std::ptrdiff_t row, char* out) const {
-        bool first = false;  // of its object: the one before it was left out
+        bool first = false;  // the first printed key of its object, because the keys before it were omitted
         for (std::size_t i = 0; i <= cells.size(); ++i) {
             const std::string& text = texts_[i];
             const std::size_t skipped = first && text.front() == ',' ? 1 : 0;
@@ -98,7 +100,8 @@ class LinePrinter {
         return out;
     }
 
-    // The shortest digits that give the number back; positional from 1e-5 to below 1e16, as msgspec has it.
+    // Prints the shortest digits that restore the number; positional from 1e-5 to below 1e16, as msgspec
+    // does.
     static char* put_real(double value, char* out) {
         char text[kLongest], digits[kLongest];
         const char* end = std::to_chars(text, text + kLongest, value, std::chars_format::scientific).ptr;
@@ -109,7 +112,7 @@ class LinePrinter {
             if (*from != '.') digits[n++] = *from;
         int exponent = 0;
         std::from_chars(from + (from[1] == '+' ? 2 : 1), end, exponent);
-        const int whole = exponent + 1;  // digits before the point
+        const int whole = exponent + 1;  // digits before the decimal point
         if (exponent < -5 || exponent > 15) {
             *out++ = digits[0];
             if (n > 1) *out++ = '.';

@@ -1,4 +1,5 @@
-// Whether a line is silent, unreadable or without a HELLO, and which trouble is news.
+// Watches one port: detects that it is silent, unreadable or without a HELLO, and decides when a trouble is
+// reported.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +10,17 @@ namespace fltea {
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
-// Times after which something is told [ns].
+// Times after which a trouble is reported [ns].
 struct LineTimes {
-    std::int64_t silence_ns;  // a device that says nothing, or nothing that can be read
-    std::int64_t tick_ns;     // a line of which nothing comes
-    std::int64_t repeat_ns;   // a trouble that was told already
+    std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable
+    std::int64_t tick_ns;     // how long a port may deliver nothing
+    std::int64_t repeat_ns;   // until the same trouble is reported again
 };
 
-// Of a line that is open; names: trouble_name().
+// Trouble of an open port. Names: trouble_name().
 enum class LineTrouble : std::uint8_t { none, silent, no_valid_frame, no_hello };
 
-// As in host/docs/reference/errors.md; nullptr for none.
+// Name as in host/docs/reference/errors.md; nullptr for none.
 inline const char* trouble_name(LineTrouble trouble) {
     switch (trouble) {
         case LineTrouble::none:
@@ -34,7 +35,8 @@ inline const char* trouble_name(LineTrouble trouble) {
     return nullptr;
 }
 
-// From one moment to another; a recording can hold any, so what does not fit is as long as can be.
+// Time from one moment to another. A recording can hold any times, so a difference that overflows is limited
+// to the range of int64.
 inline std::int64_t time_between(std::int64_t from_ns, std::int64_t to_ns) {
     std::int64_t found = 0;
     if (!__builtin_sub_overflow(to_ns, from_ns, &found)) return found;
@@ -47,7 +49,7 @@ class LineWatch {
     explicit LineWatch(const LineTimes& times) : times_(times) {}
 
     bool is_refused() const { return is_refused_; }
-    // Bytes since a frame could be read last, or since a silence.
+    // Number of bytes since the last readable frame, or since the last silence.
     std::int64_t unread_bytes() const { return unread_bytes_; }
 
     void on_opened(std::int64_t host_ns) {
@@ -57,7 +59,7 @@ class LineWatch {
     }
     void on_failed() { is_connected_ = false; }
 
-    // Begins all waiting again.
+    // Restarts all waiting times.
     void forgive(std::int64_t now_ns) {
         opened_ns_ = byte_ns_ = now_ns;
         has_unread_ = false;
@@ -79,29 +81,30 @@ class LineWatch {
         unread_bytes_ += size;
         byte_ns_ = last_ns;
     }
-    // All that came could be read.
+    // All received bytes were readable.
     void on_all_read() { has_unread_ = false; }
-    // All but some bytes, the first of which came at this moment.
+    // All received bytes were readable, except the last `bytes`, the first of which came at `since_ns`.
     void on_read_but(std::int64_t bytes, std::int64_t since_ns) {
         has_unread_ = true;
         unread_since_ns_ = since_ns;
         unread_bytes_ = bytes;
     }
 
-    // Whether the line is open and a device known: then no trouble is due within a second.
+    // Whether the port is open and the device known, so that no trouble can become due within a second.
     bool is_settled(std::int64_t until_ns) const {
         const std::int64_t unread_ns = has_unread_ ? time_between(unread_since_ns_, until_ns) : 0;
         return is_connected_ && heard_hello_ && !is_refused_ && unread_ns < times_.silence_ns - kSecondNs;
     }
 
-    // The trouble of this moment, if it is news.
+    // Returns the trouble at this moment, if it has to be reported.
     LineTrouble look(std::int64_t now_ns) {
         const LineTrouble found = trouble_of(now_ns);
         const bool is_due = found != LineTrouble::none && is_news(trouble_name(found), now_ns);
         return is_due ? found : LineTrouble::none;
     }
 
-    // Whether a trouble is not the one that was told last, or that was long ago; then it counts as told.
+    // Whether a trouble has to be reported: it differs from the last reported one, or that report is long
+    // ago. It then counts as reported.
     bool is_news(const char* kind, std::int64_t now_ns) {
         if (reported_ == kind && time_between(reported_ns_, now_ns) <= times_.repeat_ns) return false;
         reported_ = kind;
@@ -123,9 +126,9 @@ class LineWatch {
 
     LineTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
-    bool has_unread_ = false;  // bytes behind the last frame that could be read
+    bool has_unread_ = false;  // bytes came after the last readable frame
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
-    std::string reported_;  // kind of the trouble that was told last; empty: all are news
+    std::string reported_;  // kind of the last reported trouble; empty: report any trouble
     std::int64_t reported_ns_ = 0;
 };
 

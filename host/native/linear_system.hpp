@@ -1,5 +1,5 @@
-// A noise as a linear system (host/fltea/noise/system.py), and how the covariance of a filter's prediction
-// goes on over a number of samples at once.
+// A noise model as a linear system (host/fltea/noise/system.py), and the change of a filter's prediction
+// covariance over many samples at once.
 #pragma once
 
 #include <cmath>
@@ -10,14 +10,14 @@
 namespace fltea {
 namespace track {
 
-enum { kMost = 24 };  // coordinates
-// Numbers below all measure cost a processor a hundred times as much.
+enum { kMost = 24 };  // largest number of states
+// Numbers below this are zero. Denormal numbers would cost a processor a hundred times as much.
 constexpr double kNothing = 1e-200;
 
-// Room for N of them; if that is at most 4, zeros stand behind the last. Matrices are (n, n), row after row,
-// in the first n * n places. `pairs` pole pairs come first; a coordinate is in a sample by c[i], in the state
-// by state[i], in what is subtracted by bias[i]; bias_more is the
-// variance of what is not in any coordinate yet, where that is a mean of samples to come.
+// Arrays with room for N states; if N is at most 4, zeros follow the last state. Matrices are (n, n), row by
+// row, in the first n * n elements. `pairs` pole pairs come first. State i enters a sample with weight c[i],
+// the published state with state[i], and the bias with bias[i]. If the bias is a mean of samples to come,
+// bias_more is the variance that no state contains yet.
 template <int N>
 struct System {
     int n, pairs;
@@ -45,7 +45,7 @@ struct System {
         io.real(bias_more, 0, 1e200);
     }
 
-    // The coordinate of an offset that may step; -1 where there is none.
+    // Index of the state that is an offset which may step; -1 if there is none.
     int offset() const {
         for (int i = n - 1; i >= 2 * pairs; --i) {
             if (a[i] == 1 && c[i] != 0) return i;
@@ -53,7 +53,7 @@ struct System {
         return -1;
     }
 
-    // How many of few coordinates are taken is fixed: zeros stand behind the last.
+    // Number of states to loop over. It is fixed for small systems, where zeros follow the last state.
     int width() const { return N <= 4 ? N : n; }
 
     // x <- A x.
@@ -121,7 +121,8 @@ inline void product(const double* X, const double* Y, double* out, int n, bool t
     }
 }
 
-// Y <- M^-1 Y for `columns` columns, by elimination with pivots; M is used up. False if it is singular.
+// Y <- M^-1 Y for `columns` columns, by elimination with pivots. M is overwritten. Returns false if M is
+// singular.
 inline bool solve(double* M, double* Y, int n, int columns) {
     for (int k = 0; k < n; ++k) {
         int pivot = k;
@@ -157,7 +158,7 @@ class RiccatiMap {
   public:
     enum { kDoublings = 8, kSamples = 1 << kDoublings };
 
-    // False if the numbers do not allow it.
+    // Returns false if the numbers do not allow it.
     bool set(const System<N>& s) {
         const int n = n_ = s.n, size = n * n;
         for (int i = 0; i < size; ++i) B_[i] = 0;
@@ -202,7 +203,7 @@ class RiccatiMap {
         return true;
     }
 
-    // kSamples later.
+    // Advances P by kSamples.
     void apply(double* P) const {
         const int n = n_;
         double M[N * N], Y[N * N], T[N * N];

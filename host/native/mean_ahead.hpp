@@ -1,5 +1,5 @@
-// What the mean of part of a system over the next samples is: a row of its coordinates now, and the variance
-// that its process noise adds (design: the bias is a forecast).
+// The mean of part of a system over the next samples: its dependence on the present states, and the variance
+// that the process noise adds. It is used because the bias is a forecast.
 #pragma once
 
 #include <complex>
@@ -9,23 +9,25 @@
 namespace fltea {
 namespace track {
 
-// row: the mean is row x, where x is that of the newest sample. variance: of what comes on top by then.
+// The mean is `row` times x, the state vector at the newest sample. `variance`: the variance that is added
+// until then.
 template <int N>
 struct MeanAhead {
     double row[N];
     double variance;
 };
 
-// Sums over k = 1 … m, by doubling: all terms of slow modes have one sign, so nothing cancels.
-// power: a^m. geometric: g(m) = 1 + a + … + a^(m-1). sums: of g(1) … g(m).
+// Sums over k = 1 … m, computed by doubling. All terms of slow modes have the same sign, so nothing cancels.
+// `power`: a^m. `geometric`: g(m) = 1 + a + … + a^(m-1). `sums`: the sum of g(1) … g(m).
 struct ModeSums {
     std::complex<double> power, geometric, sums;
 };
 
-// Of m samples: the mean of weights x over the samples that come next. With m = 0, weights x itself.
+// Returns the mean of `weights` x over the next m samples; with m = 0, `weights` x itself.
 //
-// x_k+j = A^j x_k + …: in the eigenvectors of A, where a pole pair is a conjugate pair of modes, the mean of
-// A^j is a g(m) / m, and a step of the noise j samples ahead has the weight g(m - j + 1) / m.
+// Since x_k+j = A^j x_k + …, the mean is computed in the eigenvectors of A, where a pole pair is a conjugate
+// pair of modes. There the mean of A^j is a g(m) / m, and a step of the noise j samples ahead has the weight
+// g(m - j + 1) / m.
 template <int N>
 MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) {
     typedef std::complex<double> Complex;
@@ -39,7 +41,8 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         a[i] = s.a[i];
         weight[i] = weights[i];
     }
-    // Of x_i, x_i+1: ξ = x_i + i x_i+1 goes on by a - i b, and its conjugate is the other mode.
+    // A pole pair with the states x_i and x_i+1: ξ = x_i + i x_i+1 is multiplied by a - i b per sample. The
+    // conjugate of ξ is the second mode.
     for (int i = 0; i < 2 * s.pairs; i += 2) {
         a[i] = Complex(s.a[i], -s.b[i]);
         a[i + 1] = std::conj(a[i]);
@@ -56,7 +59,7 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
             noise[i * n + j] = s.Q[i * n + j];
         }
     }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {  // rows, then columns, of the noise in modes
+    for (int i = 0; i < 2 * s.pairs; i += 2) {  // transform the rows, then the columns, of the noise to modes
         for (int j = 0; j < n; ++j) {
             const Complex one = noise[i * n + j], other = noise[(i + 1) * n + j];
             noise[i * n + j] = one + Complex(0, 1) * other;
@@ -113,7 +116,7 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         const Complex mean = weight[i] * a[i] * of[i].geometric / double(m);
         if (i >= 2 * s.pairs) {
             found.row[i] = mean.real();
-        } else if (i % 2 == 0) {  // and its conjugate: 2 Re(mean ξ)
+        } else if (i % 2 == 0) {  // together with its conjugate: 2 Re(mean ξ)
             found.row[i] = 2 * mean.real();
             found.row[i + 1] = -2 * mean.imag();
         }
@@ -121,8 +124,8 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
     return found;
 }
 
-// The spectral density at frequency 0 of the coordinates with `in` not 0, by c: of fast ones, how they count
-// in a mean of many samples.
+// Spectral density at frequency 0 of the states whose `in` is true, weighted by c. For fast states, this is
+// their contribution to a mean of many samples.
 template <int N>
 double density_at_zero(const System<N>& s, const bool* in) {
     double M[N * N], row[N];

@@ -1,5 +1,6 @@
-// The exact memory: the last `window` posteriors, weighed by the Grünwald–Letnikov recurrence (nest.hpp).
-// Cost: O(window) a step. The oracle of the compressed memory, and the paper's algorithm to the letter.
+// The exact memory: the last `window` posteriors, weighted by the Grünwald–Letnikov recurrence (nest.hpp). It
+// costs O(window) per step. It follows the paper's algorithm exactly, and is the reference for testing the
+// compressed memory.
 #ifndef FLTEA_MEMORY_DIRECT_HPP
 #define FLTEA_MEMORY_DIRECT_HPP
 
@@ -10,10 +11,10 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// T: float, double or Pack. An empty past is a past of zeros.
+// T: float, double or Pack. An empty memory is equivalent to a past of zeros.
 //
-// Orders may be any; sums that leave the range of T become infinite or NaN, as the printed algorithm's do.
-// For orders in [-2, 30] no double does.
+// Any order is allowed. Sums that overflow T become infinite or NaN, as in the printed algorithm. For orders
+// in [-2, 30] no double overflows.
 template <class T>
 class DirectMemory {
     typedef Real<T> R;
@@ -23,10 +24,10 @@ class DirectMemory {
     static std::size_t storage(std::size_t window) {
         return history(window) + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // How many of them, from the first on, are the past; the others are tables.
+    // Number of T, counted from the first, that hold the past. The others are tables.
     static std::size_t history(std::size_t window) { return 4 * window; }
 
-    // `storage` holds storage(window) elements, aligned for T, and stays the caller's.
+    // `storage` holds storage(window) elements, aligned for T. The caller owns it.
     DirectMemory(T* storage, std::size_t window)
         : x_(storage),
           P_(storage + 2 * window),
@@ -48,10 +49,10 @@ class DirectMemory {
         for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = select(mask, T(R(0)), x_[i]);
     }
 
-    // Remembers the newest posterior: state x and variance P. Both finite: a NaN would stay for a whole
-    // window.
+    // Remembers the newest posterior: state x and variance P. Both have to be finite, because a NaN would
+    // stay for a whole window.
     void push(T x, T P) {
-        // Written twice, `window` apart, so that the window is always one piece, newest first.
+        // Written twice, `window` apart, so that the window is always contiguous, newest first.
         position_ = (position_ == 0 ? window_ : position_) - 1;
         x_[position_] = x_[position_ + window_] = x;
         P_[position_] = P_[position_ + window_] = P;
@@ -59,7 +60,7 @@ class DirectMemory {
     }
 
     std::size_t window() const { return window_; }
-    // Samples that the sums look back on: L(k) = min(k, window).
+    // Number of samples that the sums use: L(k) = min(k, window).
     std::size_t length() const { return pushed_ < window_ ? static_cast<std::size_t>(pushed_) : window_; }
 
     // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j}, several orders at once.
@@ -78,7 +79,7 @@ class DirectMemory {
         return nest.variance;
     }
 
-    // Both sums of one order, cheaper than one after the other.
+    // Computes both sums of one order together, which is cheaper than one after the other.
     void sums(T order, T& S, T& V) const {
         const T orders[1] = {order};
         Nest<T, 1, 1> nest(orders);
@@ -87,7 +88,7 @@ class DirectMemory {
         V = nest.variance;
     }
 
-    // What save and restore need besides the storage.
+    // State that save and restore need in addition to the storage.
     struct Position {
         std::uint64_t position, pushed;
     };
@@ -98,7 +99,8 @@ class DirectMemory {
     }
 
   private:
-    static constexpr std::size_t kReciprocals = 2;  // beyond the window: 1/0, never used, and 1/(window + 1)
+    // elements beyond the window: 1/0, never used, and 1/(window + 1)
+    static constexpr std::size_t kReciprocals = 2;
 
     template <int N, int M>
     void run(Nest<T, N, M>& nest) const {

@@ -9,14 +9,15 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// sum_{j=1}^{n} c_j(a) x_j of N orders and sum_{j=2}^{n} c_j(a)^2 P_j of the first M (0 or 1) of them. From
-// the oldest sample to the newest, acc_j = x_j + (c_{j+1}/c_j) acc_{j+1}: no weight is formed, so none
-// overflows before the sum does, and a sample costs two operations an order.
+// Computes sum_{j=1}^{n} c_j(a) x_j for N orders, and sum_{j=2}^{n} c_j(a)^2 P_j for the first M (0 or 1) of
+// them. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample to the newest. It
+// forms no weight, so none overflows before the sum does, and a sample costs two operations per order.
 template <class T, int N, int M>
 class Nest {
     typedef Real<T> R;
     static constexpr int kOrders = N > M ? N : M;
-    // Up to here c_j/c_{j-1} is formed as (j-1-a)/j, exactly 0 at integer orders a; beyond, as 1 - (a+1)/j.
+    // Up to this j, c_j/c_{j-1} is computed as (j-1-a)/j, which is exactly 0 at integer orders a; beyond, as
+    // 1 - (a+1)/j.
     static constexpr std::size_t kHead = 8;
 
   public:
@@ -33,10 +34,11 @@ class Nest {
         variance = T(R(0));
     }
 
-    // x[j-1], P[j-1]: the samples, newest first; reciprocal[j] = 1/j for j up to n + 1.
+    // x[j-1], P[j-1]: the samples, newest first. reciprocal[j] = 1/j for j up to n + 1.
     void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
         std::size_t j = n;
-        // Two samples a turn, so that the chain from turn to turn is one operation long, not two.
+        // Two samples per iteration, so that the dependency between iterations is one operation long instead
+        // of two.
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }

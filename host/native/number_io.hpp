@@ -1,4 +1,5 @@
-// A snapshot as a row of doubles, and its way back: a stranger's until every number has been checked.
+// Saves a snapshot as a row of doubles, and loads it again. Every loaded number is checked, since a snapshot
+// may come from anywhere.
 #pragma once
 
 #include <cmath>
@@ -26,7 +27,7 @@ class NumberSaver {
     std::vector<double>& out_;
 };
 
-// What is not sound is not written.
+// Leaves a value unchanged if the loaded number is not valid.
 class NumberLoader {
   public:
     enum { kLoads = 1 };
@@ -37,7 +38,7 @@ class NumberLoader {
     void require(bool condition) {
         if (!condition) sound_ = false;
     }
-    // A whole one.
+    // Loads an integer.
     template <typename T>
     void number(T& value, double low, double high) {
         double got = 0;

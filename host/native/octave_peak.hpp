@@ -1,8 +1,9 @@
-// The most striking stretch among the lines of octaves (host/fltea/spectrum/octave_lines.py): its mean is too
-// far above the means of the flanks on both sides.
+// Searches the lines of an octave spectrum (host/fltea/spectrum/octave_lines.py) for the most significant
+// peak: a stretch of lines whose mean is too far above the means of the flanks on both sides.
 //
-// Most lines are averages over blocks under Hann's window. They have more than two degrees of freedom each,
-// and neighbours are correlated, so that a stretch of a few has more for its width than a long one.
+// Most lines are averages over blocks under Hann's window. Each has more than two degrees of freedom, and
+// neighbours are correlated. A stretch of a few lines therefore has more degrees of freedom for its width
+// than a long stretch.
 #pragma once
 
 #include <algorithm>
@@ -16,23 +17,25 @@ namespace peak {
 struct Found {
     bool any;
     std::size_t start, stop;
-    double level;  // around it
+    double level;  // noise level around the stretch
 };
 
-// Constants of the search; those that two searches share are host/fltea/spectrum/spectral_lines.py's.
+// Constants of the search. host/fltea/spectrum/spectral_lines.py has the constants that two searches share.
 constexpr double kFlank = 48;  // ordinates in the shortest flank
 constexpr double kWidestShare = 0.08;
-constexpr std::size_t kShortestFlank =
-    12;                                 // lines in a flank, however many ordinates each of them stands for
-constexpr std::size_t kLeastFlank = 4;  // lines that a flank must have at the edge of the spectrum
-constexpr double kLeastInFlank = 16;    // ordinates there
-constexpr std::size_t kEndFlank = 4;    // ordinates in the lower flank near frequency 0, of a line
-constexpr std::size_t kEndWidths[] = {1, 2};  // at the ends of the band, where only lines are searched for
-// Variance of near²/far, the level that is continued, over that of near; both are of as many averages.
+constexpr std::size_t kShortestFlank = 12;  // lines in a flank, regardless of the ordinates per line
+constexpr std::size_t kLeastFlank = 4;      // lines that a flank must have at the edge of the spectrum
+constexpr double kLeastInFlank = 16;        // ordinates that it must have there
+constexpr std::size_t kEndFlank = 4;        // ordinates in the lower flank of a line near frequency 0
+// at the ends of the band, where only single lines are searched for
+constexpr std::size_t kEndWidths[] = {1, 2};
+// Variance of the extrapolated level near²/far, as a ratio to that of `near`; both from equally many
+// averages.
 constexpr double kContinued = 5;
-constexpr std::size_t kWidest = 8;  // averaged lines in a stretch: a fifth of an octave's
-constexpr double kHopeless = 0.6;   // share of the gain of a known level that it has to have to be looked at
-constexpr double kLeastLevel = 1e-12;  // over the mean
+constexpr std::size_t kWidest = 8;  // averaged lines in a stretch: a fifth of an octave
+// a stretch is tested only if it has this share of the gain needed at a known level
+constexpr double kHopeless = 0.6;
+constexpr double kLeastLevel = 1e-12;  // relative to the mean
 
 // (1 - x² + 2x log x) / (1 - x)²; 0 at 1, where it is (1 - x)/3.
 inline double peizer_pratt(double x) {
@@ -40,8 +43,8 @@ inline double peizer_pratt(double x) {
     return std::fabs(away) < 1e-3 ? away / 3 : (1 - x * x + 2 * x * std::log(x)) / (away * away);
 }
 
-// The standard normal deviate that is exceeded as often as F exceeds a ratio: Peizer and Pratt's
-// approximation (J. Am. Stat. Assoc. 63, 1968), as host/fltea/noise/distributions.py's f_deviate.
+// Standard normal deviate with the same exceedance probability as this F ratio: Peizer and Pratt's
+// approximation (J. Am. Stat. Assoc. 63, 1968), as f_deviate of host/fltea/noise/distributions.py.
 inline double f_deviate(double ratio, double a, double b) {
     const double s = (b - 1) / 2, t = (a - 1) / 2, n = s + t;
     const double p = std::fmin(std::fmax(b / (a * ratio + b), 1e-300), 1 - 1e-12), q = 1 - p;
@@ -51,8 +54,8 @@ inline double f_deviate(double ratio, double a, double b) {
     return d * std::sqrt(spread);
 }
 
-// The standard normal deviate that is exceeded with this probability, which is below 0.5: Newton's method on
-// the logarithm, which is concave, from above.
+// Standard normal deviate with this exceedance probability, which is below 0.5. Uses Newton's method from
+// above on the logarithm, which is concave.
 inline double critical(double probability) {
     double z = std::sqrt(-2 * std::log(2 * probability));
     for (int step = 0; step < 50; ++step) {
@@ -67,7 +70,8 @@ inline double critical(double probability) {
 
 class Search {
   public:
-    // power, weight: of `size` lines; weight: the ordinates that each stands for.
+    // `power`, `weight`: arrays of `size` lines; `weight` is the number of ordinates that each line stands
+    // for.
     Search(const double* power, const double* weight, std::size_t size)
         : size_(size), sums_(size + 1), weights_(size + 1), averaged_(size + 1) {
         for (std::size_t i = 0; i < size; ++i) {
@@ -101,9 +105,10 @@ class Search {
     double mean(Range r) const { return (sums_[r.to] - sums_[r.from]) / std::fmax(weight(r), 1e-300); }
     bool is_averaged(std::size_t i) const { return averaged_[i + 1] != averaged_[i]; }
 
-    // Effective ordinates of so many averaged lines, over the sum of their weights.
+    // Effective ordinates of `width` averaged lines, as a ratio to the sum of their weights.
     static double gathered(std::size_t width) {
-        const double of_next = 4.0 / 9, of_second = 1.0 / 36;  // correlations of the power of Hann's lines
+        // correlations between the powers of lines under Hann's window
+        const double of_next = 4.0 / 9, of_second = 1.0 / 36;
         const double w = static_cast<double>(width);
         const double correlated =
             1 + 2 * (of_next * std::fmax(1 - 1 / w, 0) + of_second * std::fmax(1 - 2 / w, 0));
@@ -115,10 +120,11 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // If the level were known, the deviate would be about √(2 gain): most stretches need no closer look.
+    // If the level were known, the deviate would be about √(2 gain). Most stretches need no exact test.
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 
-    // First line from which on all lines before `end` have so many ordinates, and lines.
+    // Returns the last line index from which the lines before `end` have at least this many ordinates and
+    // lines.
     std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
         const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
         const std::ptrdiff_t enough = next - weights_.begin() - 1;
@@ -164,7 +170,8 @@ class Search {
         if (all.empty()) return;
         const double deviate = critical(false_alarm / static_cast<double>(all.size()));
         const double hope = std::fmax(hopeless(deviate), best.gain);
-        // Of those that pass, the likeliest: deviates would favour wide stretches, whose flanks are longer.
+        // Among the stretches that pass, choose the likeliest. Choosing by deviate would favour wide
+        // stretches, whose flanks are longer.
         for (const Try& one : all) {
             const double low = mean(one.low), high = mean(one.high), level = std::fmax(low, high);
             const double ratio = mean(one.own) / std::fmax(level, least_);
@@ -178,7 +185,8 @@ class Search {
         }
     }
 
-    // A stretch too near to an end for whole flanks; two_sided, or with two pieces of the lower one.
+    // A stretch too close to an end for complete flanks. It is compared with both sides (`two_sided`), or
+    // with two pieces of the lower flank.
     struct AtAnEnd {
         Range own, near, other;
         bool two_sided;
@@ -196,7 +204,7 @@ class Search {
                 std::min(filled, index(size_) - index(kLeastFlank)) - 2 * index(width);
             for (std::ptrdiff_t at = index(kEndFlank + width); at < std::min(first, last + 1); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
-            // Over two averages a level can rise too far.
+            // Within two averaged lines a level can rise too far.
             if (width > 1 && is_averaged(size_ - 1)) continue;
             for (std::ptrdiff_t at = std::max(last + 1, first); at <= index(size_) - index(width); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
@@ -228,7 +236,7 @@ class Search {
             if (!(ratio > 1)) continue;
             const double gain = gain_of(own, ratio);
             if (!(gain > std::fmax(hopeless(deviate), best.gain))) continue;
-            // Each flank by itself: a short one is low by luck more often.
+            // Tests each flank separately, because a short flank is more often low by chance.
             const auto passes = [&](double around, double ordinates) {
                 return f_deviate(mean(one.own) / around, 2 * own, 2 * ordinates) > deviate;
             };

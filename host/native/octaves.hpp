@@ -1,4 +1,4 @@
-// All that is kept of the noise of one axis for its spectrum: constant memory, whatever the length.
+// Everything that is kept of the noise of one axis for its spectrum, in constant memory at any length.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,8 @@
 
 namespace fltea {
 
-// Everything that takes the accepted samples. Each has accept(values, n, number of the first, made_up[n]),
-// cut(), age(now), merge(other, shift, now) and visit(io).
+// All consumers of the accepted samples. Each has accept(values, n, number of the first, made_up[n]), cut(),
+// age(now), merge(other, shift, now) and visit(io).
 template <typename Number>
 struct AcceptedStream {
     explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
@@ -50,15 +50,15 @@ struct AcceptedStream {
 
   private:
     enum { kMostNumbers = 4 + allan::kLevels * (allan::kHistory + allan::kChunk) + 4 * allan::kOctaves };
-    std::uint64_t next_;  // number of the sample that the next one is expected to be
+    std::uint64_t next_;  // expected number of the next sample
 };
 
-// Samples that came while the sensor moved, and how often it began to.
+// Number of samples during motion, and number of motions.
 struct MotionCounts {
     std::uint64_t moved, motions;
 };
 
-// One lane. `memory` in samples, 0 to forget nothing.
+// Sums of one lane. `memory`: memory length [samples]; 0: nothing is forgotten.
 template <typename Number>
 class Octaves {
   public:
@@ -72,8 +72,9 @@ class Octaves {
     const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
-    // Motion is left out, but what lasts for more than `longest` samples, without kRest at rest in a row, is
-    // noise from there on: louder noise is quiet for a moment now and then.
+    // Adds samples without those in motion. If a motion lasts for more than `longest` samples without kRest
+    // consecutive samples at rest, the rest of it counts as noise: louder noise is quiet for a moment now and
+    // then.
     void add(const double* y, const unsigned char* moving, std::size_t n, std::size_t stride,
              std::uint64_t longest) {
         for (std::size_t i = 0, next; i < n; i = next) {
@@ -92,25 +93,26 @@ class Octaves {
     }
     void skip(std::uint64_t count) { gate_.skip(count); }
 
-    // With what waits for a whole chunk, and without what is to be forgotten by now; then a break.
+    // Adds the waiting samples of the incomplete chunk, and drops what is forgotten by now. This makes a
+    // break.
     void finish() {
         gate_.finish(accepted_);
         accepted_.age(now());
     }
 
-    // The same as finished, to read; this one goes on.
+    // Returns a finished copy for reading. This instance stays as it is.
     Octaves finished() const {
         Octaves copy(*this);
         copy.finish();
         return copy;
     }
 
-    // What is in the level that is whole becomes sums too, for their record in time.
+    // Adds the values of the deepest complete level to the sums, so that their record in time includes them.
     void deepen() {
         if (accepted_.ladder.depth() < accepted_.ladder.kLevels - 1) accepted_.ladder.deepen();
     }
 
-    // Of a later stretch with the same memory. Both have a break at their end then.
+    // Merges a later stretch with the same memory length. Both then have a break at their end.
     void merge(const Octaves& other) {
         finish();
         const Octaves later = other.finished();
@@ -142,8 +144,8 @@ class Octaves {
     engine::Gate<RealSpectrum<Number>> gate_;
     AcceptedStream<Number> accepted_;
     MotionCounts motion_ = MotionCounts();
-    std::uint64_t lasts_ = 0;  // samples since the motion that goes on began
-    std::uint64_t rest_ = 0;   // of them the last ones, at rest
+    std::uint64_t lasts_ = 0;  // samples since the present motion began
+    std::uint64_t rest_ = 0;   // number of the newest of those samples that are at rest
 };
 
 }  // namespace fltea

@@ -1,4 +1,4 @@
-// An engine and the memory that it lives in: the functions of its instruction set's table as methods.
+// An engine with its own memory, and the functions of its instruction set's table as methods.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ namespace fltea {
 
 class OwnedEngine {
   public:
-    // settings: one entry a lane.
+    // `settings`: one entry per lane.
     OwnedEngine(const engine::Backend& backend, const engine::EngineShape& shape,
                 const engine::LaneSettings* settings)
         : backend_(backend), shape_(shape), bytes_(backend.storage(shape)) {
@@ -20,7 +20,7 @@ class OwnedEngine {
         owned_.reset(new unsigned char[bytes_ + alignment]);
         const std::uintptr_t address = reinterpret_cast<std::uintptr_t>(owned_.get());
         storage_ = owned_.get() + (alignment - address % alignment) % alignment;
-        // Gaps between the parts of it get into snapshots, which are to be repeatable.
+        // Cleared, because padding between the parts gets into snapshots, which have to be reproducible.
         std::memset(storage_, 0, bytes_);
         backend_.start(storage_, shape_, settings);
     }
@@ -31,9 +31,9 @@ class OwnedEngine {
     std::size_t causes() const { return static_cast<std::size_t>(backend_.causes); }
     std::size_t bytes() const { return bytes_; }
 
-    // From the next row on; settings: one entry a lane.
+    // Applies other settings from the next row on, one entry per lane.
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
-    // From the next row on.
+    // Applies from the next row on.
     void believe(std::size_t lane, const engine::Belief& belief) {
         backend_.believe(storage_, shape_, lane, belief);
     }
@@ -50,7 +50,7 @@ class OwnedEngine {
         return bytes;
     }
 
-    // False if they cannot come from save() of such an engine: it is then as it was at the start.
+    // Returns false, and restarts the engine, if `bytes` cannot come from save() of such an engine.
     bool load(const unsigned char* bytes, std::size_t size) {
         if (size != backend_.snapshot(shape_)) return false;
         if (backend_.load(storage_, shape_, bytes)) return true;

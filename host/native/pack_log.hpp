@@ -1,5 +1,5 @@
-// log without libm and without branches, for double and Pack (pack.hpp): a lane's result is the same whatever
-// the width. For positive normal numbers; the error stays within 2 units in the last place.
+// Logarithm without libm and without branches, for double and Pack (pack.hpp): a lane's result is the same at
+// any width. For positive normal numbers. The error is at most 2 units in the last place.
 #pragma once
 
 #include "pack_math.hpp"
@@ -36,7 +36,7 @@ inline T log(T x) {
     const T f = two.m - T(1.0);
     const T s = f / (two.m + T(1.0));
     const T z = s * s;
-    // Taylor of 2 artanh(s) = log m, |s| <= 0.1716: the first term left out is below 1e-17.
+    // Taylor series of 2 artanh(s) = log m, |s| <= 0.1716. The first omitted term is below 1e-17.
     T sum = T(2.0 / 21);
     sum = mul_add(sum, z, T(2.0 / 19));
     sum = mul_add(sum, z, T(2.0 / 17));

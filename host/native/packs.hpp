@@ -1,6 +1,6 @@
-// Packs of lanes, one after the other, for one instruction set: what engine.cpp fills its table with. It uses
-// nothing from the standard library that has code: inline functions of the library would be shared between
-// the sets by the linker.
+// Runs packs of lanes one after another, for one instruction set. engine.cpp fills its table with these
+// functions. They use no standard library function that has code, because the linker would share such inline
+// functions between the instruction sets.
 #pragma once
 
 #include <new>
@@ -25,10 +25,10 @@ inline std::size_t rounded_up(std::size_t bytes) {
 }
 inline std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLanesInPack - 1) / kLanesInPack; }
 
-// More samples than any sensor gives, and far from where counters wrap.
+// More samples than any sensor delivers, and far from where counters wrap.
 const std::uint64_t kMostPushed = std::uint64_t(1) << 52;
 
-// One kind of memory: how much it needs and how it is made.
+// A kind of memory: how much storage it needs, and how it is created.
 struct Direct {
     typedef DirectMemory<Number> Memory;
     static std::size_t storage(const EngineShape& shape) { return Memory::storage(shape.window); }
@@ -51,7 +51,7 @@ struct Compressed {
     static bool plausible(const Memory::Position& at, const EngineShape&) { return at.pushed <= kMostPushed; }
 };
 
-// Whether the filters of a lane can have come of their steps, all their numbers being finite.
+// Whether the filters of a lane can have reached this state, given that all numbers are finite.
 inline bool sound(const StateBelief<Number>& state, int lane) {
     return state.P[lane] >= 0 && state.V[lane] >= 0 && state.reach[lane] >= 0;
 }
@@ -82,8 +82,8 @@ inline void believe(Joint<Number>& filters, int lane, const Belief& belief) {
     set_lane(filters.P.bb, lane, belief.parameter_variance);
 }
 
-// An engine of one variant and memory: its packs one after another, each a Lane and the storage of its
-// memory.
+// An engine of one variant and memory kind. It stores its packs one after another, each a Lane followed by
+// the storage of its memory.
 template <class Variant, class Kind>
 class Packs {
   public:
@@ -141,7 +141,8 @@ class Packs {
         }
     }
 
-    // Pack after pack, bytes as they are: State, the memory's own data, its storage with the tables in it.
+    // A snapshot holds, pack after pack, the raw bytes of State, of the memory's own data, and of its storage
+    // including the tables.
     std::size_t snapshot() const {
         return packs(shape_) * (sizeof(typename PackOfLanes::State) + sizeof(Position) +
                                 Kind::storage(shape_) * sizeof(Number));
@@ -156,7 +157,8 @@ class Packs {
         }
     }
 
-    // False if a snapshot of the right size cannot come from this engine; it is then to be thrown away.
+    // Returns false if a snapshot of the right size cannot come from this engine. The engine then has to be
+    // discarded.
     bool load(const unsigned char* in) {
         const std::size_t history = Kind::history(shape_), all = Kind::storage(shape_);
         for (std::size_t i = 0; i < packs(shape_); ++i) {
@@ -165,7 +167,7 @@ class Packs {
             in = get(in, &position, sizeof position);
             if (!Kind::plausible(position, shape_)) return false;
             lane(i).memory().set_position(position);
-            // The tables are this engine's own: nothing that comes from elsewhere can spoil them.
+            // The tables are not loaded: the engine keeps its own, so no snapshot can corrupt them.
             get(in, memory_storage(i), history * sizeof(Number));
             in += all * sizeof(Number);
             if (!sound_pack(i)) return false;
@@ -189,7 +191,7 @@ class Packs {
         return in + bytes;
     }
 
-    // The last pack may have idle lanes: they have the settings of the last lane and are fed zeros.
+    // The last pack may have idle lanes. They have the settings of the last lane, and their input is zeros.
     std::size_t used(std::size_t i) const {
         const std::size_t rest = shape_.lanes - i * kLanesInPack;
         return rest < kLanesInPack ? rest : kLanesInPack;
@@ -226,14 +228,15 @@ class Packs {
         return values;
     }
 
-    // The sample of row k.
+    // Reads the sample of row k.
     void take(std::size_t i, const Block& block, std::size_t k, Sample<Number>& sample) const {
         const std::size_t row = k * shape_.lanes;
         sample.y = numbers(block.y + row, i);
         if (block.u) sample.u = numbers(block.u + row, i);
         if (block.missing) {
             sample.missing = flags(block.missing + row, i);
-            sample.y = select(sample.missing, Number(0.0), sample.y);  // whatever stands there
+            // the value of a missing sample is ignored
+            sample.y = select(sample.missing, Number(0.0), sample.y);
         }
     }
 
@@ -308,7 +311,7 @@ class Packs {
         return calm;
     }
 
-    // Whether what has been loaded can have come of steps: idle lanes do not matter.
+    // Whether the loaded state of a pack is possible. Idle lanes do not matter.
     bool sound_pack(std::size_t i) const {
         const typename PackOfLanes::State& state = lane(i).state();
         const Number* const numbers = static_cast<const Number*>(static_cast<const void*>(&state));

@@ -1,6 +1,6 @@
-// The samples of an axis so far, for a filter that begins again with another system: the newest one by one,
-// the older ones as means, the longer the older. Constant memory; half a month at 100 Hz and the mean of all
-// before.
+// The past samples of an axis, for a filter that restarts with another model. The newest samples are kept
+// singly; older ones are kept as means, over longer times the older they are. Memory is constant. At 100 Hz
+// it covers half a month, plus the mean of all earlier samples.
 #pragma once
 
 #include <cmath>
@@ -11,13 +11,13 @@
 namespace fltea {
 namespace track {
 
-// What is remembered of a sample: no sensor has more.
+// Samples are limited to this magnitude. No sensor delivers more.
 constexpr float kMostKnown = 1e37f;
 inline float remembered(double y) {
     return y > kMostKnown ? kMostKnown : y < -kMostKnown ? -kMostKnown : float(y);
 }
 
-// A number that is remembered, or NaN.
+// Saves or loads a remembered number, which may be NaN.
 template <typename Io>
 void visit_known(Io& io, float& value) {
     const double most = kMostKnown;
@@ -26,7 +26,7 @@ void visit_known(Io& io, float& value) {
     value = one > most ? __builtin_nanf("") : float(one);
 }
 
-// `size` newest numbers, a multiple of kGroup; NaN: nothing is known then.
+// The newest numbers, up to `size`, which is a multiple of kGroup. NaN: unknown.
 template <int size>
 class Newest {
   public:
@@ -38,8 +38,8 @@ class Newest {
         values_[(first_ + count_) % size] = value;
         ++count_;
     }
-    // Takes the oldest `group` of them out; returns the mean of those that are known, NaN if that is less
-    // than half.
+    // Removes the oldest `group` numbers. Returns the mean of the known ones, or NaN if less than half are
+    // known.
     float pop(int group) {
         double sum = 0;
         int known = 0;
@@ -54,7 +54,7 @@ class Newest {
         return 2 * known >= group ? float(sum / known) : __builtin_nanf("");
     }
     void clear() { first_ = count_ = 0; }
-    // Whether all are as there, bit by bit, whatever the newest so many are.
+    // Whether all numbers equal those of `other` bit by bit, except the newest `but_newest`.
     bool is(const Newest& other, int but_newest) const {
         if (first_ != other.first_ || count_ != other.count_) return false;
         const int all = count_ - but_newest;
@@ -62,7 +62,7 @@ class Newest {
         return all <= 0 || (same(values_ + first_, other.values_ + first_, to_end) &&
                             same(values_, other.values_, all - to_end));
     }
-    // Of the newest so many nothing is known.
+    // Marks the newest numbers as unknown.
     void forget(int newest) {
         for (int i = count_ - newest < 0 ? 0 : count_ - newest; i < count_; ++i) {
             values_[(first_ + i) % size] = __builtin_nanf("");
@@ -89,7 +89,7 @@ class Past {
   public:
     enum { kGroup = 32, kSingle = 2048, kMeans = 512, kLevels = 3 };
 
-    // kGroup successive samples.
+    // Adds kGroup consecutive samples.
     void add(const float* y) {
         if (single_.full()) lift(single_.pop(kGroup), 0);
         for (int i = 0; i < kGroup; ++i) single_.push(y[i]);
@@ -98,14 +98,14 @@ class Past {
         single_.clear();
         for (Newest<kMeans>& one : means_) one.clear();
     }
-    // Whether all is as there, whatever the newest so many single ones are.
+    // Whether all numbers equal those of `other`, except the newest `but_newest` single samples.
     bool is(const Past& other, int but_newest) const {
         for (int i = 0; i < kLevels; ++i) {
             if (!means_[i].is(other.means_[i], 0)) return false;
         }
         return single_.is(other.single_, but_newest);
     }
-    // Of the newest so many samples nothing is known; as far as there are single ones.
+    // Marks the newest samples as unknown, as far as they are kept singly.
     void forget(int newest) { single_.forget(newest); }
     const Newest<kSingle>& single() const { return single_; }
     // Means of kGroup^(level + 1) samples.

@@ -1,6 +1,5 @@
-// Lines of text that are plain rows of numbers, as numbers: to the bit what Python's float makes of each
-// field. What is not plain is left to Python (host/fltea/recording/text_numbers.py), so it is decided in one
-// place.
+// Parses plain rows of numbers in lines of text, bit-identical to Python's float. Any line that is not plain
+// is left to Python (host/fltea/recording/text_numbers.py), so the rules for such lines exist only once.
 #pragma once
 
 #include <algorithm>
@@ -16,8 +15,8 @@
 
 namespace fltea {
 
-// separator: 0 is white space. least: a row has so many fields or more. most: those beyond them are empty.
-// places: of the fields that are read, from 0.
+// `separator`: 0 for white space. `least`: a row has at least this number of fields. `most`: fields beyond
+// this number are empty. `places`: indexes, from 0, of the fields to read.
 struct RowForm {
     char separator;
     std::size_t least, most;
@@ -26,8 +25,8 @@ struct RowForm {
 
 class PlainRows {
   public:
-    // decimal: '.' or ',' if an earlier number had it, else 0; commas are decimal where they separate
-    // nothing.
+    // `decimal`: '.' or ',' if an earlier number had that decimal mark, otherwise 0. A comma is a decimal
+    // mark only if it does not separate fields.
     PlainRows(RowForm form, char decimal) : form_(std::move(form)), decimal_(decimal) {
         for (std::size_t k = 0; k < form_.places.size(); ++k) {
             const std::size_t place = form_.places[k];
@@ -40,9 +39,10 @@ class PlainRows {
         return 1 + static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
     }
 
-    // Reads whole lines (the last one may lack its end) up to the first that is not plain; where it begins,
-    // text.size() + 1 if there is none. Blank lines and comments are passed over. values: their numbers, row
-    // after row. lines: which lines are rows, from 0. Both have room for all lines.
+    // Reads complete lines (the last line may lack its end) up to the first line that is not plain. Returns
+    // the position where that line begins, or text.size() + 1 if all lines are plain. Skips blank lines and
+    // comments. `values`: receives the numbers, row by row. `lines`: receives the index of each row's line,
+    // from 0. Both need room for all lines.
     std::size_t read(std::string_view text, double* values, std::int64_t* lines) {
         const std::size_t width = form_.places.size();
         std::size_t begin = 0;
@@ -63,7 +63,7 @@ class PlainRows {
         return begin;
     }
 
-    // How many lines are passed, and how many of them are rows.
+    // Number of consumed lines, and number of rows among them.
     std::size_t passed = 0, rows = 0;
 
     char decimal() const { return decimal_; }
@@ -87,8 +87,8 @@ class PlainRows {
         return !line.empty() && (line.front() == '#' || line.front() == '%' || line.substr(0, 2) == "//");
     }
 
-    // The same as `row` where all fields that are read are short numbers, in a third of the time; false
-    // elsewhere.
+    // Does the same as `row` in a third of the time, if all fields to be read are short numbers. Returns
+    // false otherwise.
     bool quick(std::string_view line, double* out) {
         if (!is_ascii(line.front()) || (decimal_ == ',' && form_.separator != ',')) return false;
         const char *at = line.data(), *const end = at + line.size();
@@ -116,10 +116,10 @@ class PlainRows {
 
     bool is_end(char sign) const { return form_.separator ? sign == form_.separator : is_blank(sign); }
 
-    // Whether a line is plain; then its numbers are written.
+    // Returns whether a line is plain, and writes its numbers if it is.
     bool row(std::string_view line, double* out) {
         fields_.clear();
-        bool plain = line.front() == '\t' || is_ascii(line.front());  // Python knows other blanks, too
+        bool plain = line.front() == '\t' || is_ascii(line.front());  // Python knows further blank characters
         for (std::size_t begin = 0, end = 0; begin < line.size(); begin = form_.separator ? end + 1 : end) {
             if (form_.separator) {
                 for (end = begin; end < line.size() && line[end] != form_.separator;) ++end;
@@ -145,7 +145,7 @@ class PlainRows {
         return true;
     }
 
-    // A field without blanks and quotes around it; false for quotes anywhere else.
+    // Adds a field without surrounding blanks and quotes. Returns false if it has quotes anywhere else.
     bool add(std::string_view field) {
         if (field.size() > 1 && field.front() == '"' && field.back() == '"')
             field = field.substr(1, field.size() - 2);
@@ -153,7 +153,7 @@ class PlainRows {
         return field.find('"') == field.npos;
     }
 
-    // Whether a field is a number, or empty, or a word for what is missing.
+    // Whether a field is a number, or empty, or a word that marks a missing value.
     bool number(std::string_view text, double& value, char& mark) const {
         if (text.empty()) return true;
         if (text.size() >= kLongest) return false;
@@ -185,8 +185,8 @@ class PlainRows {
 
     static bool is_digit(char sign) { return sign >= '0' && sign <= '9'; }
 
-    // Digits up to 2^53, and a power of ten that is exact: then one division rounds as it has to. Behind the
-    // last one; null if these are others.
+    // Parses a number with at most 2^53 as its digits and an exact power of ten, so that one division rounds
+    // correctly. Returns the position after the number, or null if the text is not such a number.
     static const char* digits(const char* at, const char* end, double& value, bool& has_point) {
         static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                            1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
@@ -222,7 +222,7 @@ class PlainRows {
 
     RowForm form_;
     char decimal_;
-    std::vector<std::size_t> slots_;  // by the field: where its number goes
+    std::vector<std::size_t> slots_;  // for each field, the index for its number
     std::vector<std::string_view> fields_;
 };
 

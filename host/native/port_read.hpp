@@ -1,4 +1,4 @@
-// When bytes of a port came.
+// Arrival times of bytes on a port.
 #pragma once
 
 #include <cstdint>
@@ -6,11 +6,11 @@
 namespace fltea {
 
 struct Stamp {
-    std::int64_t host_ns;         // of the clock that fltea.records.clock reads
-    std::int64_t unix_offset_ns;  // to be added to it to get Unix time; 0 if that cannot be
+    std::int64_t host_ns;         // on the clock that fltea.records.clock reads
+    std::int64_t unix_offset_ns;  // added to host_ns it gives Unix time; 0 if Unix time is not known
 };
 
-// One successful read of a port: where it ends in the bytes taken together with it, and when it came.
+// One successful read of a port: its end in the bytes that were taken together, and its arrival time.
 struct PortRead {
     std::int64_t end;
     Stamp stamp;

@@ -1,7 +1,8 @@
-// Reads many ports in a thread of its own: each read is stamped when it came, whatever else the program does.
+// Reads many ports in a thread of its own. Each read gets its time stamp on arrival, whatever the rest of the
+// program does.
 //
-// What came waits here until somebody takes it. Who takes is woken when the oldest byte of a port is as old
-// as that port's latency, so how often that happens costs no stamp its truth.
+// Received bytes wait here until `take` fetches them. `take` returns when the oldest byte of a port is as old
+// as that port's latency. Waiting does not affect the time stamps.
 #pragma once
 
 #include <condition_variable>
@@ -20,42 +21,42 @@ namespace fltea {
 
 Stamp stamp_now();
 
-// Is added to what the system says of Unix time: for tests of a clock that is set.
+// Adds `ns` to the system's Unix time, for tests in which the clock is set.
 void shift_unix_clock(std::int64_t ns);
 
-// What came from one port since it was last taken.
+// What a port delivered since the last `take`.
 struct PortNews {
     int port = 0;
     std::vector<std::uint8_t> bytes;
     std::vector<PortRead> reads;
-    std::int64_t overflow_bytes = 0;  // read and thrown away, because too much waited
-    int error = 0;                    // not 0: the port was lost behind these bytes, with this errno
+    std::int64_t overflow_bytes = 0;  // discarded after reading, because too many bytes were waiting
+    int error = 0;                    // not 0: the port was lost after these bytes, with this errno
     Stamp lost = {};
 };
 
-// Methods may be called from any thread; `take` from one at a time.
+// Methods may be called from any thread; `take` from only one thread at a time.
 class PortReader {
   public:
-    // capacity: bytes that may wait of one port, those that note its reads included.
+    // `capacity`: number of bytes that may wait per port, including the memory of its read records.
     explicit PortReader(std::size_t capacity);
     ~PortReader();
     PortReader(const PortReader&) = delete;
     PortReader& operator=(const PortReader&) = delete;
 
-    // Begins to read a descriptor that does not block. It stays the caller's, who closes it once the port is
-    // lost or the reader closed. port: a number from 0 on, that of no other port that is read. closes: an
-    // empty read means that the other side has closed, as of a socket. Throws std::system_error if it cannot
-    // be waited for.
+    // Begins to read a non-blocking descriptor. The caller keeps the descriptor, and closes it after the port
+    // is lost or this reader is closed. `port`: index of the port, from 0, not in use by another port.
+    // `closes`: an empty read means that the other side closed, as for a socket. Throws std::system_error if
+    // epoll does not accept the descriptor.
     void add(int port, int descriptor, bool closes, std::int64_t latency_ns);
 
-    // Waits until something is due, `wake` or the timeout, and returns the time and, in `news`, all that came
-    // until then. A port that is lost is due at once, and read no more.
+    // Waits until a port is due, `wake` is called or the timeout passes. Returns the time and, in `news`,
+    // everything that arrived until then. A port that is lost is due at once and no longer read.
     std::int64_t take(double timeout_s, std::vector<PortNews>& news);
 
-    // Ends a `take` that waits, or else the next one.
+    // Ends a `take` that waits, or else the next `take`.
     void wake();
 
-    // Stops reading; nothing more is due.
+    // Stops reading. No port becomes due afterwards.
     void close();
 
   private:
@@ -63,7 +64,7 @@ class PortReader {
         int descriptor = -1;
         bool closes = false;
         std::int64_t latency_ns = 0;
-        bool changed = false;  // there is news
+        bool changed = false;  // `news` is not empty
         PortNews news;
     };
 
@@ -74,7 +75,7 @@ class PortReader {
     void tell_if_due();
 
     const std::size_t capacity_;
-    const int owner_;  // the process; one that is forked from it has no thread to wait for
+    const int owner_;  // process that created it; a forked process has no thread to join
     const Descriptor epoll_;
     const WakeUp close_;
     std::mutex mutex_;

@@ -1,5 +1,5 @@
-// One device on a port: its bytes through the wire's line and the device, to printed lines and to rows for
-// who takes them. It goes on by itself until something happens that is the caller's (LineStop).
+// The samples of one device on a port: passes its bytes through the wire decoder and the device, and collects
+// printed lines and rows. It continues alone until the caller has to act (PortStop).
 #pragma once
 
 #include <cstddef>
@@ -16,15 +16,15 @@
 
 namespace fltea {
 
-// What is the caller's; then `walk` is called again.
+// Why `walk` returned. The caller acts, then calls `walk` again.
 enum class PortStop : int {
-    kNothing,  // all that came is taken
-    kItem,     // an item of the line (item())
-    kStop,     // a stop of the device (advanced(), samples())
-    kRows,     // rows wait (rows()), which he clears
-    kReads,    // bytes wait as they came (reads()), which he clears
-    kLost,     // the port was lost behind all that came (news().error, news().lost)
-    kFault,    // what came cannot be taken (Round::fault), and nothing more is
+    kNothing,  // all received bytes are consumed
+    kItem,     // an item of the wire (item())
+    kStop,     // the device stopped (advanced(), samples())
+    kRows,     // rows wait (rows()); the caller clears them
+    kReads,    // raw bytes wait (reads()); the caller clears them
+    kLost,     // the port was lost after all received bytes (news().error, news().lost)
+    kFault,    // the bytes cannot be processed (Round::fault); the stream has ended
 };
 
 class PortStream {
@@ -32,33 +32,33 @@ class PortStream {
     PortStream(WireLine& wire, Device& device, std::vector<RunPrinter*>& printers)
         : wire_(wire), device_(device), printers_(printers) {}
 
-    // Somebody takes rows, prints lines, takes bytes as they came.
+    // Whether the caller wants rows, printed lines, or the raw bytes.
     bool wants_rows = false, wants_text = false, wants_reads = false;
-    // How long rows and bytes may wait for more.
+    // How long rows and bytes may wait to be joined by more.
     std::int64_t patience_ns = 0;
     std::int64_t overflow_bytes = 0;
 
-    // Rows or bytes wait for more, or the caller has not been told of all.
+    // Whether rows or bytes wait, or the caller does not know all events yet.
     bool is_waiting() const { return is_busy_ || is_lost_ || rows_.rows() > 0 || !reads_.reads.empty(); }
-    // Bytes came since the port was lost last.
+    // Whether bytes came since the port was last lost.
     bool has_worked() const { return has_worked_; }
     const LineItem& item() const { return item_; }
     const Advanced& advanced() const { return advanced_; }
     const SampleColumns& samples() const { return samples_; }
     const Device& device() const { return device_; }
-    // When the sample arrived before which, or behind which, the device stopped.
+    // Arrival time of the sample at which the device stopped.
     std::int64_t stopped_ns() const {
         return stands_before_sample(advanced_.stop) ? samples_.host_ns[advanced_.next] : now_ns_;
     }
     RunRows& rows() { return rows_; }
     PortNews& reads() { return reads_; }
     const PortNews& news() const { return news_; }
-    // Rows that wait have not been printed: there is no text for them yet.
+    // Whether the waiting rows were not printed.
     bool is_unprinted() const { return is_unprinted_; }
-    // When the newest of what was taken arrived or happened.
+    // Time of the newest consumed sample or event.
     std::int64_t now_ns() const { return now_ns_; }
 
-    // When rows or bytes that wait are due.
+    // Time at which the waiting rows or bytes are due.
     std::int64_t due_ns() const {
         std::int64_t due = Device::kNever;
         if (rows_.rows() > 0) due = rows_.first_ns() + patience_ns;
@@ -94,7 +94,7 @@ class PortStream {
     PortStop walk(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
-                if (rows_.rows() > 0) return PortStop::kRows;  // nothing overtakes samples
+                if (rows_.rows() > 0) return PortStop::kRows;  // samples are delivered before later items
                 if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
                     return PortStop::kReads;
                 return std::exchange(held_, PortStop::kNothing);
@@ -129,7 +129,7 @@ class PortStream {
   private:
     static constexpr std::size_t kMostRows = 512, kMostBytes = 1 << 16;
 
-    // Whoever keeps the bytes has those of a HELLO before he learns what it says.
+    // A caller that keeps the raw bytes receives those of a HELLO before its content.
     bool says_hello() const { return item_.kind == LineItem::kFrame && item_.type == Hello::type(); }
 
     PortStop next() {
@@ -147,7 +147,7 @@ class PortStream {
                 return PortStop::kNothing;
             case LineItem::kBad:
                 return PortStop::kNothing;
-            case LineItem::kSameHello:  // as a device says once a second
+            case LineItem::kSameHello:  // devices repeat their HELLO once a second
                 if (device_.place.knows_hello() && item_.host_ns < device_.stats_due_ns)
                     return PortStop::kNothing;
                 return PortStop::kItem;
@@ -199,14 +199,15 @@ class PortStream {
     SampleColumns samples_ = {};
     Advanced advanced_ = {};
     std::size_t at_ = 0;
-    std::vector<char> room_;  // of the columns of a run
+    std::vector<char> room_;  // memory for the columns of a run
     RunRows rows_;
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
-    PortStop held_ = PortStop::kNothing;                   // the caller's, once he has all samples before it
+    // reason to return once the caller has all earlier samples
+    PortStop held_ = PortStop::kNothing;
     bool has_new_rows_ = false, is_text_missing_ = false;  // of the newest run
-    bool is_unprinted_ = false;                            // rows that wait
+    bool is_unprinted_ = false;                            // concerns the waiting rows
 };
 
 }  // namespace fltea
