@@ -95,7 +95,7 @@ class Kalman {
         }
         gains.at = at;
     }
-    // With this covariance of the first prediction; x is as it was.
+    // Starts with this covariance of the first prediction, and keeps x.
     void start(const System<N>* system, const RiccatiMap<N>* map, const double* covariance) {
         system_ = system;
         map_ = map;
@@ -106,8 +106,8 @@ class Kalman {
         find_gain();
     }
     double bias() const { return dot(system_->bias, x, system_->n); }
-    // Of the bias now, of something else that `row` makes of x: by the covariance at hand, which may be that
-    // of up to kHeld samples later.
+    // Variance of the present bias, or of the linear form `row` times x. It uses the current P, which may be
+    // that of up to kHeld samples later.
     double variance_of(const double* row) const {
         const System<N>& s = *system_;
         const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
@@ -115,7 +115,7 @@ class Kalman {
         return found > 0 ? found : own > 0 ? own : 0;
     }
 
-    // After they have been moved.
+    // Call this after the system and the map have been moved in memory.
     void point_to(const System<N>* system, const RiccatiMap<N>* map) {
         system_ = system;
         map_ = map;

@@ -1,6 +1,7 @@
-// Whether the times of samples agree with the rate that their device states. A device numbers its sampling
-// instants and writes its own time into each, so number and time together are its rate; HELLO's is a constant
-// of its firmware. Sample by sample the two may differ by a period, which lets half the rate pass.
+// Checks whether the times of samples agree with the rate that their device states. A device numbers its
+// sampling instants and adds its own time to each, so numbers and times together give the true rate. The rate
+// in HELLO is a constant of the firmware. A check of single samples would have to allow a difference of one
+// period, and so would accept even half the rate.
 #pragma once
 
 #include <cmath>
@@ -11,25 +12,25 @@ namespace fltea {
 
 class RateWatch {
   public:
-    // Sensors' own clocks are within 1 %, cheap ones within 5 %; a burst shifts both ends by a period.
+    // Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst can shift both ends by one period.
     static constexpr double kTolerance = 0.05, kPeriods = 2;
-    // So many pairs of neighbours have to be alike before anything is said, and after so many steps it begins
-    // again, so that the newest ones count.
+    // kLeastPairs: number of similar pairs of consecutive samples before a verdict. kWindow: number of steps
+    // after which the check restarts, so that only recent samples count.
     static constexpr std::int64_t kLeastPairs = 20, kWindow = 200;
-    // A larger step of the number may be one that has wrapped.
+    // A larger step of the number may be a number that has wrapped.
     static constexpr std::int64_t kLargestStep = 64;
 
     enum Verdict { kUnknown, kAgrees, kDiffers };
 
     void begin() { has_last_ = false; }
 
-    // step, step_us: of number and time since the sample before, without their wraps.
+    // `step`, `step_us`: difference of number and of time from the previous sample, with wraps removed.
     Verdict add(std::int64_t step, std::int64_t step_us, double period_us) {
         const bool is_first = !has_last_;
         has_last_ = true;
         const bool is_usable = step >= 1 && step <= kLargestStep && step_us > 0;
         const bool is_alike = pairs_ == 0 || std::llabs(step_us * steps_ - us_ * step) * 2 <= us_ * step;
-        if (is_first || !is_usable || !is_alike) {  // a restart, a stall, or stamps that come in bursts
+        if (is_first || !is_usable || !is_alike) {  // a restart, a stall, or time stamps in bursts
             pairs_ = steps_ = us_ = 0;
             return kUnknown;
         }
@@ -46,7 +47,7 @@ class RateWatch {
         return differs ? kDiffers : is_full ? kAgrees : kUnknown;
     }
 
-    // By the device's clock, as of the last time that it differed.
+    // Rate by the device's clock, as of the last time it differed from the stated rate.
     double rate_hz() const { return rate_hz_; }
 
   private:

@@ -1,4 +1,4 @@
-// The running spectrum of firmware/core/engine in floating point: the host's.
+// The host's running spectrum: that of firmware/core/engine in floating point.
 #pragma once
 
 #include <cmath>
@@ -27,7 +27,7 @@ class RealTables {
             sine_[i] = Number(std::sin(turn * i));
         }
     }
-    // Hann's window at even and odd places; of a turn's i-th 256th part.
+    // Hann's window at even and odd indexes; cosine and sine of i/256 of a turn.
     Number even(int i) const { return even_[i]; }
     Number odd(int i) const { return odd_[i]; }
     Number cosine(int i) const { return cosine_[i]; }
@@ -37,7 +37,7 @@ class RealTables {
     Number even_[kHalf], odd_[kHalf], cosine_[kHalf], sine_[kHalf];
 };
 
-// kMostLevels: 20 are half a year at 100 Hz.
+// kMostLevels: 20 levels are half a year at 100 Hz.
 template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
 struct RealSpectrum {
     typedef double Input;  // finite, within 1e100
@@ -53,7 +53,7 @@ struct RealSpectrum {
     template <int kLines>
     using Sums = FadingSums<kLines>;
     enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 64 };
-    static constexpr double kLargest = 1e19;  // of the values
+    static constexpr double kLargest = 1e19;  // largest magnitude of the values
 
     static double input(double y) { return y; }
     static double root(double x) { return std::sqrt(x); }
@@ -66,7 +66,7 @@ struct RealSpectrum {
         return one;
     }
 
-    // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
+    // Of samples: their mean, the power about the mean, and the power of the sample farthest from the mean.
     class Moments {
       public:
         Moments(const double* x, int n) {
@@ -89,7 +89,7 @@ struct RealSpectrum {
       private:
         double mean_, power_, largest_;
     };
-    // From sample to sample; 0 if there is none.
+    // Smallest nonzero difference between consecutive samples; 0 if there is none.
     static double least_change(const double* x, int n) {
         double least = std::numeric_limits<double>::infinity();
         for (int i = 1; i < n; ++i) {
@@ -100,7 +100,7 @@ struct RealSpectrum {
         return std::isinf(least) ? 0 : least;
     }
 
-    // What no sensor says must not become infinite.
+    // Limits values that no sensor delivers, so that they do not become infinite.
     static Number value(double y, double origin) {
         const double apart = y - origin, most = kLargest;
         return Number(apart > most ? most : apart < -most ? -most : apart);
@@ -115,7 +115,7 @@ struct RealSpectrum {
         void renew(float*, int) {}
     };
 
-    // A block less its mean.
+    // A block minus its mean.
     template <typename Stored>
     class Centred {
       public:
@@ -134,8 +134,9 @@ struct RealSpectrum {
         Number mean_;
     };
 
-    // The logarithm of the blocks' power in time. The first octave has the shortest blocks, so it tells of
-    // changes at all scales; those below add what only they see, at the shortest scales that they have.
+    // The logarithm of the power of the blocks, as a function of time. The first octave has the shortest
+    // blocks, so it shows changes at all scales. The lower octaves add the changes that only they see, at
+    // their shortest scales.
     template <int kLines>
     class Cells : public TimeCells {
       public:
@@ -166,7 +167,7 @@ struct RealSpectrum {
         }
 
       private:
-        // Figures in each of so many parts of two memories; 0 if nothing is forgotten.
+        // Values in each of `parts` parts of two memory lengths; 0 if nothing is forgotten.
         static std::uint32_t span(FadingMemory memory, std::uint64_t hop, int parts) {
             if (!memory.fades()) return 0;
             const double span = std::ceil(2 * memory.samples() / (double(hop) * parts));
@@ -180,7 +181,7 @@ struct RealSpectrum {
 template <typename Number, int kMostLevels, int kMostKept>
 constexpr double RealSpectrum<Number, kMostLevels, kMostKept>::kLargest;
 
-// Gains are those of the taps in double, whatever they are calculated with.
+// The gain uses the taps in double, whatever type the filter computes with.
 inline double half_band_gain(double angle) {
     typedef engine::HalfBand<RealSpectrum<double>> Filter;
     double sum = Filter::middle();

@@ -1,4 +1,5 @@
-// A system's filter over means of samples, what it makes of innovations, and how likely it made the samples.
+// Filters means of samples with a linear system, and gives statistics of the innovations and the likelihood
+// of the samples.
 #pragma once
 
 #include <algorithm>
@@ -15,14 +16,15 @@ namespace track {
 
 namespace refilter {
 
-// Coordinates whose relaxation takes less than 1 / kSlow of the time of a mean are white noise in it.
+// A state with a relaxation time shorter than 1 / kSlow of the duration of a mean is white noise in the
+// means.
 constexpr double kSlow = 6;
-// Of an element of a covariance: less is nothing.
+// Relative rounding error of a covariance's element. Smaller values count as 0.
 constexpr double kRounding = 1e-9;
 
-// The slow part of a system, one mean of m samples a step. `of`: its coordinates in the whole, of which there
-// are n. What a mean has beside that of the coordinates at its end is one more coordinate, the last one of
-// the system, which a step forgets.
+// The slow part of a system, with one mean of m samples per step. `of`: indexes of the n slow states in the
+// whole system. A mean differs from the states at its end; this difference is one more state, the last of the
+// system, which each step forgets.
 struct Coarse {
     System<kMost> system;
     int n, of[kMost];
@@ -32,8 +34,8 @@ inline bool is_slow(const System<kMost>& s, int i, double m) {
     return i >= 2 * s.pairs && s.c[i] != 0 && s.a[i] > 0 && (1 - s.a[i]) * m < kSlow;
 }
 
-// Sums of m samples, m a power of 2, by doubling: what a sum has of each coordinate before the first sample,
-// and the covariances of what comes on top of coordinates and sum.
+// Sums of m samples, m a power of 2, computed by doubling: how each state before the first sample contributes
+// to the sum, and the covariances of the noise that is added to the states and to the sum.
 struct Sums {
     explicit Sums(const System<kMost>& s) : step(s) {
         const int n = s.n;
@@ -69,7 +71,7 @@ struct Sums {
         samples *= 2;
     }
 
-    // Of that many samples: A and Q.
+    // A and Q for `samples` steps.
     System<kMost> step;
     double samples = 1, row[kMost], both[kMost], variance;
 
@@ -100,19 +102,19 @@ struct Sums {
     }
 };
 
-// m: a power of 2.
+// `m`: number of samples in a mean, a power of 2.
 inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     System<kMost>& q = to.system;
     Sums sums(s);
     while (sums.samples < m) sums.twice();
-    double fast[kMost];  // what a mean has of the other coordinates before it
+    double fast[kMost];  // how the mean depends on the fast states before it
     int n = 0;
     for (int i = 0; i < s.n; ++i) {
         fast[i] = is_slow(s, i, m) ? 0 : sums.row[i] / m;
         if (is_slow(s, i, m)) to.of[n++] = i;
     }
     to.n = n;
-    // Without room for it, what is forgotten is white noise.
+    // If there is no room for the extra state, its noise is treated as white.
     const bool room = n < kMost;
     q.n = n + (room ? 1 : 0);
     q.pairs = 0;
@@ -147,10 +149,10 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     }
 }
 
-// How large innovations at rest are, by the median of chunks, which motion that was not seen does not move.
+// Size of the innovations at rest. It is the median of chunks, so undetected motion does not change it.
 class Innovations {
   public:
-    // z: in its deviations, or NaN.
+    // `z`: innovation divided by its deviation, or NaN.
     void add(double z) {
         if (std::isnan(z)) {
             known_ = false;
@@ -168,7 +170,7 @@ class Innovations {
         known_ = true;
         sum_ = powers_ = largest_ = 0;
     }
-    // Of too few it is what it was.
+    // Returns `before` if there are too few chunks.
     Usual usual(const Usual& before) {
         if (count_ < kFewestChunks) return before;
         Usual found;
@@ -200,8 +202,8 @@ class Likelihood {
     HeldLog log_S_;
 };
 
-// Where the bias has stepped, by the number of the first sample after it, and the variance of what it may
-// have stepped by; the newest ones.
+// The newest steps of the bias: the number of the first sample after each step, and the variance of its
+// possible size.
 class Steps {
   public:
     enum { kMostSteps = 16 };
@@ -218,7 +220,7 @@ class Steps {
         steps_[count_++] = Step{at, variance};
     }
     void clear() { count_ = 0; }
-    // Those at or behind a sample never were.
+    // Drops the steps at sample `from` or later.
     void forget(std::int64_t from) {
         int kept = 0;
         for (int i = 0; i < count_; ++i) {
@@ -233,7 +235,7 @@ class Steps {
         }
         return count_ == other.count_;
     }
-    // The variance of all steps of samples from `begin` on and before `end`; 0 without one.
+    // Sum of the variances of all steps in samples `begin` to before `end`; 0 without a step.
     double within(std::int64_t begin, std::int64_t end) const {
         double sum = 0;
         for (int i = 0; i < count_; ++i) {
@@ -263,7 +265,7 @@ inline bool is_finite(const double* x, int n) {
     return true;
 }
 
-// Whether a symmetric matrix has no negative eigenvalue, but for rounding: by elimination.
+// Whether a symmetric matrix has no negative eigenvalue, except by rounding. Uses elimination.
 inline bool is_covariance(const double* P, int n) {
     double left[kMost * kMost];
     std::memcpy(left, P, sizeof(double) * std::size_t(n * n));
@@ -279,8 +281,8 @@ inline bool is_covariance(const double* P, int n) {
     return true;
 }
 
-// Means of m samples go through the filter of the slow part; x and P of all of it are before and after.
-// first: number of the first sample in them. A mean with a step inside of it says nothing.
+// Filters means of m samples with the slow part of the system. On entry and return, x and P are those of the
+// whole system. `first`: number of the first sample in the means. A mean that contains a step is ignored.
 template <int size>
 void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, std::int64_t first,
              const Steps& steps, double* x, double* P, Likelihood& fits) {
@@ -314,7 +316,7 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // Where a slow pole pair counts as fast, numbers may be lost: then these means say nothing.
+    // If a slow pole pair counts as fast, precision may be lost. Then these means are ignored.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

@@ -16,10 +16,11 @@ namespace track {
 
 class Refiltered {
   public:
-    // Samples to come, at most: single ones stay single so long.
+    // Largest number of samples that may come meanwhile. Samples that are kept singly stay so for this time.
     enum { kMostToCome = Past::kSingle / 2 };
 
-    // steps: what is usual of the innovations until now. to_come: samples until `go_on`.
+    // `steps`: step test whose statistics of the innovations are valid until now. `to_come`: number of
+    // samples until `go_on`.
     Refiltered(const std::shared_ptr<TrackerModel>& model, const Remembered& memory, const StepTest& steps,
                int to_come)
         : model_(model), filters_(model->count()), then_(memory), steps_(steps), to_come_(to_come) {
@@ -34,12 +35,12 @@ class Refiltered {
     }
 
     const std::shared_ptr<TrackerModel>& model() const { return model_; }
-    // Whether the memory is what was expected; the samples that came are any.
+    // Whether the memory is as assumed. The values of the samples that came meanwhile do not matter.
     bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
-    // Takes the samples that came.
+    // Filters the samples that came meanwhile.
     void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }
 
-    // After that. False if that is no filter.
+    // Call this after `go_on`. Returns false if the filters have invalid numbers.
     bool sound() const {
         for (const Kalman<kMost>& one : filters_) {
             if (!std::isfinite(one.S) || !std::isfinite(one.bias())) return false;

@@ -1,4 +1,4 @@
-// What is remembered of an axis, and how a filter goes through it.
+// The remembered samples of an axis, and how a filter processes them.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,12 @@
 namespace fltea {
 namespace track {
 
-// The samples that a filter begins again with: those of the past, and the last ones, which are not in it yet
-// in case there was motion; NaN where nothing is known. And where the bias has stepped.
+// The samples that a filter restarts with: the past, and the recent samples. Recent samples are not yet part
+// of the past, because they may turn out to be motion. NaN: unknown. Also the steps of the bias.
 struct Remembered {
     enum { kRecent = 2 * RestGate::kChunk };
 
-    // Leaves the filter after the newest sample, and returns log L but for a constant.
+    // Leaves `filter` after the newest sample. Returns log L up to a constant.
     double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter) const {
         refilter::Likelihood fits;
         filter_means(s, map, filter, fits);
@@ -23,7 +23,7 @@ struct Remembered {
         return fits.value();
     }
 
-    // Leaves the filter before the first single sample, with what the means before it say.
+    // Leaves `filter` before the first single sample, after it has processed the means.
     void filter_means(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
                       refilter::Likelihood& fits) const {
         double x[kMost] = {0}, P[kMost * kMost];
@@ -42,8 +42,8 @@ struct Remembered {
         filter.start(&s, &map, P);
     }
 
-    // Takes the filter from the single sample `begin` to before `end`. `tell` is called with each innovation
-    // in its deviations; NaN without a sample.
+    // Filters the single samples from index `begin` to before `end`. Calls `tell` with each innovation
+    // divided by its deviation; NaN without a sample.
     template <typename Tell>
     void filter_single(const System<kMost>& s, Kalman<kMost>& filter, int begin, int end,
                        refilter::Likelihood& fits, Tell tell) const {
@@ -60,27 +60,27 @@ struct Remembered {
         }
     }
 
-    // How many samples stand alone, those of the past and the last ones.
+    // Number of single samples: those of the past and the recent ones.
     int singles() const { return past.single().count() + kept; }
 
-    // One more sample, NaN where nothing is known; then `roll`, if it ends a chunk.
+    // Adds a sample; NaN: unknown. Call `roll` next if the sample ends a chunk.
     void add(float y) {
         recent[kept++] = y;
         ++total;
     }
-    // The end of a chunk.
+    // Ends a chunk.
     void roll() {
         if (kept < kRecent) return;
         past.add(recent);
         std::memcpy(recent, recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
         kept = RestGate::kChunk;
     }
-    // A sample to come, of which nothing is known yet.
+    // Adds a future sample, which is unknown yet.
     void foresee() {
         add(__builtin_nanf(""));
         if (kept == kRecent) roll();
     }
-    // Whether all is as there, whatever the newest so many samples are.
+    // Whether everything equals `other`, except the values of the newest `but_newest` samples.
     bool is(const Remembered& other, int but_newest) const {
         if (total != other.total || kept != other.kept || !steps.is(other.steps)) return false;
         const int recently = kept - but_newest;
@@ -89,7 +89,7 @@ struct Remembered {
                 std::memcmp(recent, other.recent, sizeof(float) * std::size_t(recently)) == 0);
     }
 
-    // Nothing is known of the newest `count` samples, as far as they are single ones.
+    // Marks the newest `count` samples as unknown, as far as they are kept singly.
     void forget(int count) {
         for (int i = kept - count < 0 ? 0 : kept - count; i < kept; ++i) recent[i] = __builtin_nanf("");
         if (count > kept) past.forget(count - kept);
@@ -102,7 +102,7 @@ struct Remembered {
         kept = 0;
     }
 
-    // The newest `count` samples, NaN where nothing is known; fewer if there are no more single ones.
+    // Returns the newest `count` samples, or fewer if fewer are kept singly; NaN: unknown.
     std::vector<double> newest(int count) const {
         const int single = past.single().count(), there = singles();
         std::vector<double> found;
@@ -121,7 +121,7 @@ struct Remembered {
         for (int i = 0; i < kept && io.sound(); ++i) visit_known(io, recent[i]);
     }
 
-    // 2 log L, but for a constant; NaN if no filter can work with the system.
+    // Returns 2 log L up to a constant; NaN if no filter can work with the system.
     double likelihood(const System<kMost>& s) const {
         RiccatiMap<kMost> map;
         if (!map.set(s)) return __builtin_nan("");
@@ -133,7 +133,7 @@ struct Remembered {
     refilter::Steps steps;
     float recent[kRecent];
     int kept = 0;
-    std::int64_t total = 0;  // samples until now, lost ones included
+    std::int64_t total = 0;  // number of samples so far, including lost samples
 };
 
 }  // namespace track

@@ -1,13 +1,15 @@
-// Whether an axis is at rest, by the innovations of its filter: what a chunk of 32 samples says. The rules
-// are those of the gate of the live fit (firmware/core/engine/gate.hpp), on shorter chunks and with what the
-// filter knows of the noise.
+// Decides from the innovations of an axis's filter whether the axis is at rest, in chunks of 32 samples. The
+// rules are those of the live fit's gate (firmware/core/engine/gate.hpp), with shorter chunks and with the
+// filter's knowledge of the noise.
 //
-// A chunk is a knock if the power of its innovations, the largest not counted, is sixteen times that of the
-// noise, if one of them alone is a hundred deviations away, or if their mean is eight of its deviations away.
-// It is none if its samples lie as still as ever, no farther from the bias than a bias can step.
+// A chunk is a knock in any of three cases: the power of its innovations, without the largest one, is sixteen
+// times that of the noise; one innovation exceeds a hundred deviations; or the mean exceeds eight of its
+// deviations. It is no knock if its samples lie as still as usual, and no farther from the bias than a bias
+// can step.
 //
-// The filter leaves lines and more that is no motion to its innovations, and samples of coloured noise are
-// not still about their mean. What is usual at rest is what others are beside.
+// The filter leaves spectral lines and other effects in its innovations that are not motion, and samples of
+// coloured noise do not lie still about their mean. Each chunk is therefore compared with what is usual at
+// rest.
 #pragma once
 
 #include <cmath>
@@ -15,16 +17,16 @@
 namespace fltea {
 namespace track {
 
-// Powers of a chunk's innovations, and of their mean, over those of the noise; never less than 1.
+// Power of a chunk's innovations, and of their mean, as ratios to those of the noise; never less than 1.
 struct Usual {
     double power = 1, mean = 1;
 };
 
-// What a chunk of one axis says.
+// Verdict on a chunk of one axis.
 struct ChunkVerdict {
     bool knock;
-    bool same_place;  // as still as ever, where the chunk before was, too
-    double place;     // mean of its samples; NaN without any
+    bool same_place;  // as still as usual, at the level of the previous chunk
+    double place;     // mean of its samples; NaN without samples
 };
 
 class RestGate {
@@ -35,8 +37,8 @@ class RestGate {
     const Usual& usual() const { return usual_; }
     void expect(const Usual& usual) { usual_ = usual; }
 
-    // An innovation in its deviations; y: the sample, deviation: of the noise of one. True if it is one of
-    // motion by itself.
+    // Adds a sample `y`. `z`: its innovation divided by its deviation; `deviation`: that of the noise of one
+    // sample. Returns true if this sample alone shows motion.
     bool add(double z, double y, double deviation) {
         z = bounded(z);
         const double power = z * z;
@@ -53,19 +55,19 @@ class RestGate {
         return power > kSpike * kSpike * usual_.power;
     }
 
-    // Forgets the chunk's samples until now: the bias is another one from here on.
+    // Forgets the samples of the present chunk, because the bias changes here.
     void forget_chunk() {
         known_ = 0;
         sum_ = powers_ = largest_ = own_ = own_powers_ = 0;
     }
 
-    // The end of a chunk by which nothing is judged.
+    // Ends a chunk without judging it.
     void drop_chunk() {
         forget_chunk();
         has_place_ = false;
     }
 
-    // At the end of a chunk. bias: what the samples have been about; largest_step: how far that can step.
+    // Ends and judges a chunk. `bias`: level of the samples so far; `largest_step`: largest step of the bias.
     ChunkVerdict end_chunk(double deviation, double bias, double largest_step, bool moving) {
         const int n = known_;
         ChunkVerdict found = {false, false, __builtin_nan("")};
@@ -81,7 +83,8 @@ class RestGate {
             found.same_place = still && has_place_ && std::fabs(step) < kMean * std::sqrt(usual_step_);
             found.knock = powers_ - largest_ > most * (n - 1) || largest_ > spike ||
                           std::fabs(sum_) > apart * std::sqrt(double(n));
-            // Where it moves it has to lie still again, and not be on its way.
+            // During motion the samples have to lie at the level of the previous chunk, rather than still be
+            // changing.
             const bool lies = moving ? found.same_place : still;
             if (lies && !(std::fabs(found.place - bias) > largest_step)) found.knock = false;
             if (!moving && !found.knock) {
@@ -117,7 +120,7 @@ class RestGate {
   private:
     static constexpr double kLearned = 1 / 16.0, kOutlier = 4;
 
-    // Whose square is a number.
+    // Limits x, so that its square is finite.
     static double bounded(double x) { return x > 1e100 ? 1e100 : x < -1e100 ? -1e100 : x; }
 
     static double learned(double before, double now, double least) {
@@ -129,7 +132,7 @@ class RestGate {
     int known_ = 0;
     bool has_place_ = false;
     double sum_ = 0, powers_ = 0, largest_ = 0, first_ = 0, place_ = 0;
-    double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;  // relative to the first, in deviations
+    double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;  // relative to the first sample, in deviations
     double usual_own_ = 1, usual_step_ = 2.0 / kChunk;
 };
 

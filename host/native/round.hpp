@@ -1,4 +1,4 @@
-// All devices on ports, one round after another: what came from each is taken as far as it goes by itself.
+// All devices on ports. A round processes what came from each port, until the caller has to act.
 #pragma once
 
 #include <algorithm>
@@ -15,19 +15,19 @@
 
 namespace fltea {
 
-// What has happened on a port that is the caller's.
+// A port on which the caller has to act.
 struct Happened {
     int port;
     PortStop stop;
 };
 
-// Records of one device that were printed, and when the newest bytes behind them arrived.
+// Printed records of one device, and the arrival time of their newest bytes.
 struct PrintedPart {
     std::int64_t arrived_ns;
     std::size_t records;
 };
 
-// One text, as all print it who print the same.
+// A text with the printed records of all devices that print in the same format.
 struct Text {
     std::vector<char> bytes;
     std::vector<PrintedPart> parts;
@@ -35,7 +35,7 @@ struct Text {
 
 class Round {
   public:
-    // capacity: as of PortReader. texts: how many there are; a device has a printer for each, or none.
+    // `capacity`: as for PortReader. `texts`: number of texts. A device has one printer per text, or none.
     Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts)
         : reader_(capacity), tick_ns_(tick_ns), texts_(texts) {}
 
@@ -47,13 +47,14 @@ class Round {
         ports_.push_back({std::move(walk), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 
-    // The port was opened, or failed: it says nothing for a while from now on.
+    // Call this when the port was opened or failed. The port's silence is counted from now on.
     void touch(std::size_t port, std::int64_t now_ns) { ports_[port].tick_ns = now_ns + tick_ns_; }
-    // Nothing more is wanted of it.
+    // The port is not needed any more.
     void end(std::size_t port) { ports_[port].has_ended = true; }
 
-    // Goes on with lines that the caller has been at; with nothing there, waits for bytes, a tick, rows that
-    // are due, `wake` or the timeout. happened: gets what is the caller's, one for each port at most.
+    // Continues the ports on which the caller has acted. Without such ports, waits for bytes, a tick, due
+    // rows, `wake` or the timeout. `happened`: receives at most one entry per port on which the caller has to
+    // act.
     void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {
@@ -77,10 +78,10 @@ class Round {
         }
     }
 
-    // Why a line could not go on (kFault).
+    // Why a port's stream ended (kFault).
     const std::string& fault(std::size_t port) const { return ports_[port].fault; }
     std::vector<Text>& texts() { return texts_; }
-    // The longest that bytes of this round had waited beyond their latency.
+    // Longest time that bytes waited beyond their latency.
     std::int64_t waited_ns() const { return waited_ns_; }
     void forget_waited() { waited_ns_ = 0; }
 
@@ -88,10 +89,10 @@ class Round {
     struct Port {
         std::unique_ptr<PortStream> walk;
         std::vector<RunPrinter*>* printers;
-        std::int64_t latency_ns, tick_ns;  // the second: when nothing will have come for a while
+        std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which a silent port is due for a tick
         bool has_ended = false;
         std::string fault = {};
-        bool is_left = false;  // the caller has been at it, and more may be there
+        bool is_left = false;  // the caller has acted on it, and more data may wait
     };
 
     void take(PortNews& news, std::int64_t now_ns, std::vector<Happened>& happened) {
@@ -116,7 +117,7 @@ class Round {
         PortStop stop = PortStop::kFault;
         try {
             stop = one.walk->walk(now_ns);
-        } catch (const std::exception& error) {  // of one device: the others go on
+        } catch (const std::exception& error) {  // an error of one device does not stop the others
             one.fault = error.what();
             one.has_ended = true;
         }

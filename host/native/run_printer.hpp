@@ -1,5 +1,5 @@
-// The samples of a device's runs as lines of JSON: columns are counted as host/fltea/sinks/json_lines.py has
-// them.
+// Prints the samples of a device's runs as JSON lines. Columns are numbered as in
+// host/fltea/sinks/json_lines.py.
 #pragma once
 
 #include <cstddef>
@@ -16,9 +16,9 @@ namespace fltea {
 
 class RunPrinter {
   public:
-    // every: samples are printed whose number is a multiple of it. weight: records that one stands for. The
-    // text is of rows of this shape alone, which leaves out sensors without samples. Throws
-    // std::invalid_argument.
+    // `every`: prints the samples whose number is a multiple of this. `weight`: number of records that one
+    // printed sample counts as. `shape`: only rows of this shape are printed; it leaves out sensors without
+    // samples. Throws std::invalid_argument.
     RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight,
                RunShape shape)
         : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {
@@ -33,13 +33,13 @@ class RunPrinter {
         }
     }
 
-    // Whether rows of the newest run are of its shape.
+    // Whether rows of the newest run have the shape of this printer.
     bool prints(const Device& device) const {
         return missed_ == 0 && shape_of(device, Absent::kLeftOut) == shape_;
     }
 
-    // Prints rows of the newest run; they are only counted where their shape is another one, as are all that
-    // follow until they are taken.
+    // Prints rows of the newest run. If their shape differs, these and all later rows are only counted until
+    // clear().
     void append(const Device& device, std::size_t begin, std::size_t end) {
         if (begin >= end) return;
         if (missed_ > 0 || shape_of(device, Absent::kLeftOut) != shape_) {
@@ -61,10 +61,10 @@ class RunPrinter {
     const char* data() const { return data_.data(); }
     std::size_t size() const { return used_; }
     std::size_t records() const { return records_; }
-    // Rows that were not printed, the newest.
+    // Number of newest rows that were not printed.
     std::size_t missed() const { return missed_; }
 
-    // Begins anew, once what is there has been taken.
+    // Restarts after the text was fetched.
     void clear() {
         if (data_.size() > kKept && used_ < data_.size() / 8) std::vector<char>().swap(data_);
         used_ = records_ = missed_ = 0;
@@ -72,14 +72,16 @@ class RunPrinter {
 
   private:
     enum : std::size_t { kCorrected = 7, kOfSensors = 4, kOfSensor = 3 };
-    // Of a bank, columns before its flags that are printed; of a tracker, which one the bias is.
+    // Number of a bank's columns that are printed before its flags; index of the bias among a tracker's
+    // columns.
     enum : std::size_t { kNumbers = kLaneInnovationStd, kBias = 2 };
-    // Bytes that are kept while few are used: devices are many, and what waits for one comes at once.
+    // Memory is kept up to this size while little of it is used. Devices are many, and what waits for one
+    // device comes at once.
     static constexpr std::size_t kKept = 1 << 16;
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
 
-    // Of each column the numbers in a row; 0 where there is no such column.
+    // Number of values per row in each column; 0 if the column does not exist.
     static std::vector<std::size_t> widths_of(const RunShape& shape) {
         std::vector<std::size_t> widths = {1, 1, 1, shape[0], shape[1], shape[2], shape[3], 0};
         for (std::size_t i = kOfSensors; i < shape.size(); i += kOfSensor) {
@@ -120,7 +122,7 @@ class RunPrinter {
         }
     }
 
-    // The rates of the gyroscope's tracked axes less their biases.
+    // Computes the rates of the gyroscope's tracked axes minus their biases.
     void correct(const Device& device, std::size_t first, std::size_t end, std::size_t every) {
         const RunColumns& run = device.run();
         std::size_t k = 0;
@@ -152,7 +154,7 @@ class RunPrinter {
     std::size_t weight_;
     RunShape shape_;
     bool is_corrected_ = false;
-    std::vector<char> data_;  // of which `used_` are printed: what is beyond is not cleared each time
+    std::vector<char> data_;  // `used_` bytes are printed; the memory beyond is not cleared each time
     std::size_t used_ = 0, records_ = 0, missed_ = 0;
     std::vector<Cells> columns_;
     std::vector<double> corrected_dps_;

@@ -1,4 +1,4 @@
-// Rows of a device's runs after one another, for who takes them later and all at once.
+// Collects rows of a device's runs, for a consumer that takes them later all at once.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +13,7 @@ class RunRows {
   public:
     bool takes(const Device& device) const { return rows_ == 0 || shape_ == shape_of(device, Absent::kZero); }
 
-    // Adds rows of the newest run, which arrived then.
+    // Appends rows of the newest run with their arrival times.
     void append(const Device& device, const std::int64_t* arrived_ns, std::size_t begin, std::size_t end) {
         if (rows_ == 0) {
             shape_ = shape_of(device, Absent::kZero);
@@ -47,9 +47,10 @@ class RunRows {
 
     std::size_t rows() const { return rows_; }
     const RunShape& shape() const { return shape_; }
-    // When the first of them arrived.
+    // Arrival time of the first row.
     std::int64_t first_ns() const { return first_ns_; }
-    // Arrivals, then as the shape says: samples, and of each sensor its tracker's columns and its bank's.
+    // Number of columns: arrival times, then the columns of the shape: samples, and for each sensor the
+    // columns of its tracker and of its bank.
     std::size_t columns() const { return next_; }
     const std::vector<char>& column(std::size_t i) const { return columns_[i]; }
 

@@ -1,4 +1,4 @@
-// Successive samples of a source as columns, which stay whoever's they are.
+// Consecutive samples of a source as columns. The source keeps the ownership of the memory.
 #pragma once
 
 #include <cstddef>
@@ -6,7 +6,7 @@
 
 namespace fltea {
 
-// Numbers of n rows, counts of the wire or numbers of a file.
+// A column of n rows: raw counts of the wire or numbers from a file.
 class NumberColumn {
   public:
     enum Type { kNone, kCounts, kWhole, kReal };  // int16, int64, double
@@ -16,9 +16,9 @@ class NumberColumn {
 
     explicit operator bool() const { return type_ != kNone; }
     std::size_t width() const { return width_; }
-    // Of the wire (kCounts) only.
+    // Only for columns of the wire (kCounts).
     const std::int16_t* counts() const { return static_cast<const std::int16_t*>(data_); }
-    // i: of all numbers, row after row.
+    // `i`: index among all numbers, row by row.
     double operator[](std::size_t i) const {
         if (type_ == kCounts) return static_cast<const std::int16_t*>(data_)[i];
         if (type_ == kReal) return static_cast<const double*>(data_)[i];
@@ -31,18 +31,18 @@ class NumberColumn {
     std::size_t width_ = 0;
 };
 
-// n samples; what each column means, RawSample of host/fltea/records/events.py says.
+// n samples. RawSample of host/fltea/records/events.py defines the meaning of each column.
 struct SampleColumns {
     std::size_t n;
     const std::int64_t *sequence, *device_us, *host_ns;
     NumberColumn gyro, accel, temperature;
-    const std::int64_t* flags;  // null: there are none
+    const std::int64_t* flags;  // null: the source has no flags
 };
 
-// How counts become units.
+// Factors that convert counts to units.
 struct Scales {
     double gyro_lsb_per_dps;
-    bool has_accel;  // else there is no scale of it
+    bool has_accel;  // false: the scale of the accelerometer is not known
     double accel_ms2_per_lsb;
     double temperature_lsb_per_c, temperature_zero_c;
 };

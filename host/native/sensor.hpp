@@ -1,4 +1,4 @@
-// One sensor of a device: tracker of its biases, sums of its noise, and the bank of its filters.
+// One sensor of a device: the tracker of its biases, the sums of its noise, and its bank of filters.
 #pragma once
 
 #include <cstddef>
@@ -10,14 +10,14 @@
 
 namespace fltea {
 
-// Half of what the engine takes, so that a number stays within that when a bias is taken off.
+// Half of the engine's limit, so that a sample stays within the limit after a bias is subtracted.
 constexpr double kLargestSample = kLargestInput / 2;
 enum { kTrackedColumns = 5 };
 
-// The parts take rows of y (rows, axes).
+// Interfaces of the three parts. Each takes rows of y (rows, axes).
 struct TrackerPart {
     virtual ~TrackerPart() = default;
-    // accel: (rows, accel_axes), or none. out: (kTrackedColumns, rows, axes); moving: (rows, axes).
+    // `accel`: (rows, accel_axes), or null. `out`: (kTrackedColumns, rows, axes). `moving`: (rows, axes).
     virtual void run(const double* y, const double* accel, std::size_t accel_axes, std::size_t rows,
                      double* out, std::uint8_t* moving, std::vector<track::TrackerEvent>& events) = 0;
     virtual void skip_rows(std::uint64_t count) = 0;
@@ -36,25 +36,25 @@ struct BankPart {
     virtual void skip_rows(std::uint64_t count, std::vector<Lost>& lost) = 0;
 };
 
-// What the samples of some rows have become: columns (rows, axes) each.
+// Results for a block of rows: columns of (rows, axes) each.
 struct SensorColumns {
-    double* tracked = nullptr;  // kTrackedColumns of them
+    double* tracked = nullptr;  // kTrackedColumns columns
     std::uint8_t* moving = nullptr;
     BankBlock bank = {};
-    bool has_estimates = false;  // not while the start-up window fills
+    bool has_estimates = false;  // false while the start-up window fills
 };
 
 struct Sensor {
     bool is_accel = false;
-    std::vector<std::size_t> places;  // columns of the samples
+    std::vector<std::size_t> places;  // indexes of the sensor's axes in the sample columns
     TrackerPart* tracker = nullptr;
-    SumsPart* sums = nullptr;  // null: nothing is fitted
+    SumsPart* sums = nullptr;  // null: no noise is fitted
     std::uint64_t longest_motion = 0;
-    BankPart* bank = nullptr;     // null: nothing is estimated
-    std::vector<bool> waits;      // axes that are not settled, whatever their innovations are
-    std::size_t window_left = 0;  // rows until the bank's start-up window is full
+    BankPart* bank = nullptr;     // null: no filters run
+    std::vector<bool> waits;      // for each axis: its fit is not accepted yet, whatever its innovations are
+    std::size_t window_left = 0;  // number of rows until the bank's start-up window is full
 
-    // The columns `places` of n rows; false for numbers beyond all measure.
+    // Copies the columns `places` of n rows to `y`. Returns false for values beyond kLargestSample.
     bool choose(const double* from, std::size_t n, std::size_t width, std::vector<double>& y) const {
         y.clear();
         for (std::size_t i = 0; i < n; ++i) {
@@ -88,7 +88,7 @@ struct Sensor {
     }
 
   private:
-    // With a sample that is left out a stretch of samples ends, so no spectrum goes across a step.
+    // Adds the samples at rest. Each omitted sample ends a stretch, so that no spectrum spans a step.
     void add_at_rest(const std::vector<double>& y, std::size_t n, const SensorColumns& from,
                      const std::vector<track::TrackerEvent>& events) {
         const std::size_t axes = places.size();

@@ -1,5 +1,5 @@
-// The biases of all axes of one sensor. Motion is the sensor's: where one axis shows it, or the
-// accelerometer, all predict.
+// Tracks the biases of all axes of one sensor. Motion concerns the whole sensor: if one axis or the
+// accelerometer shows motion, all axes only predict.
 #pragma once
 
 #include <vector>
@@ -10,20 +10,20 @@
 namespace fltea {
 namespace track {
 
-// What has happened with a sample.
+// An event at a sample.
 struct TrackerEvent {
     enum Kind { kStep, kMoves, kRests };
     Kind kind;
     std::size_t row;
-    // Of a step: the axis. Of motion: which axis showed it, kByAccel or kByCaller.
+    // For a step: its axis. For motion: the axis that showed it, kByAccel or kByCaller.
     int axis;
-    std::int64_t ago;       // samples since it began, the newest included
-    double size, size_std;  // of a step; `size` of motion that has ended: the largest sample in it
-    std::int64_t samples;   // how long motion was
+    std::int64_t ago;       // samples since the event began, including the newest
+    double size, size_std;  // of a step; for motion that ended, `size` is its largest sample
+    std::int64_t samples;   // duration of the motion
     enum { kByAccel = -1, kByCaller = -2 };
 };
 
-// What the caller knows of the samples of a call.
+// What the caller knows about the samples of a call.
 enum Rest { kUnknown = 0, kAtRest = 1, kMoving = 2 };
 
 class SensorTracker {
@@ -36,7 +36,8 @@ class SensorTracker {
     const std::vector<AxisTracker>& axes() const { return axes_; }
     bool moving() const { return moving_; }
 
-    // y: a sample of each axis; accel: of so many axes, or none. to: of each axis.
+    // `y`: a sample of each axis; `accel`: a sample of `accel_axes` axes, or null; `to`: receives the result
+    // of each axis.
     void next(const double* y, const double* accel, int accel_axes, Rest rest, std::size_t row, Tracked* to,
               std::vector<TrackerEvent>& events) {
         const std::size_t n = axes_.size();
@@ -108,7 +109,7 @@ class SensorTracker {
         }
     }
 
-    // Motion that has been going on for a while.
+    // Motion began some time ago: undoes the effect of its samples.
     void go_back(int by, std::size_t row, std::vector<TrackerEvent>& events) {
         std::int64_t undone = 0;
         for (AxisTracker& one : axes_) {
@@ -150,7 +151,7 @@ class SensorTracker {
             const ChunkVerdict one = axes_[i].end_chunk(moving_);
             if (one.knock && by == kNone) by = int(i);
             same = same && one.same_place;
-            // Farther from 0 than this a bias is not likelier than a turn.
+            // A bias farther from 0 than the present bias is less likely than a turn of the sensor.
             const double place = one.place + axes_[i].origin();
             nearer = nearer && std::fabs(place) <= std::fabs(axes_[i].absolute_bias());
         }
@@ -179,7 +180,7 @@ class SensorTracker {
         for (AxisTracker& one : axes_) one.roll();
     }
 
-    // A chunk that ends with lost samples: nothing is judged by it.
+    // Ends a chunk with lost samples, without judging it.
     void drop_chunk() {
         for (AxisTracker& one : axes_) {
             one.drop_chunk();

@@ -1,8 +1,9 @@
-// Where a sample stands in its epoch: number and device time without the wire's wraps, and what is missing
-// before it. The rules are those of protocol/README.md: SAMPLE's sequence numbers the sampling instants, so
-// within a boot delivered + lost = due, also where the sensor was set up again; where sequence and time
-// disagree the device was restarted or exchanged, and nothing is believed until its next HELLO. Where they
-// go on to disagree in the same way, the device contradicts itself, and nothing is believed until it agrees.
+// Places each sample in its epoch: computes its number and device time without the wraps of the wire, and the
+// number of samples missing before it. The rules are those of protocol/README.md. The sequence of SAMPLE
+// numbers the sampling instants, so within a boot delivered + lost = due, even where the sensor was set up
+// again. If sequence and time disagree, the device was restarted or exchanged, and samples are ignored until
+// its next HELLO. If they keep disagreeing in the same way, the device contradicts itself, and samples are
+// ignored until the two agree.
 #pragma once
 
 #include <cmath>
@@ -14,7 +15,7 @@
 
 namespace fltea {
 
-// Why an epoch begins; the names are those of the record `epoch` (reason_names). kNone: none begins.
+// Why an epoch begins. kEpochReasons has the names, as in the record `epoch`. kNone: no epoch begins.
 enum class EpochReason : int { kNone, kStart, kRestart, kSensorRestart, kDiscontinuity, kGap, kSilence };
 constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_restart", "discontinuity",
                                          "gap", "silence"};
@@ -23,31 +24,33 @@ struct PlaceCounts {
     std::int64_t delivered, lost, gaps, duplicates, before_hello, rate_differs;
 };
 
-// The newest sample: as it came, and its number and time in the epoch.
+// The newest sample: its fields as received, and its number and time in the epoch.
 struct Newest {
     std::int64_t sequence, device_us, host_ns, seq, epoch_us;
 };
 
-// What a sample is beside the one before it.
+// Judgement of a sample relative to the previous one.
 struct Judged {
     enum Kind { kTaken, kDuplicate, kUnusable };
     Kind kind;
-    EpochReason reason;    // of the epoch that begins with it
-    std::int64_t missing;  // samples lost just before it, numbers seq - missing to seq - 1
+    EpochReason reason;    // of the epoch that begins with this sample
+    std::int64_t missing;  // number of samples lost just before this one: seq - missing to seq - 1
     std::int64_t seq, epoch_us;
 };
 
 class SequenceTracker {
   public:
-    // After half an hour without a sample the wraps of device time (71.6 minutes) cannot be counted.
+    // After half an hour without a sample, the number of wraps of the device time (71.6 minutes each) is
+    // unknown.
     static constexpr std::int64_t kMaxSilenceNs = std::int64_t(30) * 60 * 1'000'000'000;
-    // A reset can look like a gap of up to 71 minutes; the host's clock, late as it may be, knows better.
+    // A reset can look like a gap of up to 71 minutes. The host's clock shows the difference, even if samples
+    // arrive late.
     static constexpr std::int64_t kMaxHostDisagreementUs = std::int64_t(5) * 60 * 1'000'000;
     // Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period.
     static constexpr double kClockTolerance = 0.02;
     static constexpr std::int64_t kSequenceWrap = 1 << 16, kTimeWrapUs = std::int64_t(1) << 32;
 
-    // A HELLO was heard. longest_gap: samples that may be missing within an epoch.
+    // Notes a received HELLO. `longest_gap`: number of samples that may be missing within an epoch.
     void on_hello(double rate_hz, std::int64_t longest_gap, bool is_another_boot, bool is_another_sensor) {
         if (is_another_boot && has_boot_) {
             pending_ = EpochReason::kRestart;
@@ -64,7 +67,7 @@ class SequenceTracker {
         longest_gap_ = longest_gap;
     }
 
-    // No sample is believed until the next HELLO: it may come from another device.
+    // Ignores all samples until the next HELLO, because they may come from another device.
     void forget_hello() {
         knows_hello_ = disagreed_ = false;
         seen_ = {};
@@ -72,12 +75,13 @@ class SequenceTracker {
     }
     bool knows_hello() const { return knows_hello_; }
 
-    // A new epoch begins with the next sample, where a recording states that one began.
+    // Begins a new epoch with the next sample, because the recording states that one began.
     void on_break(EpochReason reason) {
         if (pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart) pending_ = reason;
     }
 
-    // Whether a sample is the next one by number, the device's and the host's clock; most are.
+    // Whether a sample directly follows the newest one, by its number, the device's clock and the host's
+    // clock. Most samples do.
     bool follows(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) const {
         const std::int64_t step_us = time_step_us(device_us), step_ns = host_ns - newest_.host_ns;
         return sequence_step(sequence) == 1 &&
@@ -86,7 +90,8 @@ class SequenceTracker {
                step_ns <= kMaxSilenceNs;
     }
 
-    // What a sample is, with a HELLO known. One that is not taken is counted, and nothing is to be done.
+    // Judges a sample, when a HELLO is known. A rejected sample is counted here; the caller has nothing to
+    // do.
     Judged judge(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         const bool must_begin =
             !any_ || !(pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart);
@@ -127,14 +132,14 @@ class SequenceTracker {
         return {Judged::kTaken, reason, missing, newest_.seq + step, newest_.epoch_us + step_us};
     }
 
-    // The next sample, which `follows`, is taken.
+    // Accepts the next sample, for which `follows` is true.
     void go_on(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         newest_.epoch_us += time_step_us(device_us);
         ++newest_.seq;
         come_to(sequence, device_us, host_ns);
     }
 
-    // A sample that was judged is taken.
+    // Accepts a sample that was judged.
     void take(const Judged& judged, std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         newest_.seq = judged.seq;
         newest_.epoch_us = judged.epoch_us;
@@ -147,27 +152,28 @@ class SequenceTracker {
         counts_.lost += count;
         counts_.gaps += count > 0;
     }
-    // A sample without a HELLO is left out. If its number and time have disagreed with those before, all that
-    // follow may do so in the same way.
+    // Rejects a sample that came without a HELLO. If its number and time disagree with earlier samples, all
+    // following samples may disagree in the same way.
     void note_before_hello(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.before_hello;
         if (disagreed_) watch(sequence, device_us);
     }
 
-    // Whether the device contradicts itself, so that no sample is believed; and a sample of that time.
+    // Whether the device contradicts itself, so that all samples are rejected; and the count of such a
+    // sample.
     bool rate_differs() const { return rate_differs_; }
     void note_rate_differs(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.rate_differs;
         if (watch(sequence, device_us) == RateWatch::kAgrees) believe();
     }
-    // Whether that has been found with the last sample, which is told once; the rates, as HELLO states it and
-    // by the device's clock.
+    // Whether the last sample has shown the contradiction and the caller is not notified yet; and the two
+    // rates: the one that HELLO states, and the one by the device's clock.
     bool has_news() const { return has_news_; }
     void told_news() { has_news_ = false; }
     double stated_hz() const { return 1e6 / period_us_; }
     double measured_hz() const { return watch_.rate_hz(); }
 
-    // Whether the next sample may follow on the newest one.
+    // Whether the next sample may directly follow the newest one.
     bool goes_on() const { return any_ && knows_hello_ && pending_ == EpochReason::kNone; }
     const Newest& newest() const { return newest_; }
     const PlaceCounts& counts() const { return counts_; }
@@ -190,8 +196,8 @@ class SequenceTracker {
         watch(sequence, device_us);
     }
 
-    // Compares all samples since a HELLO, used or not. While the next one is waited for, nothing is said: it
-    // may be of another device.
+    // Compares the numbers and times of all samples since a HELLO, accepted or not. While the next HELLO is
+    // awaited, there is no verdict, because the samples may come from another device.
     RateWatch::Verdict watch(std::int64_t sequence, std::int64_t device_us) {
         if (!seen_.any) watch_.begin();
         const std::int64_t step = (sequence - seen_.sequence) & (kSequenceWrap - 1);
@@ -203,7 +209,8 @@ class SequenceTracker {
         return found;
     }
 
-    // What was left out was counted, so it is missing to nobody: an epoch begins.
+    // Accepts samples again. Rejected samples are counted separately and are not missing, so a new epoch
+    // begins.
     void believe() {
         if (rate_differs_ && pending_ == EpochReason::kNone) pending_ = EpochReason::kDiscontinuity;
         rate_differs_ = has_news_ = false;
@@ -212,7 +219,7 @@ class SequenceTracker {
     struct Seen {
         bool any;
         std::int64_t sequence, device_us;
-        RateWatch::Verdict verdict;  // the last one
+        RateWatch::Verdict verdict;  // last verdict
     };
 
     Newest newest_ = {};
@@ -223,7 +230,7 @@ class SequenceTracker {
     bool any_ = false, has_boot_ = false, knows_hello_ = false;
     RateWatch watch_;
     Seen seen_ = {};
-    bool disagreed_ = false;  // number and time, and no other HELLO was heard since
+    bool disagreed_ = false;  // number and time disagreed, and no further HELLO has come since
     bool rate_differs_ = false, has_news_ = false;
 };
 

@@ -1,5 +1,5 @@
-// FLTEA_INSTRUCTION_SET as text, and as a part of names: what is compiled once for each set is told apart by
-// it.
+// FLTEA_INSTRUCTION_SET as a string and as part of names. It distinguishes code that is compiled once per
+// instruction set.
 #pragma once
 
 #include "instruction_set.hpp"

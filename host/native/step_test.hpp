@@ -1,10 +1,11 @@
-// Whether the bias of an axis has stepped: a generalised likelihood ratio of the innovations of its filter,
+// Tests whether the bias of an axis has stepped: a generalised likelihood ratio of its filter's innovations,
 // over windows from 16 to 16,384 samples (Basseville & Nikiforov, Detection of Abrupt Changes, 1993, section
-// 2.4). Innovations of a right filter are white, so the mean of a window after a step by δ deviations is told
-// from 0 by n δ² / 2 in log L. At a false alarm a week no test needs fewer samples than some 30 / δ² (Lorden,
-// Ann. Math. Statist. 42, 1971).
+// 2.4). The innovations of a correct filter are white, so after a step by δ deviations the mean of n
+// innovations raises log L by n δ² / 2. At one false alarm a week no test needs fewer than about 30 / δ²
+// samples (Lorden, Ann. Math. Statist. 42, 1971).
 //
-// Filters are never quite right. So sums are judged beside what is usual for windows of their length.
+// Filters are never exactly correct. The sums are therefore compared with what is usual for windows of their
+// length.
 #pragma once
 
 #include <cmath>
@@ -15,25 +16,26 @@ namespace track {
 struct StepSeen {
     enum Kind { kNothing, kStep, kDrift };
     Kind kind;
-    int ago;      // samples from the change on, the newest included
-    double size;  // deviations by which the mean has changed; of a drift, until now
+    int ago;      // number of samples since the change, including the newest
+    double size;  // change of the mean [deviations]; for a drift, the change so far
 };
 
-// A step that may have been: how likely that is, how large in deviations, and its variance.
+// A possible step: its probability, its size [deviations] and its variance.
 struct StepSuspected {
     double likely, size, variance;
 };
 
 class StepTest {
   public:
-    // log L from which on a step is told: less than one false one a week. And at which it is as likely as
-    // not, where one in some hours is expected.
+    // kSure: log L at which a step is reported; there is less than one false report a week. kEven: log L at
+    // which a step has the probability 1/2; one such case is expected in some hours without a step.
     static constexpr double kSure = 18, kEven = 13;
 
-    // The likeliest step that is not told yet.
+    // Likeliest step that is not reported yet.
     const StepSuspected& suspected() const { return suspected_; }
 
-    // An innovation in its deviations. What is seen is seen with this sample; then `clear`.
+    // Adds an innovation divided by its deviation. Returns the step that is detected with this sample; then
+    // call `clear`.
     StepSeen add(double z) {
         const double used = louder(z);
         total_ += used;
@@ -49,7 +51,7 @@ class StepTest {
         return nothing();
     }
 
-    // Sums begin again; what is usual stays.
+    // Restarts the sums, and keeps the usual levels.
     void clear() {
         total_ = 0;
         samples_ = 0;
@@ -57,7 +59,8 @@ class StepTest {
         suspected_ = StepSuspected{0, 0, 0};
     }
 
-    // Learns what is usual of the past of another filter of the same samples; its sums go on.
+    // Updates the usual levels from past innovations of a different filter of the same samples, without
+    // testing for steps. The sums continue.
     void take(double z) {
         const double used = louder(z);
         total_ += used;
@@ -71,7 +74,7 @@ class StepTest {
         }
     }
 
-    // What was usual counts for less, since the filter is another one.
+    // Reduces the weight of the usual levels, since the filter has changed.
     void relearn() {
         for (Level& level : levels_) {
             for (Window& one : level.windows) {
@@ -92,32 +95,32 @@ class StepTest {
 
   private:
     enum { kLevels = 4, kBlock = 4, kUp = 8, kKept = 32, kWindows = 7, kWeight = 8, kMostCounted = 200 };
-    // An innovation of more deviations counts as one of so many: no glitch is a step.
+    // A larger innovation is clipped to this number of deviations, so that a glitch is not a step.
     static constexpr double kClip = 4;
     static constexpr double kPower = 1 / 64.0;
-    // Squares count as so many times what is usual at most.
+    // A square counts as at most this multiple of the usual square.
     static constexpr double kOutlier = 9, kAnything = 100;
 
-    // Windows of one length. usual: mean square of their sums over that of white innovations, by the
-    // differences of neighbours: neither a step nor a drift is usual.
+    // Windows of one length. `usual`: mean square of their sums, as a ratio to that of white innovations. It
+    // is computed from differences of neighbouring windows, so steps and drifts do not raise it.
     struct Window {
         double usual;
         int count, since;
         bool has_last;
-        double last;  // sum of the last one that was learned from
+        double last;  // sum of the window that last updated `usual`
     };
 
     struct Suspect {
         double gain, size, length;
     };
 
-    // Sums until the ends of its newest blocks; cumulative, in a ring.
+    // Cumulative sums at the ends of the newest blocks, in a ring buffer.
     struct Level {
         double ends[kKept + 1] = {};
         int at = 0, count = 0;
         Window windows[kWindows];
         Suspect suspect = {0, 0, 1};
-        double absolute = 0;  // mean square of the sums of its windows, or of shorter ones
+        double absolute = 0;  // mean square of the sums of these windows, or of shorter ones
 
         Level() {
             ends[0] = 0;
@@ -161,11 +164,12 @@ class StepTest {
         }
     };
 
-    // Beside the noise of now, if that has grown: by differences, which know of no step.
+    // Divides by the present noise if that has grown. The noise is computed from differences, which do not
+    // contain a step.
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        const double most = kOutlier * (power_ > 1 ? power_ : 1);  // a step is one of them
+        const double most = kOutlier * (power_ > 1 ? power_ : 1);  // a step causes one such difference
         power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
         return used > kClip ? kClip : used < -kClip ? -kClip : used;
@@ -191,9 +195,10 @@ class StepTest {
     StepSeen judge(int l, int size) {
         Level& level = levels_[l];
         level.suspect = Suspect{0, 0, 1};
-        // A longer sum is no smaller than a shorter one usually is: a line of that length may hide.
+        // A longer sum is usually no smaller than a shorter one: a spectral line with that period may hide in
+        // it.
         double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
-        // Windows that the level below has are not looked at again.
+        // Skips the windows that the level below has already tested.
         for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
             const int blocks = blocks_of(w);
             if (blocks > level.count || blocks * size > kLongest) break;
@@ -201,7 +206,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // half of what is even
+            if (square > kEven * beside) {  // half of 2 kEven
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {
@@ -214,7 +219,7 @@ class StepTest {
         return nothing();
     }
 
-    // Of windows that do not overlap.
+    // Only windows that do not overlap are used.
     static void learn(Window& window, int blocks, int size, double sum, double outlier) {
         if (++window.since < blocks) return;
         window.since = 0;
@@ -229,7 +234,7 @@ class StepTest {
         window.usual += (used - window.usual) / (window.count + kWeight);
     }
 
-    // Of windows of which few were seen it is what the worst of the shorter ones is.
+    // If few windows of this length were seen, the largest usual level of the shorter windows is used.
     double usual(int l, int w) const {
         const Window& own = levels_[l].windows[w];
         double most = std::fmax(own.usual, 1);
@@ -243,8 +248,8 @@ class StepTest {
         return most;
     }
 
-    // Since when, and by how much: the likeliest beginning among the ends of blocks, and whether a mean that
-    // goes on growing says more.
+    // Finds when the change began and how large it is: tries all block ends as the beginning, and tests
+    // whether a steadily growing mean (a drift) fits better.
     StepSeen found(const Level& level, int size, int blocks) const {
         const StepSeen step = likeliest_step(size), drift = likeliest_drift(level, size);
         const double of_step = step.size * step.size * step.ago / 2,
@@ -269,10 +274,10 @@ class StepTest {
         return best;
     }
 
-    // A mean that has grown evenly from 0 to `size`: its log L is size² ago / 6.
+    // A mean that has grown linearly from 0 to `size`. Its log L is size² ago / 6.
     StepSeen likeliest_drift(const Level& level, int size) const {
         StepSeen best = {StepSeen::kDrift, 0, 0};
-        double most = 0, moment = 0, later = 0;  // later: sum of the blocks after this one
+        double most = 0, moment = 0, later = 0;  // `later`: sum of the blocks after this one
         for (int k = 1; k <= level.count; ++k) {
             const double all = level.newest(k);
             moment += size * (later + (all - later) / 2);
@@ -288,7 +293,7 @@ class StepTest {
         return best;
     }
 
-    // Of shorter windows a step is told before long, or was chance.
+    // A step suspected in shorter windows is either reported soon, or was chance.
     enum { kLongest = 16384, kShortestDrift = 1024, kSuspected = 64 };
 
     StepSuspected suspected_ = StepSuspected{0, 0, 0};

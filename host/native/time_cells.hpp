@@ -1,4 +1,4 @@
-// A record of how a figure goes on in time, in at most 16 cells whatever the length.
+// Records a value over time, in at most 16 cells at any length.
 #pragma once
 
 #include <cmath>
@@ -9,15 +9,15 @@ namespace fltea {
 struct TimeCell {
     std::uint64_t first;  // sample number
     std::uint32_t count;
-    float mean, squares;  // of the figure, and the sum of its squared deviations from it
+    float mean, squares;  // mean of the values, and sum of their squared deviations from the mean
 };
 
 class TimeCells {
   public:
     enum { kMost = 16 };
 
-    // span: figures a cell if the oldest cell is to be dropped when all are full; 0 if neighbours are to be
-    // joined then.
+    // `span`: number of values per cell if the oldest cell is to be dropped when all cells are full; 0 if
+    // neighbouring cells are to be joined instead.
     explicit TimeCells(std::uint32_t span = 0) : each_(span > 0 ? span : 1), forgets_(span > 0), size_(0) {}
 
     int size() const { return size_; }
@@ -32,7 +32,7 @@ class TimeCells {
         add(one);
     }
 
-    // `cell` is later than all others.
+    // Adds `cell`, which is later than all others.
     void add(const TimeCell& cell) {
         if (size_ > 0 && count_[size_ - 1] + cell.count <= each_) {
             put(size_ - 1, joined((*this)[size_ - 1], cell));
@@ -48,7 +48,7 @@ class TimeCells {
         put(size_++, cell);
     }
 
-    // Of a later stretch, whose sample 0 is our sample `shift`.
+    // Merges a later stretch. Its sample 0 is our sample `shift`.
     void merge(const TimeCells& other, std::uint64_t shift) {
         while (!forgets_ && each_ < other.each_ && each_ < kWidest) join_neighbours();
         for (int i = 0; i < other.size_; ++i) {
@@ -58,8 +58,8 @@ class TimeCells {
         }
     }
 
-    // Calls io.number or io.real(value, low, high) of each of its numbers, to save or to load them: sound if
-    // the io is.
+    // Calls io.number or io.real(value, low, high) for each number, to save or load it. The result is valid
+    // if io.sound().
     template <typename Io>
     void visit(Io& io) {
         io.number(size_, 0, kMost);
@@ -105,7 +105,7 @@ class TimeCells {
         each_ *= 2;
     }
 
-    // Columns: rows would be a sixth larger.
+    // Stored as columns: rows would be a sixth larger.
     std::uint64_t first_[kMost];
     std::uint32_t count_[kMost];
     float mean_[kMost], squares_[kMost];

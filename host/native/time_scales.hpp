@@ -1,23 +1,25 @@
-// How much a figure changes over times of 1, 2, 4 … figures, in constant memory: its Haar wavelet variances.
+// The variance of a value's changes over times of 1, 2, 4 … values, in constant memory: its Haar wavelet
+// variances.
 #pragma once
 
 #include <cstdint>
 
 namespace fltea {
 
-// At scale s the means of neighbouring runs of 2^s figures are compared in pairs that do not overlap. What is
-// kept of a pair is 2^s d²/2, d being the difference: for figures that do not depend on each other its mean
-// is their variance at every scale (Percival and Walden, Wavelet Methods for Time Series Analysis, 2000). So
-// more figures say more at every scale, whereas cells of time (time_cells.hpp) become wider.
+// At scale s, the means of neighbouring runs of 2^s values are compared, in pairs that do not overlap. A pair
+// contributes 2^s d²/2, where d is the difference. For independent values, the mean of this equals their
+// variance at every scale (Percival and Walden, Wavelet Methods for Time Series Analysis, 2000). More values
+// therefore give more precision at every scale, whereas the cells of time_cells.hpp become wider.
 template <int kScales>
 class TimeScales {
   public:
-    // span: figures after which those before count as old; what is older still is forgotten. 0: nothing is.
+    // `span`: number of values after which earlier pairs count as old; the old pairs are forgotten after
+    // another span. 0: nothing is forgotten.
     explicit TimeScales(std::uint32_t span = 0) : span_(span), waiting_(0) { clear(); }
 
     static int size() { return kScales; }
     double pairs(int s) const { return double(pairs_[s]) + double(old_pairs_[s]); }
-    // Mean over the pairs; 0 if there are none.
+    // Mean over the pairs; 0 without pairs.
     double variance(int s) const {
         const double n = pairs(s);
         return n > 0 ? (sum_[s] + double(old_sum_[s])) / n : 0;
@@ -36,7 +38,7 @@ class TimeScales {
         add(0, figure);
     }
 
-    // Of a later stretch.
+    // Merges a later stretch.
     void merge(const TimeScales& other) {
         for (int s = 0; s < kScales; ++s) {
             sum_[s] += other.sum_[s];
@@ -50,7 +52,7 @@ class TimeScales {
         }
     }
 
-    // As of TimeCells.
+    // As in TimeCells.
     template <typename Io>
     void visit(Io& io) {
         io.number(waiting_, 0, (1u << kScales) - 1);
@@ -90,13 +92,13 @@ class TimeScales {
         }
     }
 
-    double sum_[kScales];   // of what is kept of each pair
-    float first_[kScales];  // the first mean of the pair that is waiting for its second
+    double sum_[kScales];   // sum of the contributions of the pairs
+    float first_[kScales];  // first mean of the pair that waits for its second
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // of the span before
+    float old_sum_[kScales];  // of the previous span
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
-    std::uint32_t waiting_;  // a bit a scale
+    std::uint32_t waiting_;  // one bit per scale
 };
 
 }  // namespace fltea

@@ -1,8 +1,8 @@
-// The device's clock against the host's, by regression, within one epoch.
+// Relates the device's clock to the host's clock by regression, within one epoch.
 //
-// Delay between sampling and arrival is never negative but often large and in bursts (USB bridges,
-// schedulers), so of every second only the earliest arrival counts; a straight line through those of the last
-// ten minutes gives the host time of any sample, free of jitter.
+// The delay between sampling and arrival is never negative, but often large and in bursts (USB bridges,
+// schedulers). Only the earliest arrival of each second is therefore used. A straight line through the
+// earliest arrivals of the last ten minutes gives the host time of any sample, free of jitter.
 #pragma once
 
 #include <cmath>
@@ -15,12 +15,12 @@ namespace fltea {
 
 class Timebase {
   public:
-    // offset_ns is added to the host's monotonic clock and stays fixed for the epoch, so that a step of the
-    // wall clock does not tear the time stamps.
+    // `offset_ns` is added to the host's monotonic clock. It stays fixed for the epoch, so that a step of the
+    // wall clock causes no jump in the time stamps.
     explicit Timebase(std::int64_t offset_ns = 0) : offset_ns_(offset_ns) {}
 
-    // Learns from an arrival, and returns the sample's Unix time [ns]. It never runs backwards: where a new
-    // line would, it goes on by one nanosecond.
+    // Adds an arrival, and returns the sample's Unix time [ns]. This time never runs backwards: where a new
+    // clock fit would step back, the time advances by one nanosecond.
     std::int64_t add(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
         if (!begun_) begin(seq, device_us, host_ns);
         if (device_us >= second_end_us_) {
@@ -33,7 +33,7 @@ class Timebase {
         const double delay_s = double(host_ns - origin_ns_) * 1e-9 - device_s;
         if (!any_ || delay_s < earliest_.delay_s) earliest_ = {device_s, delay_s};
         any_ = true;
-        // In the first second there is no line yet: every earlier arrival moves all that follow.
+        // In the first second there is no clock fit yet: each earlier arrival shifts all following times.
         const double estimate_s = seconds_.empty()
                                       ? device_s + earliest_.delay_s
                                       : device_s + centre_.delay_s + slope_ * (device_s - centre_.device_s);
@@ -43,8 +43,9 @@ class Timebase {
         return last_ns_;
     }
 
-    // How much faster the device's clock runs than the host's, in 1e-6; NaN in the first ten seconds, and
-    // where delays are 0 to the nanosecond: those are times of arrival that were made from the device's.
+    // Returns how much faster the device's clock runs than the host's [1e-6]. NaN in the first ten seconds,
+    // and where all delays are 0 to the nanosecond, because such arrival times were computed from device
+    // times.
     double clock_ppm() const {
         bool any = false;
         for (const Arrival& one : seconds_) any |= one.delay_s != 0;
@@ -61,7 +62,7 @@ class Timebase {
     static constexpr std::int64_t kSecondUs = 1'000'000;
     static constexpr std::size_t kSecondsKept = 600, kSecondsForPpm = 10;
     static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-    // Prior spread of the clocks' ratio: a sensor's own oscillator is within 1 %.
+    // Prior standard deviation of the clocks' ratio: a sensor's own oscillator is accurate to 1 %.
     static constexpr double kDelayStdS = 1e-3, kClockStd = 1e-2;
 
     struct Arrival {
@@ -101,7 +102,7 @@ class Timebase {
     std::int64_t offset_ns_, first_seq_ = 0, latest_seq_ = 0, latest_us_ = 0;
     std::int64_t origin_us_ = 0, origin_ns_ = 0, second_end_us_ = 0;
     std::int64_t last_ns_ = std::numeric_limits<std::int64_t>::min();
-    std::deque<Arrival> seconds_;  // the earliest arrival of every second that is over
+    std::deque<Arrival> seconds_;  // earliest arrival of each finished second
     Arrival earliest_ = {}, centre_ = {};
     double slope_ = 0;
     bool begun_ = false, any_ = false;

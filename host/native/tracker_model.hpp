@@ -1,7 +1,7 @@
-// A noise as the tracker of an axis goes by it: one system, or two that share the parts but differ in how the
-// offset goes on. Here is all that follows from the systems alone: the map of their covariances and what they
-// make of the bias ahead. Nothing changes it once it is made, so it is made in any thread, and all filters of
-// it may share it.
+// The noise model that an axis's tracker uses: one system, or two rival systems with the same parts but
+// different behaviour of the offset. This class holds everything that follows from the systems alone: the
+// maps of their covariances, and their forecasts of the bias. It is immutable, so any thread may make it, and
+// all filters may share it.
 #pragma once
 
 #include <cmath>
@@ -15,8 +15,8 @@
 namespace fltea {
 namespace track {
 
-// In samples. ahead: those to come for which the bias is meant, which is their mean; 0: it is that of the
-// newest sample. checked: over how many the bias is checked; 0: it is not.
+// Lengths in samples. `ahead`: the bias is the mean over this number of samples to come; 0: it is the bias of
+// the newest sample. `checked`: lengths over which the bias is checked; 0: not checked.
 struct BiasLengths {
     enum { kChecks = 3 };
     std::int64_t ahead = 0;
@@ -29,18 +29,18 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        Noise system = Noise();  // with the bias that is meant
-        double now[kMost] = {};  // what the bias of the newest sample has of each coordinate
+        Noise system = Noise();  // its bias is the forecast
+        double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
-        double unlikely = 0;                                  // -log of its weight
-        MeanAhead<kMost> checked[BiasLengths::kChecks] = {};  // what the mean of so many samples has
+        double unlikely = 0;                                  // -log of its probability
+        MeanAhead<kMost> checked[BiasLengths::kChecks] = {};  // forecasts for the bias check
     };
 
-    // absolute: the state has no mean of its own, so it holds the offset.
+    // `absolute`: the state has no mean of its own, so it includes the offset.
     explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
 
-    // None if no filter can work with the systems, which have as many coordinates each; weights: how likely
-    // each is.
+    // Returns null if no filter can work with the systems, which all have the same number of states.
+    // `weights`: the probability of each system.
     static std::shared_ptr<TrackerModel> made(const std::vector<Noise>& systems,
                                               const std::vector<double>& weights, bool absolute,
                                               const BiasLengths& lengths) {
@@ -57,7 +57,8 @@ class TrackerModel {
     std::size_t count() const { return rivals_.size(); }
     const Rival& rival(std::size_t i) const { return rivals_[i]; }
     const BiasLengths& lengths() const { return lengths_; }
-    // Of what is in samples and not in the bias, as it counts in a mean of many samples.
+    // Density at frequency 0 of the noise in the samples that is not part of the bias; it gives the noise of
+    // a long mean.
     double density() const { return density_; }
     std::size_t likeliest() const {
         std::size_t best = 0;
@@ -69,7 +70,7 @@ class TrackerModel {
 
     static double unlikely(double weight) { return -std::log(std::fmax(weight, kLeast)); }
 
-    // What is loaded says nothing of checks, which are loaded with what they have found.
+    // Loads or saves the model without the bias checks, which are loaded together with their results.
     template <typename Io>
     void visit_beginning(Io& io) {
         std::size_t count = rivals_.size();

@@ -1,4 +1,4 @@
-// What a tracker for Python goes by and what it remembers, both for any thread (tracker_model_binding.cpp).
+// A tracker's model and its memory as Python objects, usable in any thread (tracker_model_binding.cpp).
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -8,7 +8,7 @@
 
 #include "axis_tracker.hpp"
 
-// What a lane remembers, as it was: nothing changes it.
+// A copy of a lane's memory, which never changes.
 class RememberedLane {
   public:
     explicit RememberedLane(const fltea::track::AxisTracker& lane)
@@ -16,7 +16,7 @@ class RememberedLane {
 
     const fltea::track::Remembered& memory() const { return memory_; }
     const fltea::track::StepTest& steps() const { return steps_; }
-    // 2 log L by the bank.
+    // 2 log L under the bank of random walks.
     double of_walks() const { return of_walks_; }
 
   private:
@@ -25,14 +25,14 @@ class RememberedLane {
     double of_walks_;
 };
 
-// A model, and what was filtered of it for the tracker that takes it.
+// A model, and the filters that were prepared for the tracker that takes it.
 class LaneModel {
   public:
     explicit LaneModel(std::shared_ptr<fltea::track::TrackerModel> model) : model_(std::move(model)) {}
 
     const std::shared_ptr<fltea::track::TrackerModel>& model() const { return model_; }
     void refilter(const RememberedLane& remembered, int to_come);
-    // Once.
+    // Returns the prepared filters. Works once.
     std::unique_ptr<fltea::track::Refiltered> take_refiltered() {
         const std::lock_guard<std::mutex> alone(mutex_);
         return std::move(refiltered_);

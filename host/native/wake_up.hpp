@@ -1,7 +1,8 @@
-// What a thread waits for with poll(2), and is rung by who need not have Python's lock.
+// Wakes a thread that waits in poll(2). The waking thread does not need Python's GIL.
 //
-// A thread that is woken up by who goes on with the lock finds it taken, and takes the processor twice. It is
-// a descriptor, so that the waiting is Python's own: when Python ends, it ends threads that wait in it.
+// A thread that is woken by a thread which still holds the GIL finds the GIL taken, and has to be scheduled
+// twice. The object is a file descriptor, so Python itself does the waiting; at its exit, Python ends threads
+// that wait in it.
 #pragma once
 
 #include <sys/eventfd.h>
@@ -24,11 +25,11 @@ class WakeUp {
 
     void ring() const {
         const std::uint64_t one = 1;
-        // It fails only where it has been rung 2^64 - 2 times.
+        // The write fails only if the counter is full, after 2^64 - 2 calls.
         if (::write(number(), &one, sizeof one) < 0) errno = 0;
     }
 
-    // From now on it has not been rung.
+    // Resets the wake-up.
     void clear() const {
         std::uint64_t times = 0;
         if (::read(number(), &times, sizeof times) < 0) errno = 0;

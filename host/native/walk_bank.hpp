@@ -14,7 +14,8 @@ class WalkBank {
   public:
     enum { kFewest = 16 };
 
-    // ahead: samples to come for which the bias is meant; 0: it is that of the newest sample.
+    // `ahead`: the bias is the mean over this number of samples to come; 0: it is the bias of the newest
+    // sample.
     explicit WalkBank(std::int64_t ahead) : all_(&BankMembers::of(ahead)) {
         for (int i = 0; i < all_->count(); ++i) {
             members_.emplace_back(i);
@@ -22,7 +23,7 @@ class WalkBank {
         }
     }
 
-    // Whether there were enough samples for the scale.
+    // Whether there were enough samples to estimate the scale.
     bool knows() const { return count_ >= kFewest; }
 
     int count() const { return count_; }
@@ -30,7 +31,7 @@ class WalkBank {
     void predict(double y) {
         for (Member& one : members_) one.e = one.filter.innovation(y);
     }
-    // Of the likeliest member, and its variance.
+    // Innovation of the likeliest member, and its variance.
     double innovation() const { return members_[best_].e; }
     double variance() const { return members_[best_].filter.S * members_[best_].scale(count_); }
 
@@ -50,7 +51,8 @@ class WalkBank {
         weigh();
     }
 
-    // In units of the samples; nothing is a state of its own.
+    // Returns the estimates in units of the samples. The bank has no separate state, so it returns the bias
+    // as the state.
     Known known() const {
         Known all = Known{0, 0, 0, 0, innovation(), variance()};
         double weights = 0, squares = 0;
@@ -64,14 +66,14 @@ class WalkBank {
         }
         all.bias /= weights;
         const double variance = squares / weights - all.bias * all.bias;
-        // Of an axis that has never changed there is no scale.
+        // An axis that has never changed has no scale.
         all.bias_variance = variance > kNothing ? variance : 0;
         all.state = all.bias;
         all.state_variance = all.bias_variance;
         return all;
     }
 
-    // 2 log L of the samples by the likeliest member, but for a constant.
+    // 2 log L of the samples under the likeliest member, up to a constant.
     double likelihood() const { return -2 * members_[best_].unlikely - count_; }
 
     template <typename Io>
@@ -99,16 +101,16 @@ class WalkBank {
 
   private:
     enum { kWeighed = 8, kSorted = 32 };
-    // Members so much less likely than the best one, by the logarithm, go on no longer.
+    // A member is dropped if its log L is lower than the best one's by this.
     static constexpr double kHopeless = 15;
     static constexpr double kNegligible = 1e-4;
 
     struct Member {
         explicit Member(int which = 0) : index(which) {}
         int index;
-        double logs = 0, squares = 0;  // of the innovations
-        double e = 0, unlikely = 0;    // -log L
-        double weight = 1;             // over that of the best
+        double logs = 0, squares = 0;  // sums over the innovations
+        double e = 0, unlikely = 0;    // `unlikely`: -log L
+        double weight = 1;             // relative to the best member
         HeldLog log_S;
         Kalman<BankMembers::kMost> filter;
 

@@ -1,7 +1,8 @@
-// Whether the innovations of a filter are white, and as large as it thinks. Of a filter whose model is right
-// they are uncorrelated, and their squares over the variance that it predicts have the mean 1 (Bar-Shalom, Li
-// & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2). Behind a low-pass
-// neighbours may be uncorrelated and later ones not, so that the first lag alone says too little.
+// Tests whether the innovations of a filter are white and as large as predicted. If the filter's model is
+// right, the innovations are uncorrelated, and the mean of their squares over the predicted variance is 1
+// (Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2).
+// Behind a low-pass filter, neighbours may be uncorrelated while later samples are correlated, so the first
+// lag alone is not enough.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +10,7 @@
 
 namespace fltea {
 
-// All figures over the last 1,000 innovations, give or take a hundred; NaN before 200.
+// All statistics use the last 1,000 innovations (within a hundred); NaN before the first 200.
 class Whiteness {
   public:
     void add(double innovation, double std) {
@@ -37,25 +38,26 @@ class Whiteness {
         white_ = ljung_box().value < kColoured;
     }
 
-    // Whether they were white when the last hundred was full: it does not depend on who asks how often.
+    // Whether the innovations were white when the last block of a hundred was full. The result does not
+    // depend on how often it is asked for.
     bool is_white() const { return white_; }
 
-    // There was no innovation: what follows has no neighbours.
+    // An innovation is missing, so the next one has no neighbour.
     void skip() { before_ = 0; }
 
-    // Correlation of neighbours, 0 ± 1/sqrt(n) for white innovations.
+    // Correlation of neighbours; 0 ± 1/sqrt(n) for white innovations.
     double lag1() const {
         const Sums all = sum();
         return all.n >= kFewest && all.squares > 0 ? all.products[0] / all.squares : __builtin_nan("");
     }
 
-    // Mean normalised innovation squared; 1 where the filter's variance is right.
+    // Mean normalised innovation squared; 1 if the filter's variance is right.
     double nis() const {
         const Sums all = sum();
         return all.n >= kFewest ? all.normalised / all.n : __builtin_nan("");
     }
 
-    // Ljung and Box's statistic, over innovations in that number: χ² with kLags degrees for white ones.
+    // The Ljung-Box statistic over `n` innovations: χ² with kLags degrees of freedom for white innovations.
     struct LjungBox {
         double value;
         int n;
@@ -101,7 +103,8 @@ class Whiteness {
         }
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
-    // White ones give as much once in a thousand (innovation_whiteness.py, whose other limit no 1,000 reach).
+    // White innovations exceed this once in a thousand cases (innovation_whiteness.py; no 1,000 innovations
+    // reach its other limit).
     static constexpr double kColoured = 45.314746618125859;
 
     Sums sum() const {
@@ -121,8 +124,8 @@ class Whiteness {
     Sums now_;
     int kept_ = 0;
     bool white_ = false;
-    double window_[kBlock + kLags] = {};  // the last ones are kLags from at_ on
-    int at_ = kBlock, before_ = 0;        // of them, those that nothing is missing behind
+    double window_[kBlock + kLags] = {};  // the newest kLags are from at_ on
+    int at_ = kBlock, before_ = 0;        // number of the newest innovations without a gap
 };
 
 }  // namespace fltea

@@ -1,7 +1,8 @@
-// What came over one wire, one by one in its order: samples, other frames, ticks of a silent line, troubles.
+// Decodes what came over one port into items, in order of arrival: samples, other frames, ticks of a silent
+// port, and troubles.
 //
-// What comes out, and how much is counted at each moment, depends on the bytes and on when they came, never
-// on how many reads are given at once. Once its memory has grown, it allocates none.
+// The items, and the counts at each moment, depend only on the bytes and their arrival times, never on how
+// many reads are given at once. Once its memory has grown to the size it needs, this class allocates none.
 #pragma once
 
 #include <algorithm>
@@ -18,21 +19,22 @@
 
 namespace fltea {
 
-// Give it what happened, then take items until kDone; what was not taken by the next call is left out.
+// Call one of the input functions, then next() until kDone. Items that were not taken before the next input
+// are dropped.
 class WireLine {
   public:
-    // If the program itself was held up for this long, by whatever, silence proves nothing.
+    // If the program itself stalled for this long, silence of the port proves nothing.
     static constexpr std::int64_t kStallNs = 2 * kSecondNs;
-    // Of one silence, which in a recording may be one of days.
+    // Limit for one silence, which in a recording may last for days.
     static constexpr std::int64_t kMostTicks = 120;
 
     explicit WireLine(const LineTimes& times) : times_(times), watch_(times) {}
 
     const LineCounts& counts() const { return counts_; }
-    // Of what was given last, as far as it was handed on.
+    // Unix time offset of the newest input that the caller has received.
     std::int64_t unix_offset_ns = 0;
 
-    // The port is open, perhaps again.
+    // The port was opened, perhaps again.
     void opened(const Stamp& at) {
         drop();
         unix_offset_ns = at.unix_offset_ns;
@@ -42,7 +44,7 @@ class WireLine {
         set_last(at.host_ns);
     }
 
-    // It could not be opened, or was lost; whether that is news. Nothing else comes of it.
+    // The port could not be opened, or was lost. Returns whether this has to be reported. There are no items.
     bool failed(const char* kind, const Stamp& at) {
         drop();
         unix_offset_ns = at.unix_offset_ns;
@@ -51,19 +53,20 @@ class WireLine {
         return watch_.is_news(kind, at.host_ns);
     }
 
-    // Bytes of successive reads, the last of which ends where they end, with ticks where nothing came.
+    // Gives the bytes of consecutive reads; the last read ends where the bytes end. Silences between reads
+    // give ticks.
     void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
         begin(data, reads, n, now_ns);
         tells_time_ = true;
     }
 
-    // Bytes of one read, by who looks after the time before it.
+    // Gives the bytes of one read. The caller handles the ticks before it.
     void feed_one(const std::uint8_t* data, const PortRead& read, std::int64_t now_ns) {
         begin(data, &read, 1, now_ns);
         tells_time_ = false;
     }
 
-    // Nothing came for a while, until now.
+    // Nothing has come for a while, until now.
     void silent(std::int64_t now_ns) {
         drop();
         forgive_stall(now_ns);
@@ -75,30 +78,31 @@ class WireLine {
         }
     }
 
-    // The line says nothing before a moment.
+    // The port delivers nothing before this moment.
     void pass_time(std::int64_t until_ns) {
         drop();
         begin_ticks_before(until_ns);
     }
 
-    // Begins all waiting again: nobody could have been heard until now.
+    // Restarts all waiting times, because the program could not read until now.
     void forgive(std::int64_t now_ns) {
         watch_.forgive(now_ns);
         has_last_ = false;
     }
 
-    // When the program came back: to tell a stall of its own from a silence.
+    // Notes when the program continued, to distinguish its own stall from a silence.
     void resume(std::int64_t now_ns) {
         has_before_ = true;
         before_ns_ = now_ns;
     }
 
-    // After a kFrame that is a HELLO, before anything else is taken: what becomes of what stands behind it.
+    // Call this after a kFrame that is a HELLO, before the next item. It decides how the following bytes are
+    // interpreted.
     void accept_hello() {
         accepted_.assign(hello_, hello_ + hello_size_);
         watch_.on_hello(true);
     }
-    // Whether it is news that such a HELLO cannot be used.
+    // Refuses the HELLO. Returns whether this has to be reported.
     bool refuse_hello() {
         watch_.on_hello(false);
         return watch_.is_news("bad_hello", hello_ns_);
@@ -122,7 +126,7 @@ class WireLine {
     }
 
   private:
-    // What was given to the caller, and is counted when he comes back.
+    // What the caller received with the last item. It is counted at the next call.
     struct Handed {
         bool is_any = false;
         std::int64_t end = 0, frames = 0;
@@ -153,7 +157,7 @@ class WireLine {
         reads_.assign(reads, reads + n);
     }
 
-    // Up to this moment, from what happened last.
+    // Begins the ticks from the last event until this moment.
     void begin_ticks(std::int64_t now_ns) {
         if (!has_last_ || time_between(last_ns_, now_ns) < times_.tick_ns) return;
         ticks_left_ = std::min(kMostTicks, time_between(last_ns_, now_ns) / times_.tick_ns);
@@ -185,8 +189,8 @@ class WireLine {
 
     std::int64_t end_before(std::size_t read) const { return read == 0 ? 0 : reads_[read - 1].end; }
 
-    // Goes on to the next reads that are taken together: all of one second that came close to each other, or
-    // one by one where a trouble may be due between them. Ticks come first.
+    // Continues with the next reads that are processed together: all reads of one second that came close to
+    // each other, or single reads where a trouble may be due between them. Ticks come first.
     void next_part() {
         if (at_ == group_end_) {
             group_end_ = end_of_group();
@@ -235,13 +239,13 @@ class WireLine {
         look_is_due_ = true;
     }
 
-    // The read of this part in which a frame ended.
+    // Returns the read of this part in which a frame ended.
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
     }
 
-    // False at the end of the part.
+    // Returns false at the end of the part.
     bool next_of_part(LineItem& item) {
         for (;;) {
             const bool is_last = other_ == found_.others.size();
@@ -261,7 +265,7 @@ class WireLine {
         }
     }
 
-    // Samples up to the next whose sequence does not follow, as an epoch may begin with it.
+    // Returns samples up to the first whose sequence does not follow, because an epoch may begin with it.
     void give_samples(std::size_t stop, LineItem& item) {
         const std::size_t from = row_;
         row_ = samples_.end_of_sequence(from, stop);
@@ -272,13 +276,13 @@ class WireLine {
         if (row_ == stop) hand_run(stop);
     }
 
-    // All samples before `stop` that stand behind the last other frame are handed on.
+    // Marks as received all samples before `stop` that follow the last other frame.
     void hand_run(std::size_t stop) {
         const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};
     }
 
-    // False if nothing is to be given: the frame of a device that was refused.
+    // Returns false if there is no item, because the frame is from a refused device.
     bool give_other(const OtherRow& other, LineItem& item) {
         const PortRead& read = *read_of(other.end);
         unix_offset_ns = read.stamp.unix_offset_ns;
@@ -322,7 +326,7 @@ class WireLine {
         }
     }
 
-    // Only what was handed on counts, so that counts do not depend on how the bytes were read.
+    // Counts only what the caller received, so that the counts do not depend on how the bytes were read.
     void count_handed() {
         hello_size_ = 0;
         if (!handed_.is_any) return;
@@ -347,25 +351,25 @@ class WireLine {
     LineCounts counts_;
     Handed handed_;
     bool has_before_ = false, has_last_ = false;
-    std::int64_t before_ns_ = 0;  // when the program came back
-    std::int64_t last_ns_ = 0;    // when something happened, or a tick
+    std::int64_t before_ns_ = 0;  // when the program continued
+    std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
-    bool look_is_due_ = false;  // at last_ns_
+    bool look_is_due_ = false;  // a trouble check is due at last_ns_
 
-    // What was given. Reads before `at_` have been begun with, a group goes to `group_end_`.
+    // The given input. Reads before `at_` are in progress or done; the present group ends at `group_end_`.
     std::vector<std::uint8_t> bytes_;
     std::vector<PortRead> reads_;
     std::size_t at_ = 0, group_end_ = 0;
     bool tells_time_ = false, is_judged_ = false, is_settled_ = false;
 
-    // The part that is being handed on: reads from `part_begin_` to `at_`, whose bytes begin at `base_`.
+    // The part in progress: reads from `part_begin_` to `at_`. Its bytes begin at `base_`.
     bool in_part_ = false;
     std::size_t part_begin_ = 0, row_ = 0, other_ = 0;
     std::int64_t base_ = 0, bytes_in_ = 0, bytes_before_ = 0;
     Decoded found_;
     WireSamples samples_;
 
-    std::vector<std::uint8_t> accepted_;  // payload of the HELLO that was accepted last
+    std::vector<std::uint8_t> accepted_;  // payload of the last accepted HELLO
     const std::uint8_t* hello_ = nullptr;
     std::size_t hello_size_ = 0;
     std::int64_t hello_ns_ = 0;

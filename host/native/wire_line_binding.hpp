@@ -1,4 +1,4 @@
-// What of fltea._native.WireLine others in this module need, too (wire_line_binding.cpp, round_binding.cpp).
+// The class behind fltea._native.WireLine, shared by wire_line_binding.cpp and round_binding.cpp.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -30,7 +30,7 @@ T* copied(NumpyTable& table, const T* from, std::size_t count) {
     return to;
 }
 
-// As of RawBlock.
+// Returns the columns as in RawBlock.
 inline nb::tuple columns(const fltea::SampleColumns& samples) {
     const std::size_t n = samples.n;
     NumpyTable table(n * (4 * sizeof(std::int64_t) + 7 * sizeof(std::int16_t)));
@@ -48,7 +48,7 @@ inline nb::tuple columns(const fltea::SampleColumns& samples) {
                           table.array(flags, wide));
 }
 
-// An item as host/fltea/sources/wire_events.py takes it; None for kDone.
+// Returns an item as host/fltea/sources/wire_events.py expects it; None for kDone.
 inline nb::object as_tuple(const LineItem& item) {
     switch (item.kind) {
         case LineItem::kDone:
@@ -104,7 +104,7 @@ class WireLine {
 
     nb::object next() { return as_tuple(line_.next()); }
 
-    // Bytes, frames, refused frames, times that the port was opened, and bad blocks by reason.
+    // Returns the numbers of bytes, frames, refused frames and port openings, and the bad blocks by reason.
     nb::tuple counts() const {
         const fltea::LineCounts& counts = line_.counts();
         nb::dict bad;

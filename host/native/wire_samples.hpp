@@ -1,4 +1,4 @@
-// Samples of a wire as columns, in memory that is used again.
+// Samples of a port as columns, in memory that is reused.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,8 @@ namespace fltea {
 
 class WireSamples {
   public:
-    // reads: those in which the samples ended, by ends that count from `base` bytes before the decoder's.
+    // `reads`: the reads in which the samples ended. Their ends are counted from `base` bytes before the
+    // decoder's.
     void lay_out(const std::vector<SampleRow>& samples, const PortRead* reads, std::int64_t base) {
         const std::size_t n = samples.size();
         for (std::vector<std::int64_t>* column : {&sequence_, &device_us_, &host_ns_, &flags_})
@@ -36,14 +37,14 @@ class WireSamples {
         }
     }
 
-    // Up to which of the samples before `stop` each sequence follows on the one before.
+    // Returns the end of the samples, at most `stop`, whose sequence numbers follow each other without a gap.
     std::size_t end_of_sequence(std::size_t from, std::size_t stop) const {
         std::size_t end = from + 1;
         while (end < stop && sequence_[end] - sequence_[end - 1] == 1) ++end;
         return end;
     }
 
-    // Of some of them, until the next are laid out.
+    // Columns of some samples. They are valid until the next lay_out().
     SampleColumns rows(std::size_t from, std::size_t end) const {
         const auto counts = [from](const std::vector<std::int16_t>& column, std::size_t width) {
             return NumberColumn(column.data() + width * from, NumberColumn::kCounts, width);
