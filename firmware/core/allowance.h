@@ -1,4 +1,4 @@
-// A share of the time that some work may take: what passes earns it, what it takes spends it.
+// Limits some work to a share of the time: passing time adds allowance, and the work spends it.
 #pragma once
 
 #include <stdint.h>
@@ -8,13 +8,13 @@ namespace fltea {
 template <uint32_t kPercent>
 class Allowance {
   public:
-    // Nothing has been earned.
+    // Starts with no allowance.
     void begin(uint32_t now_us) {
         at_us_ = now_us;
         earned_ = 0;
     }
 
-    // Time has come to now_us; at least once in ten minutes.
+    // Adds the time until now_us. Call this at least once in ten minutes.
     void pass(uint32_t now_us) {
         const uint32_t passed_us = now_us - at_us_;
         at_us_ = now_us;
@@ -25,15 +25,15 @@ class Allowance {
 
     bool left() const { return earned_ > 0; }
 
-    // The work took so long. It may take more than was left: the rest is owed.
+    // Spends the time that the work took. It may exceed the remaining allowance; the excess is a debt.
     void spend(uint32_t took_us) { earned_ -= static_cast<int32_t>(100 * took_us); }
 
   private:
-    // What a second earns: so much is kept for later.
+    // Largest allowance that is kept: what one second adds.
     static constexpr int32_t kMost = 1000000 * kPercent;
 
     uint32_t at_us_ = 0;
-    int32_t earned_ = 0;  // hundredths of a microsecond
+    int32_t earned_ = 0;  // in hundredths of a microsecond
 };
 
 }  // namespace fltea

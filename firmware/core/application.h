@@ -1,4 +1,5 @@
-// The whole device but its hardware: a port makes one, calls start() once and step() for ever.
+// The whole device without its hardware. A board port creates one, calls start() once, and then step()
+// forever.
 #pragma once
 
 #include <stddef.h>
@@ -23,7 +24,7 @@
 
 namespace fltea {
 
-// What a port knows of itself.
+// What a board port knows about the board.
 struct Identity {
     uint32_t boot_id;       // differs from boot to boot
     uint8_t device_id[16];  // unique identifier of the microcontroller
@@ -42,11 +43,12 @@ class Application {
           health_(bus, clock, faults_, mode),
           sampler_(mode) {}
 
-    // Once, before the first step(): HELLO.
+    // Sends HELLO. Call this once, before the first step().
     void start() {
         const uint32_t now_us = clock_.now_us();
         sampler_.begin(now_us);
-        // In mid-period: a port that does not sleep would otherwise let an instant wait for them.
+        // HELLO and STATUS are sent in mid-period. Otherwise, on a port that does not sleep, a sampling
+        // instant would have to wait for them.
         const uint32_t mid_us = now_us - now_us % kPeriodUs - kPeriodUs / 2;
         hello_.begin(mid_us);
         status_.begin(mid_us + kSecondUs / 2 / kPeriodUs * kPeriodUs);
@@ -55,8 +57,8 @@ class Application {
         report(now_us);
     }
 
-    // In the main loop, after every wake-up and at least every 10 ms. Returns within 10 ms, whatever the bus
-    // does. True: there is more to do at once.
+    // Call this in the main loop, after every wake-up and at least every 10 ms. It returns within 10 ms,
+    // whatever the bus does. Returns true if more work waits.
     bool step() {
         const uint32_t now_us = clock_.now_us(), transfers = health_.transfers();
         health_.pass_time(now_us);
@@ -84,14 +86,15 @@ class Application {
         return may_estimate(done_us) || may_fit(done_us);
     }
 
-    // From the interrupt handler of the data-ready pin, with the instant of the edge.
+    // Call this from the interrupt handler of the data-ready pin, with the time of the edge.
     void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
 
   private:
-    // Bytes a second on the line, with HELLO, ESTIMATOR, STATUS, a FAULT and a FIT a second; a tenth is left.
+    // Bytes per second on the serial port, with HELLO, ESTIMATOR, STATUS, one FAULT and one FIT per second. A
+    // tenth of the capacity stays free.
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
-    // 176 bins of an axis, in rounds of kFitEvery samples.
+    // 176 bins per axis, in rounds of kFitEvery samples.
     static constexpr size_t kMostSpectraPerS =
         kSamplesPerS * 3 * 176 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
@@ -104,11 +107,12 @@ class Application {
     static_assert(
         kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
         "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
-    // The bus takes as long for a sample and its guard; nine clocks a byte, each with a register's number.
+    // Time of the bus for a sample and its guard: nine clocks per byte, and a register number for each
+    // transfer.
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
-    // Three axes take 1.1 ms of the processor, and a ring as small as Arduino's has to have room for
+    // Three axes take 1.1 ms of processor time. Even a ring buffer as small as Arduino's needs room for
     // ESTIMATOR in mid-period (Link::send).
     static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 2000, "too fast for estimates");
 
@@ -118,7 +122,7 @@ class Application {
 
     void take_sample() {
         Health::Reading reading;
-        // No sample before the HELLO that says which set-up of the sensor it belongs to.
+        // Sends no sample before the HELLO that announces this set-up of the sensor.
         if (announced_starts_ != health_.sensor_starts() || !health_.read(reading)) {
             sampler_.missed();
             return;
@@ -131,18 +135,19 @@ class Application {
         if (settings::kEstimate && estimation_.add(reading.sample, sampler_.instant())) forget_estimates();
     }
 
-    // What waits for the line is of a start-up window that has come to its end.
+    // The estimates that wait to be sent belong to an earlier start-up window.
     void forget_estimates() { estimate_due_ = fit_due_ = spectrum_due_ = false; }
 
-    // Not before what it has to tell is on its way, and not if the next instant would have to wait for it;
-    // half a period is left to it however slow it is.
+    // Whether there is time for an estimate: not while its predecessor waits to be sent, and not if the next
+    // sampling instant would have to wait. Estimates may take up to half a period, however slow they are.
     bool may_estimate(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return estimation_.busy() && !estimate_due_ && !estimator_due_ &&
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 
-    // After all estimates, in its share of the time, and as them not if the next instant would have to wait.
+    // Whether there is time for a slice of a fit: after all estimates, within its share of the time, and not
+    // if the next sampling instant would have to wait.
     bool may_fit(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return settings::kFit && estimation_.noise().busy() && !estimation_.busy() && !fit_due_ &&
@@ -150,7 +155,7 @@ class Application {
                sampler_.until_next_us(now_us) > (longest_slice_us_ < most_us ? longest_slice_us_ : most_us);
     }
 
-    // One axis on by one sample, if there is time for it.
+    // Advances one axis by one sample, if there is time.
     bool estimate(uint32_t now_us) {
         if (!settings::kEstimate || !may_estimate(now_us)) return false;
         const bool started = estimation_.started();
@@ -161,7 +166,7 @@ class Application {
         return true;
     }
 
-    // A slice of a fit, if there is time for it.
+    // Does a slice of a fit, if there is time.
     bool fit(uint32_t now_us) {
         if (!settings::kFit) return false;
         fits_share_.pass(now_us);
@@ -192,7 +197,7 @@ class Application {
         if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
         if (fit_due_ && link_.send(fit_, now_us, quiet_us)) fit_due_ = false;
-        // One in a period: the line has to be free again when the next sample comes.
+        // At most one per period: the serial port has to be free again when the next sample comes.
         const uint16_t instant = sampler_.sequence();
         if (spectrum_due_ && instant != spectrum_at_ && link_.send(spectrum_, now_us, quiet_us)) {
             spectrum_due_ = false;
@@ -241,7 +246,7 @@ class Application {
         return status;
     }
 
-    // "VERSION PORT BUILD", as much as fits.
+    // Writes "VERSION PORT BUILD", as many characters as fit.
     template <size_t N>
     void write_version(char (&text)[N]) const {
         size_t n = 0;
@@ -261,9 +266,9 @@ class Application {
     EverySecond hello_;
     EverySecond status_;
     Estimation estimation_;
-    Estimate estimate_ = {};  // the newest, if estimate_due_
-    Fit fit_ = {};            // if fit_due_
-    Spectrum spectrum_ = {};  // if spectrum_due_
+    Estimate estimate_ = {};  // the newest; valid if estimate_due_
+    Fit fit_ = {};            // valid if fit_due_
+    Spectrum spectrum_ = {};  // valid if spectrum_due_
     Allowance<settings::kFitShare> fits_share_;
     Workload workload_;
     uint32_t longest_axis_us_ = 0;
@@ -271,7 +276,7 @@ class Application {
     uint16_t announced_starts_ = 0;
     bool estimate_due_ = false;
     bool estimator_due_ = false;
-    uint16_t spectrum_at_ = 0;  // sample after which the last one was sent
+    uint16_t spectrum_at_ = 0;  // sample after which the last SPECTRUM was sent
     bool fit_due_ = false;
     bool spectrum_due_ = false;
 };

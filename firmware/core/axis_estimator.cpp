@@ -57,7 +57,7 @@ struct AxisEstimator::Filter {
     float r_dps2;
     Lane lane;
     engine::Estimate<float> estimate = {};
-    // What the lane counts from step to step: a float would stop at 2^24.
+    // Counts of the guard's interventions. As a float, such a count would stop at 2^24.
     uint32_t interventions[engine::kCauses] = {};
 };
 

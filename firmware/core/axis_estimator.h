@@ -1,5 +1,5 @@
-// One axis of the gyroscope: start-up window, filter, supervisor. The filter is the host's (engine/lane.hpp)
-// in float, over a memory in integers. It is compiled once, in axis_estimator.cpp.
+// The estimator of one gyroscope axis: start-up window, filter and supervisor. The filter is the host's
+// (engine/lane.hpp) in float, with a memory in integers. It is compiled once, in axis_estimator.cpp.
 #pragma once
 
 #include <stddef.h>
@@ -18,34 +18,34 @@ class AxisEstimator {
     AxisEstimator(const AxisEstimator&) = delete;
     AxisEstimator& operator=(const AxisEstimator&) = delete;
 
-    // Forgets everything: a new start-up window.
+    // Forgets everything and begins a new start-up window.
     void begin();
 
-    // One sample of the start-up window.
+    // Adds a sample of the start-up window.
     void collect(int16_t count) { baseline_.add(count); }
 
-    // The window is full.
+    // Ends the full start-up window and starts the filter.
     void start();
 
-    // The filters go on with these; all that they remember stays. Only once there are filters.
+    // Sets Q and R of the filters, which keep their memory. Only call this once there are filters.
     void retune(float Q_dps2, float R_dps2);
 
-    // One sample after the window, or none (a lost one): a prediction.
+    // Processes one sample after the window; null: a lost sample, which is predicted.
     void step(const int16_t* count);
 
-    // Fills in all but axis, sample and age.
+    // Fills in all fields except axis, sample and age.
     void report(Estimate& message) const;
 
-    // Of the window; 0 while it fills, and R of an axis that never changed.
+    // Results of the start-up window. They are 0 while it fills; R is also 0 for an axis that never changed.
     float bias_dps() const;
     float r_dps2() const;
-    // The same in squared counts.
+    // R in squared counts.
     float variance() const { return filter_ == nullptr ? 0.0f : baseline_.variance(); }
 
-    // Times since the window that the supervisor had to begin again.
+    // Number of restarts by the supervisor since the start-up window.
     uint16_t restarts() const { return restarts_; }
 
-    // Fills in what the filters are told.
+    // Fills in the settings of the filters.
     static void describe(Estimator& message);
 
   private:
@@ -57,7 +57,7 @@ class AxisEstimator {
 
     engine::Baseline<int16_t> baseline_;
     engine::Supervisor<float> supervisor_;
-    Filter* filter_ = nullptr;  // in storage_, once the window is full and has given an R
+    Filter* filter_ = nullptr;  // points to storage_ once the window is full and has given an R
     uint16_t restarts_ = 0;
     bool valid_ = false;
     bool missing_ = false;

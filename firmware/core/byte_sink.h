@@ -1,4 +1,4 @@
-// What the core asks of the line to the host.
+// Interface of the core to the serial port.
 #pragma once
 
 #include <stddef.h>
@@ -8,10 +8,10 @@ namespace fltea {
 
 class ByteSink {
   public:
-    // Bytes that write() takes now without waiting.
+    // Number of bytes that write() accepts now without waiting.
     virtual size_t room() = 0;
 
-    // Takes n ≤ room() bytes; never waits.
+    // Sends n ≤ room() bytes. Never waits.
     virtual void write(const uint8_t* data, size_t n) = 0;
 
   protected:

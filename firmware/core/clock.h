@@ -1,4 +1,4 @@
-// What the core asks of time.
+// Interface of the core to the clock.
 #pragma once
 
 #include <stdint.h>

@@ -1,5 +1,5 @@
 // Consistent Overhead Byte Stuffing (Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999):
-// rewrites any bytes without 0x00, so that 0x00 can close a frame.
+// encodes any bytes without 0x00, so that 0x00 can end a frame.
 #pragma once
 
 #include <stddef.h>
@@ -7,16 +7,16 @@
 
 namespace fltea {
 
-// Bytes that n bytes take at most after encoding.
+// Largest number of bytes after encoding n bytes.
 constexpr size_t cobs_max_encoded(size_t n) { return n == 0 ? 1 : n + (n + 253) / 254; }
 
-// Encodes byte by byte into `out`, which must hold cobs_max_encoded() of all that is put.
+// Encodes byte by byte into `out`, which must have room for cobs_max_encoded() of all bytes.
 class CobsEncoder {
   public:
     explicit CobsEncoder(uint8_t* out) : out_(out) {}
 
     void put(uint8_t byte) {
-        // A full block is closed only when a byte follows: at the end no empty block comes after it.
+        // A full block is closed only when another byte follows, so that no empty block comes at the end.
         if (code_ == kFull) open_block();
         if (byte == 0) {
             open_block();
@@ -26,7 +26,8 @@ class CobsEncoder {
         }
     }
 
-    // Bytes written, without a closing 0x00. Put nothing after it.
+    // Ends the encoding. Returns the number of bytes written, without a closing 0x00. Put no bytes
+    // afterwards.
     size_t finish() {
         out_[block_] = code_;
         return end_;
@@ -42,9 +43,9 @@ class CobsEncoder {
     }
 
     uint8_t* out_;
-    size_t block_ = 0;  // where the code of the open block goes
+    size_t block_ = 0;  // index for the code of the open block
     size_t end_ = 1;
-    uint8_t code_ = 1;  // distance from the code to the zero that it replaces
+    uint8_t code_ = 1;  // distance from the code to the 0x00 that it replaces
 };
 
 inline size_t cobs_encode(const uint8_t* data, size_t n, uint8_t* out) {

@@ -1,4 +1,4 @@
-// What the interrupt handler of the data-ready pin tells the main loop.
+// Passes the edges of the data-ready pin from the interrupt handler to the main loop.
 #pragma once
 
 #include <stdint.h>
@@ -11,17 +11,17 @@ class Edges {
   public:
     struct Seen {
         uint32_t count;    // edges since boot, wrapping
-        uint32_t last_us;  // instant of the last
+        uint32_t last_us;  // time of the last edge
     };
 
-    // The interrupt handler, and nobody else.
+    // Only the interrupt handler calls this.
     void add(uint32_t now_us) {
         last_us_.store(now_us, std::memory_order_relaxed);
         count_.store(count_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     }
 
-    // The main loop. An edge that falls between the two reads changes the count: then read again, so that
-    // count and instant belong together.
+    // The main loop calls this. If an edge comes between the two reads, the count changes and both are read
+    // again, so that count and time belong together.
     Seen seen() const {
         for (;;) {
             const uint32_t count = count_.load(std::memory_order_acquire);

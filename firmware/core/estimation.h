@@ -18,7 +18,7 @@ class Estimation {
   public:
     static constexpr size_t kAxes = 3;
 
-    // The sensor has been set up: nothing from before belongs to what comes.
+    // Starts again after the sensor was set up: earlier samples do not belong to the following ones.
     void begin() {
         for (AxisEstimator& axis : axes_) axis.begin();
         noise_.begin();
@@ -32,7 +32,8 @@ class Estimation {
         ++begun_;
     }
 
-    // Takes a sample and the number of its instant. True if it is the first of another start-up window.
+    // Adds a sample and the number of its instant. Returns true if it is the first sample of a new start-up
+    // window.
     bool add(const Sample& sample, uint32_t instant) {
         const uint16_t begun = begun_;
         if (going_ && instant - instant_ - 1 > settings::kMaxGap) begin();
@@ -60,7 +61,7 @@ class Estimation {
         return begun_ != begun;
     }
 
-    // What a fit of an axis tells its filters: whether they go on with it.
+    // Applies a fit of an axis to its filters. Returns whether the filters now use it.
     bool retune(const Fit& fit) {
         if (fit.verdict == FitVerdict::white || (fit.flags & fit_flags::alpha_defined) == 0) return false;
         axes_[static_cast<size_t>(fit.axis)].retune(fit.s2, fit.r);
@@ -69,11 +70,11 @@ class Estimation {
 
     bool busy() const { return waiting_ != 0 || noise_.passing(); }
 
-    // What is fitted to the same samples, when nothing is busy().
+    // The noise fits of the same samples. Use this only when busy() is false.
     NoiseFit& noise() { return noise_; }
     const NoiseFit& noise() const { return noise_; }
 
-    // One axis on by one sample, or an octave of its spectrum. True if an ESTIMATE has come of it.
+    // Advances one axis by one sample, or its spectrum by one octave. Returns true if this gave an ESTIMATE.
     bool work(Estimate& message) {
         if (noise_.passing()) {
             noise_.pass();
@@ -109,7 +110,7 @@ class Estimation {
         return due;
     }
 
-    // How it gets on; longest_axis and longest_slice are the caller's.
+    // Fills in the state of the estimation. The caller fills in longest_axis and longest_slice.
     void report(Estimator& message) const {
         namespace s = settings;
         message = Estimator();
@@ -138,7 +139,7 @@ class Estimation {
     bool started() const { return collected_ == settings::kStartup; }
 
   private:
-    // A gap of kMaxGap takes a tenth of a second to work off.
+    // Processing a gap of kMaxGap takes a tenth of a second.
     static constexpr size_t kQueue = 32;
     static_assert(settings::kStartup >= 2 && settings::kStartup <= 4096, "the window's sums must fit");
     static_assert(settings::kEstimateEvery >= 1, "samples from one ESTIMATE to the next");
@@ -156,7 +157,7 @@ class Estimation {
         if (++collected_ != settings::kStartup) return;
         for (size_t i = 0; i < kAxes; ++i) {
             axes_[i].start();
-            // One that never changed is no gyroscope's.
+            // An axis that never changed is not a working gyroscope axis.
             if (settings::kFit && axes_[i].variance() > 0) noise_.start(i);
         }
     }
@@ -180,8 +181,8 @@ class Estimation {
     Item queue_[kQueue] = {};
     size_t first_ = 0;
     size_t waiting_ = 0;
-    size_t axis_ = 0;       // the next to be worked on
-    uint32_t instant_ = 0;  // of the newest sample taken
+    size_t axis_ = 0;       // next axis to process
+    uint32_t instant_ = 0;  // number of the newest sample
     uint32_t age_ = 0;
     uint32_t skipped_ = 0;
     uint16_t skipped_in_row_ = 0;

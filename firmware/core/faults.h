@@ -1,4 +1,4 @@
-// FAULTs on their way to the host: each code at most once a second, none lost while the line is full.
+// Sends FAULTs to the host: each code at most once a second. None is lost while the serial port is busy.
 #pragma once
 
 #include <stddef.h>
@@ -12,14 +12,15 @@ namespace fltea {
 
 class Faults {
   public:
-    // What comes sooner than a second after the last of its code waits; the newest detail is the one told.
+    // Reports a fault. It waits if its code was sent less than a second ago; then only the newest detail is
+    // sent.
     void raise(FaultCode code, uint32_t detail) {
         Entry& entry = entries_[static_cast<size_t>(code) - 1];
         entry.detail = detail;
         entry.waiting = true;
     }
 
-    // In every step: sends what is due and what the line takes.
+    // Call this in every step. Sends what is due, as far as the serial port has room.
     void send(Link& link, uint32_t now_us) {
         for (size_t i = 0; i < kCodes; ++i) {
             Entry& entry = entries_[i];
@@ -30,7 +31,8 @@ class Faults {
         }
     }
 
-    // The sensor runs: what was told within this second and waits to be told again is history.
+    // The sensor runs again: drops repeated faults that wait for their second to pass, because they are
+    // outdated.
     void forget_repeats() {
         for (Entry& entry : entries_) {
             if (entry.rest.waiting()) entry.waiting = false;

@@ -1,5 +1,5 @@
 // One frame on the wire: COBS( type u8 | sequence u16 | device_us u32 | payload | CRC-32 u32 ), then 0x00.
-// The bytes go through CRC and COBS straight into the caller's buffer, so no second buffer is needed.
+// The bytes pass through CRC and COBS directly into the caller's buffer, so no second buffer is needed.
 #pragma once
 
 #include <stddef.h>
@@ -14,14 +14,14 @@
 
 namespace fltea {
 
-// Bytes of a message on the wire, the closing 0x00 included.
+// Bytes of a message on the wire, including the closing 0x00.
 template <typename Message>
 constexpr size_t wire_size() {
     return cobs_max_encoded(kMaxFrame - kMaxPayload + Message::size()) + 1;
 }
 
-// `out` must hold kMaxWire bytes, or wire_size() of the message; the caller puts at most kMaxPayload bytes of
-// payload.
+// `out` must have room for kMaxWire bytes, or wire_size() of the message. The caller puts at most kMaxPayload
+// bytes of payload.
 class FrameWriter {
   public:
     FrameWriter(uint8_t type, uint16_t sequence, uint32_t device_us, uint8_t* out) : out_(out), cobs_(out) {
@@ -43,7 +43,7 @@ class FrameWriter {
         u16(static_cast<uint16_t>(value >> 16));
     }
 
-    // Bytes on the wire, the 0x00 included. Put nothing after it.
+    // Returns the bytes on the wire, including the 0x00. Put no bytes afterwards.
     size_t finish() {
         u32(crc_.value());
         const size_t n = cobs_.finish();
@@ -57,7 +57,7 @@ class FrameWriter {
     CobsEncoder cobs_;
 };
 
-// Visitor of a message's fields (messages.h) that writes them as payload.
+// Visitor of a message's fields (messages.h) that writes the fields as payload.
 class FieldWriter {
   public:
     explicit FieldWriter(FrameWriter& frame) : frame_(frame) {}
@@ -78,7 +78,7 @@ class FieldWriter {
         frame_.u8(static_cast<uint8_t>(value));
     }
 
-    // bytesN, and textN, which is padded with NUL by whoever fills it.
+    // bytesN and textN. The code that sets a textN pads it with NUL.
     template <typename Byte, size_t N>
     void operator()(const char*, const Byte (&value)[N]) {
         for (size_t i = 0; i < N; ++i) frame_.u8(static_cast<uint8_t>(value[i]));
@@ -88,7 +88,8 @@ class FieldWriter {
     FrameWriter& frame_;
 };
 
-// Bytes on the wire, the 0x00 included; 0 and nothing written if the payload is longer than kMaxPayload.
+// Returns the bytes on the wire, including the 0x00; 0, with nothing written, if the payload is longer than
+// kMaxPayload.
 inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, const uint8_t* payload,
                            size_t n, uint8_t* out) {
     if (n > kMaxPayload) return 0;
@@ -97,7 +98,7 @@ inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, 
     return frame.finish();
 }
 
-// The same for a struct of messages.h.
+// Encodes a struct of messages.h in the same way.
 template <typename Message>
 size_t encode_message(const Message& message, uint16_t sequence, uint32_t device_us, uint8_t* out) {
     static_assert(Message::size() <= kMaxPayload, "the payload does not fit a frame");

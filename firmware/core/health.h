@@ -1,7 +1,7 @@
-// The sensor's care: sets it up, reads it, and brings it back. A failed transfer is tried once more, and nine
-// clocks free the bus if it may be held. After a few lost instants, a register that is not as it was set, or
-// values that stand still, the chip is set up again, at most once a second until it runs. No call outlasts
-// two failing transfers, three recoveries and those transfers of a set-up that work: 10 ms.
+// Operates the sensor: sets it up, reads it and recovers it. A failed transfer is tried once more. If the bus
+// may be held, nine clocks free it. The chip is set up again, at most once a second until it runs, after a
+// few lost instants, after a register with a wrong value, or when its values stand still. No call takes
+// longer than two failing transfers, three recoveries and the working transfers of a set-up: 10 ms.
 #pragma once
 
 #include <stddef.h>
@@ -17,7 +17,7 @@
 
 namespace fltea {
 
-// HELLO's sensor_starts: after 65535 comes 1, as 0 is "not yet".
+// Number for HELLO's sensor_starts. 65535 is followed by 1, because 0 means "not yet".
 constexpr uint16_t start_number(uint32_t starts) {
     return static_cast<uint16_t>(starts == 0 ? 0 : (starts - 1) % 65535 + 1);
 }
@@ -25,22 +25,23 @@ constexpr uint16_t start_number(uint32_t starts) {
 class Health {
   public:
     struct Reading {
-        Sample sample;      // with the flags retried, saturated and repeated
-        uint32_t burst_us;  // just before the burst began
+        Sample sample;      // has the flags retried, saturated and repeated
+        uint32_t burst_us;  // time just before the burst began
     };
 
     Health(I2cBus& bus, Clock& clock, Faults& faults, SamplingMode mode)
         : bus_(bus), clock_(clock), faults_(faults), sensor_(bus, mode) {}
 
-    // In every step.
+    // Call this in every step.
     void pass_time(uint32_t now_us) { between_.over(now_us); }
 
     bool running() const { return state_ == State::running; }
 
-    // Transfers so far, with those that failed; wraps.
+    // Number of transfers so far, including failed ones; wraps.
     uint32_t transfers() const { return transfers_; }
 
-    // In every step while the sensor does not run: goes on with the set-up. True when it is complete.
+    // Continues the set-up. Call this in every step while the sensor does not run. Returns true when the
+    // set-up is complete.
     bool set_up(uint32_t now_us) {
         retried_ = false;
         if (state_ == State::idle) {
@@ -55,7 +56,8 @@ class Health {
         return running();
     }
 
-    // One instant of a running sensor. False: nothing to send; set_up() does what is needed.
+    // Reads the sensor at one instant. Returns false if there is no sample; set_up() then does what is
+    // needed.
     bool read(Reading& reading) {
         uint8_t burst[Mpu9250::kBurstBytes];
         retried_ = false;
@@ -63,7 +65,7 @@ class Health {
             reading.burst_us = clock_.now_us();
             return sensor_.read_burst(burst);
         });
-        // Checked after the burst, so that a chip that came back from a reset before it is found out.
+        // Checked after the burst, to detect a chip that was reset before the burst.
         if (!done || !guarded()) {
             if (running() && ++lost_instants_ == kLostInstants) stop(FaultCode::sensor_lost, errors_in_row_);
             return false;
@@ -80,10 +82,10 @@ class Health {
         return true;
     }
 
-    // The sensor answers but gives no edges.
+    // Call this when the sensor answers but gives no edges.
     void data_ready_missing(uint32_t silence_us) { stop(FaultCode::data_ready_missing, silence_us); }
 
-    // As HELLO and STATUS want them.
+    // Values for HELLO and STATUS.
     uint8_t who_am_i() const { return who_am_i_; }
     uint16_t sensor_starts() const { return start_number(starts_); }
     uint32_t sensor_reinits() const { return starts_ == 0 ? 0 : starts_ - 1; }
@@ -93,24 +95,24 @@ class Health {
   private:
     enum class State : uint8_t { idle, resetting, settling, running };
 
-    // What became of a question about the chip's settings.
+    // Result of reading back a setting of the chip.
     enum class Answer : uint8_t { right, right_at_second, wrong, none };
 
-    // Three instants in a row, and 30 ms, are more than a disturbance and less than the host's patience.
+    // Three consecutive instants and 30 ms are longer than a disturbance, and shorter than the host waits.
     static constexpr uint8_t kLostInstants =
         settings::kSamplePeriodUs < 10000 ? 30000 / settings::kSamplePeriodUs : 3;
-    // The noise of seven channels does not stand still; a chip asleep does, and keeps its settings.
+    // The noise of seven channels never stands still. A sleeping chip does, and keeps its settings.
     static constexpr uint8_t kMostEqual = 10;
-    // After a reset the registers answer like after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).
+    // After a reset the registers answer as after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).
     static constexpr uint32_t kResetUs = 100000;
-    // The gyroscope needs 35 ms from sleep (PS-MPU-9250A-01, 3.1), where an MPU-6050 is after its reset.
+    // The gyroscope needs 35 ms after sleep (PS-MPU-9250A-01, 3.1); an MPU-6050 sleeps after its reset.
     static constexpr uint32_t kSettleUs = 50000;
 
-    // How often a missing sensor is asked for. Set-ups are a second apart: a chip that fails them needs no
-    // haste.
+    // Interval at which a missing sensor is probed. Set-ups are a second apart, because a chip that fails
+    // them is not urgent.
     static constexpr uint32_t kProbeUs = 100000;
 
-    // Tries a transfer, and again if it is the first of this step that fails.
+    // Tries a transfer, and repeats it if it is the first failure of this step.
     template <typename Transfer>
     bool transfer(Transfer go) {
         for (;;) {
@@ -120,7 +122,7 @@ class Health {
             count_error();
             const bool again = !retried_;
             retried_ = true;
-            // A NACK comes over a bus that works: ask again before freeing it.
+            // A NACK shows that the bus works, so the transfer is repeated before the bus is freed.
             if (result != I2cResult::nack || !again) {
                 if (!recover(result)) return false;
             }
@@ -128,7 +130,7 @@ class Health {
         }
     }
 
-    // False: lines are still held.
+    // Frees the bus. Returns false if lines are still held.
     bool recover(I2cResult result) {
         held_ = bus_.recover();
         if (held_ != HeldLines::none) {
@@ -139,7 +141,8 @@ class Health {
         return true;
     }
 
-    // I2C has no checksum: a wrong answer may be a bit that flipped on the wires, and is asked for once more.
+    // Reads a setting twice if the first answer is wrong. I2C has no checksum, so a wrong answer may be a
+    // flipped bit.
     template <typename Read, typename Right>
     Answer ask(Read read, Right right) {
         if (!transfer(read)) return Answer::none;
@@ -155,7 +158,7 @@ class Health {
         ++errors_in_row_;
     }
 
-    // Whether the burst can be believed: the chip is as it was set, and says so at once.
+    // Whether the burst can be trusted: the chip still has its settings.
     bool guarded() {
         uint8_t guard[Mpu9250::kGuardBytes];
         size_t wrong = 0;
@@ -175,8 +178,8 @@ class Health {
         uint8_t answer = 0;
         if (!transfer([&]() -> I2cResult { return sensor_.read_who_am_i(answer); })) {
             if (held_ != HeldLines::none) return;
-            // The board is up before a sensor that gets its supply with it (11 to 100 ms:
-            // PS-MPU-9250A-01, 3.4.2).
+            // At power-up the board is ready before the sensor, which gets its supply at the same time (11 to
+            // 100 ms: PS-MPU-9250A-01, 3.4.2).
             if (unanswered_) faults_.raise(FaultCode::sensor_missing, settings::kSensorAddress);
             unanswered_ = true;
             return;
@@ -238,8 +241,8 @@ class Health {
               static_cast<uint32_t>(setting.reg) << 16 | static_cast<uint32_t>(setting.value) << 8 | kept);
     }
 
-    // The sensor answers, but not as it should. That may be the controller's doing: a byte left in it shifts
-    // all that is read, and only recover() sets it up again.
+    // The sensor answers, but wrongly. The controller may be the cause: a byte left in it shifts all that is
+    // read, and only recover() sets it up again.
     void doubt(FaultCode code, uint32_t detail) {
         stop(code, detail);
         doubtful_ = true;
@@ -269,7 +272,7 @@ class Health {
     Faults& faults_;
     Mpu9250 sensor_;
     Pause pause_;
-    Pause between_;  // probes, and set-ups, begin that far apart
+    Pause between_;  // minimum time between probes, and between set-ups
     uint32_t starts_ = 0;
     uint32_t transfers_ = 0;
     uint32_t i2c_errors_ = 0;
@@ -281,8 +284,9 @@ class Health {
     uint8_t who_am_i_ = 0;
     bool retried_ = false;  // in this step
     bool doubtful_ = false;
-    bool unanswered_ = false;  // the last probe
-    uint8_t equal_ = 0;        // bursts in a row, with the last one; 0: none since the sensor runs
+    bool unanswered_ = false;  // for the last probe
+    // equal consecutive bursts, including the last one; 0: none since the sensor runs
+    uint8_t equal_ = 0;
     uint8_t last_[Mpu9250::kBurstBytes] = {};
 };
 

@@ -1,4 +1,4 @@
-// Frames to the host: whole or not at all, never waiting, samples first.
+// Sends frames to the host: complete or not at all, without waiting, and samples first.
 #pragma once
 
 #include <stddef.h>
@@ -15,7 +15,7 @@ class Link {
   public:
     explicit Link(ByteSink& sink) : sink_(sink) {}
 
-    // Sends the sample, or drops it and counts the drop; its number is used up either way.
+    // Sends the sample, or drops it and counts the drop. The sequence number is used in both cases.
     void send_sample(const Sample& sample, uint16_t sequence, uint32_t device_us) {
         if (room_for<Sample>(0)) {
             write(sample, sequence, device_us);
@@ -24,11 +24,12 @@ class Link {
         }
     }
 
-    // Sends any other message if a sample fits beside it, or will fit by the time that the next one comes, in
-    // `quiet_us` at the earliest: a small ring does not hold both. False: not now, try again later.
+    // Sends any other message if there is still room for a sample: now, or when the next sample comes, in
+    // `quiet_us` at the earliest, since a small ring buffer cannot hold both. Returns false if the message
+    // has to be tried again later.
     template <typename Message>
     bool send(const Message& message, uint32_t device_us, uint32_t quiet_us = 0) {
-        const size_t gone = quiet_us / kByteUs;  // the line has taken as many bytes by then
+        const size_t gone = quiet_us / kByteUs;  // bytes that the serial port has sent by then
         if (!room_for<Message>(gone < wire_size<Sample>() ? wire_size<Sample>() - gone : 0)) return false;
         write(message, sequences_[Message::type()]++, device_us);
         return true;
@@ -55,10 +56,10 @@ class Link {
         }
     }
 
-    // What the line takes for a byte: ten bits.
+    // Time of a byte on the serial port: ten bits.
     static constexpr uint32_t kByteUs = 10 * 1000000 / settings::kLineBaud;
 
-    // 0x00 before the first frame ends the rubbish that the line may hold.
+    // A 0x00 before the first frame ends any earlier incomplete data on the serial port.
     static constexpr size_t kOpening = 1;
 
     ByteSink& sink_;

@@ -1,5 +1,5 @@
-// The MPU-9250 and its relatives: single transfers and what their bytes mean, in counts. Retries and waits
-// are health.h's.
+// The MPU-9250 and its relatives: single transfers and the meaning of their bytes, in counts. health.h does
+// retries and waits.
 #pragma once
 
 #include <stddef.h>
@@ -12,13 +12,13 @@
 
 namespace fltea {
 
-// A chip that the driver can run. host/fltea/wire/sensors.py has the names.
+// A chip that the driver supports. host/fltea/wire/sensors.py has the names.
 struct SensorKind {
     uint8_t who_am_i;
     bool has_accel_config_2;
 };
 
-// nullptr for a chip that is not known: it might have other registers or scales.
+// Returns nullptr for an unknown chip, which might have other registers or scales.
 inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
     static const SensorKind kinds[] = {
         {0x71, true},   // MPU-9250
@@ -34,7 +34,7 @@ inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
     return nullptr;
 }
 
-// FS_SEL: each step doubles the range. 4 and more: there is no such range.
+// FS_SEL for a range. Each step doubles the range. 4 or more: there is no such range.
 constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
     return range == smallest       ? 0
            : range == smallest * 2 ? 1
@@ -43,7 +43,7 @@ constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
                                    : 4;
 }
 
-// DLPF_CFG for a bandwidth [Hz]; 0: there is no such filter with an internal rate of 1 kHz.
+// DLPF_CFG for a bandwidth [Hz]; 0: there is no such filter at an internal rate of 1 kHz.
 constexpr uint8_t dlpf_select(uint16_t hz) {
     return hz == 184 ? 1 : hz == 92 ? 2 : hz == 41 ? 3 : hz == 20 ? 4 : hz == 10 ? 5 : hz == 5 ? 6 : 0;
 }
@@ -67,14 +67,14 @@ constexpr uint16_t kGyroLsbTenths = kGyroSelect == 0   ? 1310
 // Sensitivity [LSB per g] (PS-MPU-9250A-01, 3.2).
 constexpr uint16_t kAccelLsb = 16384 >> kAccelSelect;
 
-// Bandwidth of the gyroscope's filter [Hz]; the MPU-6050's differs a little (RM-MPU-6000A-00, register 26).
+// Bandwidth of the gyroscope's filter [Hz]; the MPU-6050's differs slightly (RM-MPU-6000A-00, register 26).
 inline uint16_t gyro_dlpf_hz(uint8_t who_am_i) {
     static const uint16_t mpu6050[] = {188, 98, 42, 20, 10, 5};
     return who_am_i == 0x68 ? mpu6050[kDlpfSelect - 1] : settings::kDlpfHz;
 }
 
-// SMPLRT_DIV: with the timer, conversions at the full internal rate of 1 kHz, so that the newest one is never
-// old; with the data-ready pin, one conversion a period.
+// SMPLRT_DIV. In timer mode, conversions run at the full internal rate of 1 kHz, so that the newest
+// conversion is never old. In data-ready mode, there is one conversion per period.
 constexpr uint8_t rate_divider(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? settings::kSamplePeriodUs / 1000 - 1 : 0;
 }
@@ -84,7 +84,8 @@ constexpr uint8_t interrupt_enable(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? mpu9250_reg::kRawReady : 0;
 }
 
-// What a register is set to. Bits without a meaning may read as anything on a clone; H_RESET clears itself.
+// The value that a register is set to. Bits without a meaning may read as anything on a clone; H_RESET clears
+// itself.
 struct RegisterSetting {
     uint8_t reg;
     uint8_t value;
@@ -116,18 +117,18 @@ class Mpu9250 {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kWhoAmI, &who_am_i, 1);
     }
 
-    // What the next transfers are for.
+    // Sets the chip kind for the following transfers.
     void set_kind(const SensorKind& kind) { has_accel_config_2_ = kind.has_accel_config_2; }
 
-    // Every register takes its reset value [4.34]; the next transfer has to wait (health.h).
+    // Resets every register [4.34]. The next transfer has to wait (health.h).
     I2cResult start_reset() {
         return bus_.write(settings::kSensorAddress, mpu9250_reg::kPwrMgmt1, mpu9250_reg::kReset);
     }
 
-    // The i-th of kSettings, in the order of writing: the first wakes the chip.
+    // The i-th of kSettings, in the order of writing. The first one wakes the chip.
     const RegisterSetting& setting(size_t i) const { return settings_[i]; }
 
-    // False for the one that this chip does not have.
+    // Returns false for a register that this chip does not have.
     bool has_setting(size_t i) const {
         return has_accel_config_2_ || settings_[i].reg != mpu9250_reg::kAccelConfig2;
     }
@@ -140,18 +141,18 @@ class Mpu9250 {
         return bus_.read(settings::kSensorAddress, settings_[i].reg, &value, 1);
     }
 
-    // All channels of one conversion in one transfer, so that no value is torn.
+    // Reads all channels of one conversion in one transfer, so that they belong together.
     I2cResult read_burst(uint8_t (&burst)[kBurstBytes]) {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kAccelXoutH, burst, kBurstBytes);
     }
 
-    // The registers that give a sample its scale and bandwidth.
+    // Reads the registers that determine the scale and bandwidth of a sample.
     I2cResult read_guard(uint8_t (&guard)[kGuardBytes]) {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kSmplrtDiv, guard, guard_size());
     }
 
-    // Index of the first setting that the guard contradicts; kSettings if all is as set. A chip that lost its
-    // supply for a moment answers as if nothing had happened, but with other ranges and filters.
+    // Index of the first setting that differs from the guard registers; kSettings if none does. A chip that
+    // lost its supply for a moment still answers, but with other ranges and filters.
     size_t first_mismatch(const uint8_t (&guard)[kGuardBytes]) const {
         for (size_t i = 0; i < guard_size(); ++i) {
             if (!settings_[kGuardStart + i].is(guard[i])) return kGuardStart + i;
@@ -159,7 +160,7 @@ class Mpu9250 {
         return kSettings;
     }
 
-    // Index of the setting that guard byte 0 belongs to.
+    // Index of the setting of guard byte 0.
     static constexpr size_t kGuardStart = 1;
 
   private:
@@ -170,7 +171,7 @@ class Mpu9250 {
     bool has_accel_config_2_ = true;
 };
 
-// Counts of a burst; big-endian on the chip [4.22 to 4.24].
+// Converts a burst to counts. The chip is big-endian [4.22 to 4.24].
 inline void decode_burst(const uint8_t (&burst)[Mpu9250::kBurstBytes], Sample& sample) {
     int16_t* const fields[] = {&sample.accel_x, &sample.accel_y, &sample.accel_z, &sample.temperature,
                                &sample.gyro_x,  &sample.gyro_y,  &sample.gyro_z};
@@ -179,7 +180,7 @@ inline void decode_burst(const uint8_t (&burst)[Mpu9250::kBurstBytes], Sample& s
     }
 }
 
-// At the end of the range the true rate may be beyond it.
+// At the end of the range the true rate may be larger.
 inline bool at_end_of_range(int16_t counts) { return counts == INT16_MAX || counts == INT16_MIN; }
 
 inline bool gyro_saturated(const Sample& sample) {

@@ -1,5 +1,5 @@
 // Registers of the MPU-9250 that the driver uses. Numbers in brackets: section of the register map
-// RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has them all but ACCEL_CONFIG_2.
+// RM-MPU-9250A-00. The MPU-6050 (RM-MPU-6000A-00) has all of them except ACCEL_CONFIG_2.
 #pragma once
 
 #include <stdint.h>
@@ -23,7 +23,7 @@ constexpr uint8_t kPllClock = 0x01;   // PWR_MGMT_1: awake, PLL when it is ready
 constexpr uint8_t kRawReady = 0x01;   // INT_ENABLE: RAW_RDY_EN
 constexpr uint8_t kPulseHigh = 0x00;  // INT_PIN_CFG: push-pull, active high, a pulse of 50 us
 
-// FS_SEL and ACCEL_FS_SEL stand in bits 4:3; with FCHOICE_B = 0 below them the filters are on.
+// FS_SEL and ACCEL_FS_SEL are bits 4:3. The bits below are FCHOICE_B = 0, so the filters are on.
 constexpr uint8_t kRangeShift = 3;
 
 }  // namespace mpu9250_reg

@@ -15,13 +15,13 @@ namespace {
 constexpr float kLsb = static_cast<float>(kGyroLsbTenths) / 10.0f;  // counts per deg/s
 constexpr float kRateHz = 1e6f / static_cast<float>(settings::kSamplePeriodUs);
 constexpr float kTurn = 6.2831853f;
-// Of fewer samples nothing can be said.
+// Fewer samples allow no fit.
 constexpr uint32_t kFirstFit = 1000;
-// The bias is that of the second to come.
+// The bias is the mean over the next second.
 constexpr int kAhead = 1000000 / settings::kSamplePeriodUs;
 constexpr float kChunksPerS = kRateHz / static_cast<float>(+whittle::AxisMotion::kChunk);
-// No bias steps by 2 deg/s (data sheets: temperature); what lies still for ten seconds nearer is one, and for
-// ten minutes what lies farther away.
+// No bias steps by 2 deg/s (data sheets: temperature). A smaller offset that lies still for ten seconds is a
+// step of the bias. A larger one is accepted after ten minutes.
 constexpr whittle::SensorMotion::Limits kMotion = {2 * kLsb, static_cast<uint16_t>(10 * kChunksPerS),
                                                    static_cast<uint16_t>(600 * kChunksPerS)};
 static_assert(settings::kFitEvery > 0, "samples from one round of fits to the next");
@@ -32,7 +32,7 @@ typedef engine::FitBins<Octaves> Bins;
 }  // namespace
 
 struct NoiseFit::Axis {
-    // Of four rounds one has an axis that looks around.
+    // In one round of four, one axis repeats the search on the grid.
     explicit Axis(size_t i) : memory(4 * static_cast<int>(i)) {}
     Octaves octaves;
     whittle::FitMemory memory;
@@ -41,7 +41,7 @@ struct NoiseFit::Axis {
 };
 
 struct NoiseFit::Parts {
-    alignas(8) unsigned char axes[kAxes][sizeof(Axis)];  // those that are started
+    alignas(8) unsigned char axes[kAxes][sizeof(Axis)];  // the axes that are started
     whittle::SensorMotion motion;
     Octaves::Passage passage;
     Bins bins;
@@ -94,7 +94,7 @@ void NoiseFit::add(size_t i, int16_t count) {
     if (i == kAxes - 1) judge_motion();
 }
 
-// After a sample of all axes.
+// Call this after a sample of all axes.
 void NoiseFit::judge_motion() {
     whittle::TrackedState* tracked[kAxes];
     int n = 0;
@@ -132,7 +132,7 @@ NoiseFit::Told NoiseFit::work(Fit& fit, Spectrum& spectrum) {
             begin_axis(0);
             return Told::nothing;
         case Stage::gathering:
-            // The spectrum has gone on: what was read of it does not fit the rest.
+            // The spectrum has changed since these bins were begun, so they have to be read again.
             if (gathered_ != passages_) begin_bins();
             if (!bins.step(axis(axis_).octaves)) return Told::nothing;
             parts().fit.begin(bins, whittle::kFivePercent, axis(axis_).memory);
@@ -191,7 +191,7 @@ void NoiseFit::tell(Fit& fit) {
     fit.ratio_relaxation = found.ratio_ar1;
 }
 
-// False when all has been told.
+// Returns false when all bins were sent.
 bool NoiseFit::tell(Spectrum& spectrum) {
     const Bins& bins = parts().bins;
     if (told_ >= bins.size()) return false;

@@ -1,4 +1,5 @@
-// Waiting without blocking. Right over every wrap of the 32-bit clock, if asked at least every 35 minutes.
+// Waiting without blocking. Correct across every wrap of the 32-bit clock, if checked at least every 35
+// minutes.
 #pragma once
 
 #include <stdint.h>
@@ -16,13 +17,13 @@ class Pause {
         waiting_ = true;
     }
 
-    // True from the end of the wait on, and before the first one.
+    // Returns true after the end of the wait, and before the first wait.
     bool over(uint32_t now_us) {
         if (waiting_ && now_us - begun_us_ >= length_us_) waiting_ = false;
         return !waiting_;
     }
 
-    // Whether the last over() found the wait still on.
+    // Whether the wait was still in progress at the last over().
     bool waiting() const { return waiting_; }
 
   private:
@@ -31,7 +32,8 @@ class Pause {
     bool waiting_ = false;
 };
 
-// Something due every second; a turn stays due until it is done, and turns that pass meanwhile are left out.
+// A task that is due every second. It stays due until it is done; tasks that would become due meanwhile are
+// omitted.
 class EverySecond {
   public:
     void begin(uint32_t first_us) { next_us_ = first_us; }

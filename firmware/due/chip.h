@@ -1,4 +1,4 @@
-// What the microcontroller knows of itself.
+// Information about the microcontroller.
 #pragma once
 
 #include <stdint.h>
@@ -7,14 +7,13 @@ namespace fltea {
 namespace due {
 namespace chip {
 
-// The identifier of 128 bits that the factory gave it, in the order of memory; zeros if the flash controller
-// does not answer.
+// Reads the factory's 128-bit identifier, in memory order; zeros if the flash controller does not answer.
 void read_unique_id(uint8_t (&id)[16]);
 
-// From the true random number generator; 0 if it does not answer.
+// Returns a number from the true random number generator; 0 if it does not answer.
 uint32_t random_number();
 
-// RSTC_SR.RSTTYP.
+// Returns RSTC_SR.RSTTYP.
 uint32_t reset_type();
 
 }  // namespace chip

@@ -15,12 +15,12 @@ constexpr uint32_t kMultiplier = 14;
 static_assert(kCrystalHz * kMultiplier / 2 == kMasterHz,
               "PLLA, halved by the prescaler, is the master clock");
 
-// What 84 MHz needs (datasheet, Electrical Characteristics, Embedded Flash Characteristics).
+// Flash wait states needed at 84 MHz (datasheet, Electrical Characteristics, Embedded Flash Characteristics).
 constexpr uint32_t kFlashWaitStates = 4;
 constexpr uint32_t kOscillatorKey = 0x37;
-// Start-up time of the crystal, times 8 periods of the slow clock: 2 ms.
+// Start-up time of the crystal, in units of 8 periods of the slow clock: 2 ms.
 constexpr uint32_t kCrystalStart = 8;
-// Time for the PLL to lock, in periods of the slow clock: the longest, 1.9 ms.
+// Longest time for the PLL to lock, in periods of the slow clock: 1.9 ms.
 constexpr uint32_t kPllLock = 0x3F;
 
 void wait_for(uint32_t flag) {
@@ -47,7 +47,7 @@ void start() {
     PMC_CKGR_PLLAR::write(PMC_CKGR_PLLAR::ONE | PMC_CKGR_PLLAR::MULA::put(kMultiplier - 1) |
                           PMC_CKGR_PLLAR::PLLACOUNT::put(kPllLock) | PMC_CKGR_PLLAR::DIVA::put(1));
     wait_for(PMC_SR::LOCKA);
-    // Prescaler first, source second: never 168 MHz in between.
+    // The prescaler is set before the source, so that the clock never runs at 168 MHz.
     PMC_MCKR::write(PMC_MCKR::PRES_CLK_2 | PMC_MCKR::CSS_MAIN_CLK);
     wait_for(PMC_SR::MCKRDY);
     PMC_MCKR::write(PMC_MCKR::PRES_CLK_2 | PMC_MCKR::CSS_PLLA_CLK);

@@ -9,11 +9,12 @@ namespace clock {
 
 constexpr uint32_t kMasterHz = 84000000;
 
-// Leaves the RC oscillator of 4 MHz that the chip starts with. Runs before .data and .bss are set up. A wait
-// that does not end (a crystal that does not start) is ended by the watchdog, which runs already.
+// Switches from the 4 MHz RC oscillator, with which the chip starts, to the crystal. Runs before .data and
+// .bss are set up. If the crystal does not start, the wait does not end and the watchdog, which already runs,
+// resets the chip.
 void start();
 
-// Feeds a peripheral, by its number (sam3x::..._IRQ).
+// Enables the clock of a peripheral, by its number (sam3x::..._IRQ).
 void enable(uint32_t peripheral);
 
 }  // namespace clock

@@ -1,4 +1,5 @@
-// What this port uses of the processor itself; section numbers of the ARMv7-M Architecture Reference Manual.
+// The processor features that this board port uses. Section numbers refer to the ARMv7-M Architecture
+// Reference Manual.
 #pragma once
 
 #include "register.h"
@@ -7,12 +8,12 @@ namespace cortex_m3 {
 
 // Interrupt set-enable, interrupts 0 to 31 (B3.4.4).
 using NVIC_ISER0 = sam3x::ReadWrite<0xE000E100>;
-// Where the vector table is (B3.2.5).
+// Address of the vector table (B3.2.5).
 using SCB_VTOR = sam3x::ReadWrite<0xE000ED08>;
 
 inline void enable_irq(uint32_t irq) { NVIC_ISER0::write(1u << irq); }
 
-// What was written to memory is there before anything that follows (A3.7.3).
+// Completes all earlier memory writes before any later instruction (A3.7.3).
 inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
 
 // Sleeps until an interrupt is pending, also while interrupts are disabled (B1.5.19).

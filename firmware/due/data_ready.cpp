@@ -29,7 +29,7 @@ void data_ready::start(Application& application, Clock& clock) {
     PIOB_AIMER::write(kPin);
     PIOB_ESR::write(kPin);
     PIOB_REHLSR::write(kPin);
-    PIOB_ISR::read();  // edges from before
+    PIOB_ISR::read();  // clears earlier edges
     PIOB_IER::write(kPin);
     cortex_m3::enable_irq(PIOB_IRQ);
 }

@@ -7,7 +7,7 @@ namespace fltea {
 namespace due {
 namespace data_ready {
 
-// From now on every rising edge is told to the application, from the interrupt handler.
+// From now on the interrupt handler notifies the application of every rising edge.
 void start(Application& application, Clock& clock);
 
 }  // namespace data_ready

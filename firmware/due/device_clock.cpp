@@ -19,13 +19,14 @@ static_assert(kCountsPerUs * 2 * 1000000 == clock::kMasterHz, "a microsecond is 
 constexpr uint32_t kTickUs = settings::kSamplePeriodUs;
 constexpr uint32_t kTickCounts = kTickUs * kCountsPerUs;
 
-// The last tick, as time and as count. A count alone wraps every 102 s, at no whole number of microseconds.
+// Time and count of the last tick. A count alone wraps every 102 s, which is not a whole number of
+// microseconds.
 uint32_t tick_us;
 uint32_t tick_count;
 
 }  // namespace
 
-// Datasheet, Timer Counter, Waveform Mode: counts up to 2^32 - 1 and on from 0; RC only compares.
+// Datasheet, Timer Counter, Waveform Mode: counts up to 2^32 - 1 and continues from 0; RC is only compared.
 void DeviceClock::start() {
     clock::enable(TC0_IRQ);
     TC0_CMR0::write(TC0_CMR0::TCCLKS_TIMER_CLOCK1 | TC0_CMR0::WAVE | TC0_CMR0::WAVSEL_UP);
@@ -41,8 +42,8 @@ uint32_t DeviceClock::now_us() {
 }
 
 void on_tick() {
-    TC0_SR0::read();  // ends the request
-    // The next compare is set before the counter is looked at again: a tick cannot slip through between.
+    TC0_SR0::read();  // clears the interrupt request
+    // Set the next compare value before reading the counter again, so that no tick can be missed in between.
     while (TC0_CV0::read() - tick_count >= kTickCounts) {
         tick_count += kTickCounts;
         tick_us += kTickUs;

@@ -1,4 +1,4 @@
-// The device's time: channel 0 of TC0 counts MCK/2 = 42 MHz freely, and interrupts once a sampling period.
+// The device's time: channel 0 of TC0 counts MCK/2 = 42 MHz, and interrupts once per sampling period.
 #pragma once
 
 #include "../core/clock.h"
@@ -8,11 +8,11 @@ namespace due {
 
 class DeviceClock final : public Clock {
   public:
-    // From 0, and from now on. Once.
+    // Starts the clock at 0. Call this once.
     void start();
 
-    // May be called anywhere, in interrupt handlers too: it is right even if the tick's handler has been kept
-    // waiting, for up to 100 s.
+    // May be called anywhere, also in interrupt handlers. The time is right even if the tick's handler was
+    // delayed, by up to 100 s.
     uint32_t now_us() override;
 };
 

@@ -1,5 +1,5 @@
-// The interrupt handlers, each defined beside what it serves. All have the same priority: none interrupts
-// another one.
+// The interrupt handlers. Each is defined in the file of the hardware that it serves. All have the same
+// priority, so none interrupts another.
 #pragma once
 
 namespace fltea {

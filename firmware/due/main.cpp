@@ -1,4 +1,4 @@
-// The program: sets up the board, then step, feed, sleep.
+// The program: sets up the board, then repeats: step, feed the watchdog, sleep.
 #include "../core/application.h"
 #include "chip.h"
 #include "data_ready.h"

@@ -1,5 +1,5 @@
-// Registers as types: the compiler refuses to read what may only be written, and the other way round. Always
-// inline, because code that runs from RAM must not call into flash.
+// Registers as types: the compiler rejects reading a write-only register and writing a read-only one. All
+// functions are always inline, because code that runs from RAM must not call into flash.
 #pragma once
 
 #include <stdint.h>
@@ -23,12 +23,12 @@ struct WriteOnly {
 template <uint32_t kAddress>
 struct ReadWrite : ReadOnly<kAddress>, WriteOnly<kAddress> {};
 
-// A number of kWidth bits from bit kLsb on.
+// A number of kWidth bits, beginning at bit kLsb.
 template <uint32_t kLsb, uint32_t kWidth>
 struct Field {
     static constexpr uint32_t kMask = ((1u << kWidth) - 1) << kLsb;
 
-    // In place; what does not fit is cut off.
+    // Returns the number shifted to its bits. Higher bits are cut off.
     static constexpr uint32_t put(uint32_t value) { return value << kLsb & kMask; }
     static constexpr uint32_t of(uint32_t register_value) { return (register_value & kMask) >> kLsb; }
 };

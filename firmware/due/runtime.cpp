@@ -1,4 +1,4 @@
-// What the compiler calls without being asked: there is no C library here.
+// Functions that the compiler calls implicitly. There is no C library here.
 #include <stddef.h>
 #include <stdint.h>
 
@@ -34,7 +34,7 @@ int memcmp(const void* left, const void* right, size_t n) {
     return 0;
 }
 
-// In tables of abstract classes; never called.
+// In the vtables of abstract classes; never called.
 [[noreturn]] void unexpected_handler();
 [[noreturn]] void __cxa_pure_virtual() { unexpected_handler(); }
 

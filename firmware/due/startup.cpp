@@ -1,4 +1,4 @@
-// From reset to main(): the vector table, memory as C++ expects it, and what happens on a fault.
+// From reset to main(): the vector table, the initialisation of the memory, and the fault handler.
 #include <stdint.h>
 
 #include "../core/settings.h"
@@ -10,7 +10,7 @@
 
 int main();
 
-// From the linker script.
+// Defined in the linker script.
 extern "C" {
 extern uint32_t stack_top[];
 extern uint32_t data_begin[];
@@ -20,8 +20,8 @@ extern uint32_t bss_begin[];
 extern uint32_t bss_end[];
 }
 
-// A fault or an interrupt that nobody asked for: the program cannot be trusted any more. The watchdog is not
-// fed here, so it resets the chip within a second, and the next HELLO says so.
+// An unexpected fault or interrupt: the program cannot be trusted any more. The watchdog is not fed here, so
+// it resets the chip within a second, and the next HELLO reports that.
 extern "C" [[noreturn]] void unexpected_handler() {
     for (;;) asm volatile("");
 }
@@ -72,7 +72,7 @@ extern "C" [[noreturn]] void reset_handler() {
     const uint32_t* image = data_image;
     for (uint32_t* word = data_begin; word != data_end; ++word) *word = *image++;
     for (uint32_t* word = bss_begin; word != bss_end; ++word) *word = 0;
-    // At a reset the table is found through the alias of the flash at 0.
+    // After a reset, the table is read through the alias of the flash at address 0.
     cortex_m3::SCB_VTOR::write(static_cast<uint32_t>(reinterpret_cast<uintptr_t>(&fltea::due::kVectors)));
     main();
     unexpected_handler();

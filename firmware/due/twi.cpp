@@ -15,8 +15,8 @@ using namespace sam3x;
 constexpr uint32_t kSda = 1u << 12;  // PB12, peripheral A: TWD1
 constexpr uint32_t kScl = 1u << 13;  // PB13, peripheral A: TWCK1
 
-// Datasheet, TWI Clock Waveform Generator Register: each half of a bit lasts its divider + 4 periods of MCK.
-// Low is longer than high by what fast mode asks for (NXP UM10204, table 10).
+// Datasheet, TWI Clock Waveform Generator Register: each half of a bit takes its divider + 4 periods of MCK.
+// SCL is low longer than high, as fast mode demands (NXP UM10204, table 10).
 constexpr uint32_t kFixed = 4;
 constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
 constexpr uint32_t kLow = kBit * 54 / 100;
@@ -27,7 +27,7 @@ static_assert(kHigh * 10000 >= kLeastHighNs * (clock::kMasterHz / 100000), "t_HI
 static_assert((kLow + kHigh) * kMostHz >= clock::kMasterHz, "f_SCL");
 static_assert(kLow - kFixed <= 0xFF && kHigh - kFixed > 0, "CLDIV and CHDIV hold 8 bits without a prescaler");
 
-// Half a bit of the recovery, at most 100 kHz [us].
+// Half a bit during bus recovery, which runs at no more than 100 kHz [us].
 constexpr uint32_t kHalfBitUs = 5;
 
 void start_controller() {
@@ -44,12 +44,13 @@ void address(uint8_t chip, uint8_t reg, uint32_t direction) {
 
 }  // namespace
 
-// Datasheet, TWI, Read Flowcharts: the controller acknowledges each byte unless STOP was asked for while it
-// comes in. So STOP goes with START for one byte, and else follows the last byte but one.
+// Datasheet, TWI, Read Flowcharts: the controller acknowledges each byte unless STOP was requested while the
+// byte arrives. STOP is therefore requested together with START for one byte, otherwise after the last byte
+// but one.
 I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
     begun_us_ = clock_.now_us();
-    // A byte may be left there although the last read was complete: the controller begins to take in one more
-    // while STOP is on its way. It would be taken for this read's first byte, and shift all that follows.
+    // The controller may hold a byte although the last read was complete: it begins to receive another byte
+    // while STOP is being sent. That byte would count as this read's first byte and shift all following ones.
     TWI1_RHR::read();
     address(chip, reg, TWI1_MMR::MREAD);
     TWI1_CR::write(n == 1 ? TWI1_CR::START | TWI1_CR::STOP : TWI1_CR::START);
@@ -60,7 +61,7 @@ I2cResult Twi::receive(uint8_t* data, size_t n) {
     for (size_t i = 0; i < n; ++i) {
         const I2cResult result = wait_for(TWI1_SR::RXRDY);
         if (result != I2cResult::ok) return result;
-        // If this comes late, SCL waits for RHR to be read and then leaves half a bit of time for STOP.
+        // If this comes late, SCL waits until RHR is read, and then half a bit remains for requesting STOP.
         cortex_m3::InterruptLock lock;
         data[i] = static_cast<uint8_t>(TWI1_RHR::read());
         if (i + 2 == n) TWI1_CR::write(TWI1_CR::STOP);
@@ -68,23 +69,24 @@ I2cResult Twi::receive(uint8_t* data, size_t n) {
     return I2cResult::ok;
 }
 
-// Datasheet, TWI, Write Flowcharts: writing THR starts, and STOP asked for at once ends after this byte.
+// Datasheet, TWI, Write Flowcharts: writing THR starts the transfer, and requesting STOP at once ends it
+// after this byte.
 I2cResult Twi::write(uint8_t chip, uint8_t reg, uint8_t value) {
     begun_us_ = clock_.now_us();
     address(chip, reg, 0);
     TWI1_THR::write(value);
     TWI1_CR::write(TWI1_CR::STOP);
-    // Only once THR is empty does TWI_SR tell of this transfer's end.
+    // TWI_SR shows the end of this transfer only once THR is empty.
     return finish(wait_for(TWI1_SR::TXRDY));
 }
 
-// Reading TWI_SR clears NACK, ARBLST and OVRE, so every read is looked at for them.
+// Reading TWI_SR clears NACK, ARBLST and OVRE, so every read is checked for these flags.
 I2cResult Twi::wait_for(uint32_t flag) {
     for (;;) {
         const bool late = clock_.now_us() - begun_us_ > settings::kI2cTimeoutUs;
         const uint32_t status = TWI1_SR::read();
         if (status & TWI1_SR::NACK) return I2cResult::nack;
-        // Another master cannot be: something pulls SDA.
+        // There is no other master, so something pulls SDA.
         if (status & TWI1_SR::ARBLST) return I2cResult::timeout;
         if (status & TWI1_SR::OVRE) return I2cResult::short_read;
         if (status & flag) return I2cResult::ok;
@@ -92,7 +94,8 @@ I2cResult Twi::wait_for(uint32_t flag) {
     }
 }
 
-// Lets the STOP get out; after an error the controller starts afresh, because THR and flags may hold remains.
+// Waits until STOP is sent. After an error the controller is set up again, because THR and the flags may hold
+// old values.
 I2cResult Twi::finish(I2cResult result) {
     const I2cResult end = wait_for(TWI1_SR::TXCOMP);
     if (result == I2cResult::ok) result = end;
@@ -109,7 +112,7 @@ void Twi::pause() {
 HeldLines Twi::recover() {
     clock::enable(PIOB_IRQ);
     clock::enable(TWI1_IRQ);
-    // Open drain, both released, before the pins change hands.
+    // Sets both lines to open drain and releases them, before the pins change to another peripheral.
     PIOB_SODR::write(kSda | kScl);
     PIOB_MDER::write(kSda | kScl);
     PIOB_OER::write(kSda | kScl);
@@ -135,7 +138,7 @@ HeldLines Twi::recover() {
 
     PIOB_ABSR::write(PIOB_ABSR::read() & ~(kSda | kScl));
     PIOB_PDR::write(kSda | kScl);
-    // The TWI drives its pins as open drain by itself (datasheet, TWI, I/O Lines).
+    // The TWI itself drives its pins as open drain (datasheet, TWI, I/O Lines).
     PIOB_MDDR::write(kSda | kScl);
     start_controller();
 

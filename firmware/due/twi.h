@@ -9,10 +9,10 @@ namespace due {
 
 class Twi final : public I2cBus {
   public:
-    // The clock must run. Call recover() before anything else: it sets up pins and controller.
+    // The clock must run. Call recover() first: it sets up the pins and the controller.
     explicit Twi(Clock& clock) : clock_(clock) {}
 
-    // n ≥ 1.
+    // n has to be at least 1.
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override;
     I2cResult write(uint8_t address, uint8_t reg, uint8_t value) override;
     HeldLines recover() override;

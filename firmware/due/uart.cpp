@@ -17,14 +17,14 @@ using namespace sam3x;
 // Datasheet, UART, Baud Rate Generator.
 constexpr uint32_t kBaudTimes16 = settings::kLineBaud * 16;
 constexpr uint32_t kDivisor = (clock::kMasterHz + kBaudTimes16 / 2) / kBaudTimes16;
-// Ten bits bear twice as much between both ends.
+// Ten bits tolerate twice this error between both ends.
 static_assert(kDivisor * kBaudTimes16 >= clock::kMasterHz / 100 * 99 &&
                   kDivisor * kBaudTimes16 <= clock::kMasterHz / 100 * 101,
               "the baud rate is right within 1 %");
 
 constexpr uint32_t kTransmitPin = 1u << 9;  // PA9, peripheral A: UTXD
 
-// Two of the longest frames; a power of two, so that the counters below may wrap.
+// Room for two of the longest frames. A power of two, so that the counters below may wrap.
 constexpr uint32_t kRingBytes = 512;
 static_assert(kRingBytes >= 2 * kMaxWire && (kRingBytes & (kRingBytes - 1)) == 0, "size of the ring");
 
@@ -33,14 +33,15 @@ uint32_t written;        // bytes put in, by the main loop
 volatile uint32_t sent;  // bytes taken out, by the handler
 uint32_t in_flight;      // bytes that the PDC is sending
 
-// With interrupts disabled and nothing in flight: hands the PDC what lies in one piece, if there is anything.
+// Passes the next contiguous piece of the ring to the PDC, if there is one. Call this with interrupts
+// disabled and nothing in flight.
 void send_next_piece() {
     const uint32_t begin = sent % kRingBytes;
     const uint32_t waiting = written - sent;
     const uint32_t to_end = kRingBytes - begin;
     in_flight = waiting < to_end ? waiting : to_end;
     if (in_flight == 0) {
-        // ENDTX stays set while the PDC has nothing to do.
+        // ENDTX stays set while the PDC is idle.
         UART_IDR::write(UART_IDR::ENDTX);
         return;
     }
@@ -65,7 +66,8 @@ void Uart::start() {
     cortex_m3::enable_irq(UART_IRQ);
 }
 
-// What the PDC has taken of its piece is free: Link counts on the line's pace byte by byte.
+// The part of the present piece that the PDC has sent counts as free, because Link relies on the room growing
+// byte by byte.
 size_t Uart::room() {
     cortex_m3::InterruptLock lock;
     return kRingBytes - (written - sent) + (in_flight - UART_TCR::read());

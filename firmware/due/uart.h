@@ -1,4 +1,4 @@
-// The line to the host: the UART's transmitter, which the PDC feeds from a ring in RAM.
+// The serial port to the host: the UART's transmitter, which the PDC feeds from a ring buffer in RAM.
 #pragma once
 
 #include "../core/byte_sink.h"
@@ -8,7 +8,7 @@ namespace due {
 
 class Uart final : public ByteSink {
   public:
-    // 250,000 baud, 8N1, on PA9 (the programming port). Nothing is ever received. Once.
+    // Sets up 250,000 baud, 8N1, on PA9 (the programming port). Nothing is ever received. Call this once.
     void start();
 
     size_t room() override;

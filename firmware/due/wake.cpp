@@ -16,8 +16,8 @@ void signal() { count = count + 1; }
 
 uint32_t signals() { return count; }
 
-// Interrupts are disabled between the question and WFI, and a pending one ends WFI all the same: a tick just
-// before WFI would otherwise be slept through until the next one.
+// Interrupts are disabled between the check and WFI; a pending interrupt ends WFI nevertheless. Otherwise,
+// after a tick just before WFI, the processor would sleep until the next tick.
 void sleep_unless_signalled(uint32_t seen) {
     cortex_m3::InterruptLock lock;
     if (count == seen) cortex_m3::wait_for_interrupt();

@@ -1,4 +1,4 @@
-// Sleep until something happens, without missing what happens just before.
+// Sleeps until something happens, without missing what happens just before.
 #pragma once
 
 #include <stdint.h>
@@ -7,10 +7,10 @@ namespace fltea {
 namespace due {
 namespace wake {
 
-// From interrupt handlers: there is work for the main loop.
+// Call this from interrupt handlers: there is work for the main loop.
 void signal();
 
-// Signals since boot; wraps.
+// Number of signals since boot; wraps.
 uint32_t signals();
 
 // Sleeps until the next interrupt, unless a signal has come since `seen` was read.

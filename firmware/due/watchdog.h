@@ -1,11 +1,12 @@
-// The watchdog: on from reset to the end, fed by the main loop alone.
+// The watchdog: runs from reset on, and only the main loop feeds it.
 #pragma once
 
 namespace fltea {
 namespace due {
 namespace watchdog {
 
-// Before anything that might hang. WDT_MR can be written once after a reset (datasheet, Watchdog Timer).
+// Call this before anything that might hang. WDT_MR can be written once after a reset (datasheet, Watchdog
+// Timer).
 void start();
 
 void feed();

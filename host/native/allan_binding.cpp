@@ -1,4 +1,4 @@
-// fltea._native.AllanSums: the sums of one axis for Python, on plain arrays.
+// fltea._native.AllanSums: the Allan variance sums of one axis for Python, on plain arrays.
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 

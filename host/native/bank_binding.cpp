@@ -27,17 +27,17 @@ using fltea::engine::LaneSettings;
 using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// They are bridged one by one.
+// Limit for skip(), because lost samples are bridged one by one.
 constexpr size_t kMostSkipped = 10'000'000;
 
-// Mean, variance (at least that of the resolution's rounding), and whether it never changed.
+// Mean, variance (at least that of rounding to the resolution), and whether the value never changed.
 using Moments = std::tuple<double, double, bool>;
 
 Moments moments_of(const fltea::engine::Baseline<double>& window, double resolution) {
     return {window.bias(), window.variance(resolution), window.constant()};
 }
 
-// Of every column.
+// Returns the moments of every column.
 std::vector<Moments> moments(Rows y, double resolution) {
     const size_t columns = y.shape(1);
     std::vector<fltea::engine::Baseline<double>> windows(columns);
@@ -51,7 +51,7 @@ class Bank : public fltea::BankPart {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
 
-    // out: (columns of the lanes, rows, axes); valid, white: (rows, axes).
+    // `out`: (columns of the lanes, rows, axes). `valid`, `white`: (rows, axes).
     nb::list run(Rows y, Results out, Places valid, Places white) {
         const size_t rows = y.shape(0), axes = bank_.axes();
         const size_t columns = fltea::kLaneColumns;
@@ -141,7 +141,7 @@ class Bank : public fltea::BankPart {
         lanes().believe(axis, belief);
     }
 
-    // Of each axis alpha and f with their deviations, or None.
+    // `known`: for each axis, alpha and f with their standard deviations, or None.
     void know(const std::vector<std::optional<std::tuple<double, double, double, double>>>& known) {
         const std::lock_guard<std::mutex> alone(mutex_);
         if (known.size() != bank_.axes()) throw nb::value_error("known must have one entry an axis");
@@ -170,8 +170,8 @@ class Bank : public fltea::BankPart {
         lanes().counts(out.data());
     }
 
-    // lag1, NIS, Ljung and Box's statistic and the innovations that they are of, for each axis; NaN before
-    // there are enough.
+    // Returns for each axis: lag1, NIS, the Ljung-Box statistic and the number of innovations it uses. NaN
+    // until there are enough innovations.
     std::vector<std::tuple<double, double, double, int>> whiteness() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<double, double, double, int>> result;
@@ -183,7 +183,7 @@ class Bank : public fltea::BankPart {
         return result;
     }
 
-    // Engine, supervisors, whiteness.
+    // Returns the state of the engine, of the supervisors and of the whiteness tests.
     std::tuple<nb::bytes, nb::bytes, nb::bytes> save() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<double> numbers;

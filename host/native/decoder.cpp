@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kHeader = 7;
 constexpr std::size_t kCrc = 4;
-// Major, minor and schema hash, which begin the HELLO of every version.
+// Length of the fields that begin the HELLO of every version: major, minor and schema hash.
 constexpr std::size_t kVersion = 6;
 constexpr std::size_t kSampleBlock = kHeader + Sample::size() + kCrc + 1;
 
@@ -19,7 +19,7 @@ std::uint16_t load_u16(const std::uint8_t* bytes) {
     return static_cast<std::uint16_t>(bytes[0] | bytes[1] << 8);
 }
 
-// Visitor of a SAMPLE's fields (messages.h) that takes them from its payload.
+// Visitor of a SAMPLE's fields (messages.h) that reads the fields from the payload.
 class FieldReader {
   public:
     explicit FieldReader(const std::uint8_t* payload) : next_(payload) {}
@@ -34,14 +34,15 @@ class FieldReader {
     const std::uint8_t* next_;
 };
 
-// Undoes COBS where it stands: the frame begins at block[1]. A frame is shorter than 255 bytes, so no code is
-// 0xFF, every code but the first stands for a 0x00, and nothing moves. False if it is no COBS block.
+// Decodes COBS in place: the frame begins at block[1]. A frame is shorter than 255 bytes, so no code is 0xFF,
+// every code except the first replaces a 0x00, and no byte moves. Returns false if the block is not valid
+// COBS.
 bool undo_cobs(std::uint8_t* block, std::size_t n) {
     static_assert(Decoder::kMaxBlock < 255, "a code of 0xFF would stand for no 0x00");
     std::size_t at = 0;
     while (at < n) {
         const std::size_t code = block[at];
-        // Another thread may write to a bytearray while it is read; a 0x00 must not hold up this loop.
+        // Another thread may write to a bytearray during the decoding. A 0x00 must not cause an endless loop.
         if (code == 0) return false;
         block[at] = 0;
         at += code;
@@ -49,7 +50,7 @@ bool undo_cobs(std::uint8_t* block, std::size_t n) {
     return at == n;
 }
 
-// The fewest bytes of payload; false if this version does not know the type.
+// Gets the smallest payload of a message type; false if this protocol version has no such type.
 bool least_payload(std::uint8_t type, std::size_t& least) {
     switch (type) {
         case Hello::type():
@@ -81,7 +82,7 @@ bool least_payload(std::uint8_t type, std::size_t& least) {
     }
 }
 
-// Why an intact frame cannot be used.
+// Why a valid frame cannot be used.
 Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t n) {
     if (type == Hello::type() && is_other_version(payload, n)) return Reason::none;
     std::size_t least = 0;
@@ -89,7 +90,7 @@ Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t
     return n >= least ? Reason::none : Reason::length;
 }
 
-// What the end of a frame can look like to a receiver that heard only that end.
+// Whether a frame that was received only in part may show this fault.
 bool may_be_cut(Reason reason) {
     return reason == Reason::oversize || reason == Reason::cobs || reason == Reason::short_ ||
            reason == Reason::crc;
@@ -137,7 +138,7 @@ void Decoder::bad(Reason reason, const std::uint8_t* block, std::size_t n, std::
 
 void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, Decoded& found) const {
     std::uint8_t plain[kMaxBlock];
-    // A length known to the compiler spares the call of memcpy for nearly every frame.
+    // A length known to the compiler avoids the call of memcpy for nearly every frame.
     if (n == kSampleBlock) {
         std::memcpy(plain, block, kSampleBlock);
     } else {
@@ -160,7 +161,7 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
         row.end = end;
         row.sequence = load_u16(frame + 1);
         row.device_us = load_u32(frame + 3);
-        // What an older device does not send is 0; a payload has room for any message.
+        // Fields that an older device does not send are 0. The buffer has room for any message.
         if (size < Sample::size()) std::memset(plain + 1 + kHeader + size, 0, Sample::size() - size);
         FieldReader read(payload);
         Sample::visit_fields(row.sample, read);
@@ -182,7 +183,7 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
 void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
     found.samples.reserve(found.samples.size() + n / (kSampleBlock + 1) + 1);
     for (std::size_t at = 0; at < n;) {
-        // A block may have as many bytes more; the one after them must be its 0x00.
+        // The block may have this many more bytes. The next byte must then be its 0x00.
         const std::size_t room = discarding_ ? n : kMaxBlock - pending_;
         const std::size_t reach = std::min(n - at, room + 1);
         const void* zero = std::memchr(data + at, 0, reach);
@@ -204,7 +205,7 @@ void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
                 pending_ = 0;
                 discarding_ = true;
             }
-        } else if (length) {  // else an idle 0x00
+        } else if (length) {  // otherwise an idle 0x00
             judge(data + at, length, end, found);
         }
         if (zero) attaching_ = false;

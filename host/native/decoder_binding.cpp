@@ -1,5 +1,5 @@
-// fltea._native.Decoder: the wire's bytes in, columns of numpy and everything else in order out.
-// fltea.wire.block_reader is the interface for people.
+// fltea._native.Decoder: takes the bytes of a port, and returns numpy columns of samples and all other frames
+// in order. Use fltea.wire.block_reader in Python code.
 #include "decoder_binding.hpp"
 
 #include <cstring>
@@ -19,8 +19,8 @@ using fltea::OtherRow;
 using fltea::Reason;
 using fltea::SampleRow;
 
-// From here on [bytes] others may run meanwhile. For less the work is done before another thread would have
-// taken over, and to ask for the lock back can cost milliseconds.
+// The GIL is released for at least this number of bytes. Fewer bytes are decoded before another thread would
+// get the GIL, and acquiring it again can take milliseconds.
 constexpr std::size_t kWorthReleasing = 16384;
 
 class Decoder {
@@ -57,7 +57,7 @@ class Decoder {
   private:
     static constexpr std::size_t kReasons = static_cast<std::size_t>(Reason::length) + 1;
 
-    // None for no samples.
+    // Returns None if there are no samples.
     nb::object columns(const std::vector<SampleRow>& samples) const {
         if (samples.empty()) return nb::none();
         const std::size_t n = samples.size();

@@ -1,4 +1,4 @@
-// fltea._native.Device: all that a device's samples go through, for Python (host/fltea/stream/decode.py).
+// fltea._native.Device: processes all samples of a device, for Python (host/fltea/stream/decode.py).
 #include "device_binding.hpp"
 
 namespace nb = nanobind;

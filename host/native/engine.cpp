@@ -1,4 +1,4 @@
-// The engine for one instruction set (engine.hpp). Compiled once per set, see CMakeLists.txt.
+// The engine for one instruction set (engine.hpp). It is compiled once per set; see CMakeLists.txt.
 #include "packs.hpp"
 #include "set_name.hpp"
 
@@ -7,7 +7,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
-// Calls `action` with the Packs that the shape asks for.
+// Calls `action` with the Packs type for this shape.
 template <class Action>
 void with_packs(void* storage, const EngineShape& shape, Action& action) {
     if (shape.joint) {

@@ -1,7 +1,7 @@
 // fltea._native.Engine: the estimator engine for Python, on plain float64 arrays.
 //
-// host/fltea/estimator/engine.py is the interface for people and checks settings; here only what would break
-// memory safety or poison an estimator is refused.
+// Use host/fltea/estimator/engine.py in Python code; that class checks the settings. This binding only
+// rejects arguments that would break memory safety or corrupt an estimator.
 #include "engine_binding.hpp"
 
 #include <nanobind/stl/optional.h>
@@ -21,7 +21,7 @@ using fltea::engine::LaneSettings;
 
 namespace {
 
-// Tables that this processor can run, best first.
+// The function tables that this processor can run, best first.
 std::vector<const Backend*> usable() {
     std::vector<const Backend*> result;
 #if defined(FLTEA_X86)
@@ -105,7 +105,7 @@ class Engine {
                   shape_of(joint, guard, compressed, accuracy, window, settings),
                   reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // out: (columns, samples, lanes).
+    // `out`: (columns, samples, lanes).
     void run(Rows y, std::optional<Rows> u, std::optional<Flags> missing, Results out) {
         Block block = Block();
         block.samples = y.shape(0);

@@ -25,7 +25,7 @@ class Lanes {
                  shape_of(joint, guard, compressed, accuracy, window, settings),
                  reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // out: (columns, rows, lanes); valid: (rows, lanes).
+    // `out`: (columns, rows, lanes). `valid`: (rows, lanes).
     nb::list run(Rows y, std::optional<Flags> missing, Results out,
                  nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> valid) {
         const size_t rows = y.shape(0), lanes = lanes_.lanes();

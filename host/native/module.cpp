@@ -1,5 +1,5 @@
-// fltea._native: the device's encoder, so that tests can compare its bytes with Python's, the decoder of the
-// wire, the estimator engine and what runs under it, and the fits of spectra.
+// fltea._native: the decoder of the wire, the estimator engine and its supervision, the fits of spectra, and
+// the device's encoder, with which tests compare the bytes of the Python encoder.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -31,7 +31,7 @@ const uint8_t* data(const nb::bytes& bytes) { return static_cast<const uint8_t*>
     throw nb::value_error((std::string(field) + ": " + why).c_str());
 }
 
-// Visitor of a message's fields (messages.h) that fills them from a tuple, in order.
+// Visitor of a message's fields (messages.h) that sets the fields from a tuple, in order.
 class FieldReader {
   public:
     explicit FieldReader(nb::tuple values) : values_(values) {}
@@ -139,8 +139,8 @@ nb::bytes cobs_encode(nb::bytes bytes) {
 
 NB_MODULE(_native, m) {
     m.doc() = "Native parts of fltea.";
-    // The command ends without looking for cycles (host/fltea/cli/app.py), so all that is in one seems
-    // leaked.
+    // The command exits without a garbage collection (host/fltea/cli/app.py), so objects in reference cycles
+    // would be reported as leaks.
     nb::set_leak_warnings(PyObject_IsTrue(nb::module_::import_("sys").attr("flags").attr("dev_mode").ptr()) ==
                           1);
     m.attr("SCHEMA_HASH") = fltea::kSchemaHash;

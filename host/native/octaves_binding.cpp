@@ -89,7 +89,7 @@ class Octaves : public fltea::SumsPart {
         for (size_t i = 0; i < lanes_.size(); ++i) lanes_[i].merge(theirs[i]);
     }
 
-    // In the order of GateCounts and MotionCounts, and whether all samples that came were the same.
+    // Counts in the order of GateCounts and MotionCounts, and whether all samples so far were the same.
     std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
         const std::lock_guard<std::mutex> alone(mutex_);
         const fltea::engine::GateCounts& c = at(lane).counts();
@@ -106,8 +106,8 @@ class Octaves : public fltea::SumsPart {
         return found;
     }
 
-    // Of each level that is Welch's: sums of |FFT|^2, blocks, effective blocks. Then the values of the whole
-    // level (float32) and the lengths of its stretches (int32).
+    // Returns for each Welch level: sums of |FFT|^2, blocks, effective blocks. Then the values of the level
+    // that is kept whole (float32) and the lengths of its stretches (int32).
     nb::tuple spectrum(size_t lane) const {
         const Lane finished = finished_lane(lane);
         const Ladder& ladder = finished.ladder();
@@ -126,8 +126,8 @@ class Octaves : public fltea::SumsPart {
                               bytes_of(lengths.data(), lengths.size()));
     }
 
-    // Number of the next sample; of each level: first sample numbers, counts, means and sums of squared
-    // deviations of its cells of time, and pairs and variances of its scales of time.
+    // Returns the number of the next sample, and for each level: the first sample numbers, counts, means and
+    // sums of squared deviations of its time cells, then the pairs and variances of its time scales.
     nb::tuple cells(size_t lane) const {
         Lane finished = finished_lane(lane);
         finished.deepen();
@@ -139,7 +139,8 @@ class Octaves : public fltea::SumsPart {
         return nb::make_tuple(finished.now(), levels);
     }
 
-    // Averaging factors, Allan variances, terms; and of how many samples they are.
+    // Returns averaging factors, Allan variances and numbers of terms, and the number of samples that they
+    // describe.
     std::tuple<std::vector<double>, std::vector<double>, std::vector<double>, double> allan(
         size_t lane) const {
         const Lane finished = finished_lane(lane);
@@ -211,7 +212,7 @@ class Octaves : public fltea::SumsPart {
 
 using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Where the most striking stretch begins and ends, and the level around it; None if none is.
+// Returns begin and end of the most significant peak, and the level around it; None if there is no peak.
 nb::object strongest_octave_peak(Column power, Column weight, double false_alarm) {
     if (power.shape(0) != weight.shape(0)) throw nb::value_error("each line has a power and a weight");
     if (!(false_alarm > 0 && false_alarm < 1)) throw nb::value_error("a probability is between 0 and 1");

@@ -24,7 +24,7 @@ constexpr std::size_t kMostBytes = 1 << 16;                            // of one
 constexpr int kMostPorts = 64;                                         // of one round
 constexpr std::uint64_t kClose = ~std::uint64_t{0};
 
-// As long as the machine sleeps, this clock goes on where there is such a one.
+// This clock also runs while the machine sleeps, if the system has such a clock.
 #ifdef CLOCK_BOOTTIME
 constexpr clockid_t kClock = CLOCK_BOOTTIME;
 #else
@@ -39,7 +39,7 @@ std::int64_t now_ns(clockid_t clock) {
 
 std::system_error system_error(const char* what) { return {errno, std::generic_category(), what}; }
 
-// Python's handlers of signals run in its own threads.
+// Blocks signals in this thread, because Python handles signals in its own threads.
 class SignalsBlocked {
   public:
     SignalsBlocked() {
@@ -105,7 +105,7 @@ std::int64_t PortReader::take(double timeout_s, std::vector<PortNews>& news) {
         news.back().port = static_cast<int>(at);
         one.news = PortNews();
     }
-    // Under the lock: what is read from here on has a later stamp.
+    // Read under the lock, so that later reads have a later time stamp.
     return now_ns(kClock);
 }
 
@@ -147,12 +147,12 @@ void PortReader::run() {
             any |= read_port(static_cast<std::size_t>(at), hung_up, buffer.get());
         }
         tell_if_due();
-        // Ready and yet empty, as when another program reads them too.
+        // The descriptor was ready but empty, for example because another program reads it too.
         if (!any) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
 }
 
-// Whether anything came of it.
+// Returns whether anything was received.
 bool PortReader::read_port(std::size_t at, bool hung_up, std::uint8_t* buffer) {
     Port* port = nullptr;
     int descriptor = -1;
@@ -202,7 +202,7 @@ void PortReader::note(Port& port, std::int64_t due_ns) {
     due_ns_ = std::min(due_ns_, due_ns);
 }
 
-// How long to wait for the ports; -1: no more.
+// How long to wait for the ports [ms]; -1: the reader is closed.
 int PortReader::wait_ms() {
     const std::lock_guard<std::mutex> alone(mutex_);
     if (closed_) return -1;

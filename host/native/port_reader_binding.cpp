@@ -1,5 +1,5 @@
-// fltea._native.PortReader: what comes from many ports, read and stamped without Python's lock.
-// fltea.wire.ports is the interface for people.
+// fltea._native.PortReader: reads many ports and stamps the reads without Python's GIL. Use fltea.wire.ports
+// in Python code.
 #include <nanobind/stl/vector.h>
 
 #include <cerrno>
@@ -25,9 +25,9 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // The time, and for each port with news: its number, bytes, columns of its reads
-    // (end, host_ns, unix_offset_ns), how many bytes were thrown away, and None or errno and time of its
-    // loss.
+    // Returns the time, and for each port with new data: its number, the bytes, the columns of its reads
+    // (end, host_ns, unix_offset_ns), the number of discarded bytes, and None or (errno, time) if the port
+    // was lost.
     nb::tuple take(double timeout_s) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;

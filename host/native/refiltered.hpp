@@ -1,6 +1,7 @@
-// The filters of a model after all that is remembered of the samples. They are made of a copy, in any thread,
-// as the memory will be some samples later. So who takes the model then has only these samples to filter, and
-// finds the same to the bit as if all went through the filters there.
+// The filters of a model after they have processed all remembered samples. The work runs in any thread, on a
+// copy of the memory. The copy assumes that a number of further samples will have come when the tracker takes
+// the model. The tracker then has to filter only those samples, with bit-identical results to filtering
+// everything itself.
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,4 @@
-// fltea._native.Round: all devices on ports, taken without Python's lock (host/fltea/service/port_loop.py).
+// fltea._native.Round: processes all devices on ports without Python's GIL (host/fltea/service/port_loop.py).
 #include <nanobind/nanobind.h>
 
 #include <cstring>
@@ -19,7 +19,7 @@ using fltea::PortStop;
 using fltea::PortStream;
 using fltea::RunRows;
 
-// Columns of rows that waited, in the order of RunRows, as arrays.
+// Columns of the waiting rows as arrays, in the order of RunRows.
 class Columns {
   public:
     explicit Columns(const RunRows& rows) : rows_(rows), table_(bytes_of(rows)) {}
@@ -34,7 +34,7 @@ class Columns {
     }
 
   private:
-    // All columns, each from a multiple of 8 bytes on.
+    // Total size of the columns. Each column begins at a multiple of 8 bytes.
     static std::size_t bytes_of(const RunRows& rows) {
         std::size_t bytes = 0;
         for (std::size_t i = 0; i < rows.columns(); ++i) bytes += (rows.column(i).size() + 7) / 8 * 8;
@@ -46,7 +46,8 @@ class Columns {
     std::size_t next_ = 0;
 };
 
-// Arrivals, columns of samples, and of each sensor those of its tracker and of its bank, or None: as of Rows.
+// Returns the fields of Rows: arrival times, sample columns, and for each sensor its tracker's and its bank's
+// columns, or None.
 nb::tuple as_tuple(const RunRows& rows) {
     const fltea::RunShape& shape = rows.shape();
     Columns columns(rows);
@@ -83,7 +84,7 @@ class Round {
   public:
     Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts) : round_(capacity, tick_ns, texts) {}
 
-    // The next port's, in the order of their numbers.
+    // Adds the next port. Ports are numbered in the order in which they are added.
     void add(nb::object wire, nb::object device, std::int64_t latency_ns) {
         auto& of_device = nb::cast<device_binding::Device&>(device);
         auto& of_wire = nb::cast<wire_line_binding::WireLine&>(wire);
@@ -108,8 +109,8 @@ class Round {
     std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
     std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
 
-    // What was printed of each text (bytes, and of each device when it arrived and its records),
-    // and what has happened: port, kind, and what is told of it.
+    // Returns the printed texts (the bytes, and for each device the arrival time and number of its records),
+    // and the events: port, kind and details.
     nb::tuple run(double timeout_s) {
         happened_.clear();
         {
@@ -171,7 +172,8 @@ class Round {
                 const fltea::PortNews& news = line.reads();
                 const nb::tuple columns = columns_of(news.reads);
                 const nb::tuple reads = nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()),
-                                                       columns[0], columns[1], columns[2]);  // as of Reads
+                                                       // the fields of Reads
+                                                       columns[0], columns[1], columns[2]);
                 line.reads() = fltea::PortNews();
                 return reads;
             }
@@ -189,7 +191,7 @@ class Round {
 
     fltea::Round round_;
     std::vector<fltea::Happened> happened_;
-    nb::list kept_;  // what the lines point to
+    nb::list kept_;  // keeps alive the objects that the ports point to
 };
 
 }  // namespace

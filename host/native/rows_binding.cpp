@@ -1,4 +1,4 @@
-// fltea._native.plain_rows: lines of text as rows of numbers (host/fltea/recording/text_numbers.py).
+// fltea._native.plain_rows: parses lines of text as rows of numbers (host/fltea/recording/text_numbers.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/vector.h>
 

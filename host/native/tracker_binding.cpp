@@ -24,7 +24,8 @@ namespace {
 using Lane = fltea::track::AxisTracker;
 using Event = fltea::track::TrackerEvent;
 
-// Kind, row, axis, samples since then, size and its deviation, samples of motion: as of TrackerEvent.
+// Fields of TrackerEvent: kind, row, axis, samples since it began, size and its deviation, duration of the
+// motion.
 using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
 
 class Tracker : public fltea::TrackerPart {
@@ -54,7 +55,8 @@ class Tracker : public fltea::TrackerPart {
         make(sensor_);
     }
 
-    // out: (columns, rows, lanes); moving: (rows, lanes); accel: (rows, 1 to 3). rest: as of Rest.
+    // `out`: (columns, rows, lanes). `moving`: (rows, lanes). `accel`: (rows, 1 to 3). `rest`: a value of
+    // Rest.
     std::vector<EventTuple> run(Rows y, Results out, Places moving, std::optional<Rows> accel, int rest) {
         const size_t rows = y.shape(0), lanes = offsets_.size();
         if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(fltea::kTrackedColumns) ||
@@ -115,9 +117,9 @@ class Tracker : public fltea::TrackerPart {
         return {one.origin(), std::move(found)};
     }
 
-    // Of each lane: samples in motion, how often it began again, steps, lag1, nis, Ljung and Box's statistic
-    // and of how many innovations it is; pieces and rms of each time over which the bias is checked; bias and
-    // its deviation after the newest sample, NaN before the first.
+    // For each lane: samples in motion, restarts, steps, lag1, NIS, the Ljung-Box statistic and the number of
+    // innovations it uses; pieces and RMS for each length over which the bias is checked; bias and its
+    // deviation after the newest sample, NaN before the first.
     using Check = std::tuple<uint64_t, double>;
     using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>,
                              double, double>;
@@ -204,7 +206,7 @@ class Tracker : public fltea::TrackerPart {
     double largest_gravity_step_;
     fltea::track::TrackerRules rules_;
     std::unique_ptr<Sensor> sensor_;
-    std::vector<fltea::track::Tracked> newest_;  // of each lane, after the newest sample
+    std::vector<fltea::track::Tracked> newest_;  // for each lane, the result after the newest sample
     mutable std::mutex mutex_;
 };
 

@@ -1,5 +1,5 @@
-// fltea._native.TrackerModel and fltea._native.Remembered (host/fltea/estimator/tracker.py), and what a
-// system says by itself (host/fltea/noise/heading.py).
+// fltea._native.TrackerModel and fltea._native.Remembered (host/fltea/estimator/tracker.py), and functions of
+// a system alone (host/fltea/noise/heading.py).
 #include "tracker_model_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -38,7 +38,7 @@ void copy(const Matrix& from, double* to, size_t n) {
     for (size_t i = 0; i < n * n; ++i) to[i] = from.data()[i];
 }
 
-// What could not be loaded cannot be set.
+// Rejects a system that could not be loaded from a snapshot.
 void check(Noise& s) {
     std::vector<double> numbers;
     fltea::NumberSaver saver(numbers);
@@ -99,7 +99,7 @@ void make(LaneModel* self, std::int64_t ahead, const std::vector<std::int64_t>& 
     new (self) LaneModel(std::move(made));
 }
 
-// A row of Coordinate.
+// The fields of a Coordinate.
 using Row = std::tuple<double, double, double, double, double>;
 
 Noise grown(Noise s, const std::vector<Row>& rows) {
@@ -111,7 +111,7 @@ Noise grown(Noise s, const std::vector<Row>& rows) {
     return s;
 }
 
-// Of the system with each of these coordinates.
+// Returns the likelihoods of the system extended by each of these sets of states.
 std::vector<double> likelihoods(const RememberedLane& self, const Numbers& numbers,
                                 const std::vector<std::vector<Row>>& rows) {
     const Noise bare = std::apply(system_of, numbers);

@@ -1,5 +1,5 @@
-// What is known of a bias while nobody knows the noise: many noises (bank_members.hpp), each weighted by how
-// likely it made the samples. Their scale is found from the samples.
+// Estimates a bias while the noise is unknown, with a bank of many noise models (bank_members.hpp). Each is
+// weighted by the likelihood of the samples. The scale of the noise is estimated from the samples.
 #pragma once
 
 #include <algorithm>

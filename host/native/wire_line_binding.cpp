@@ -1,4 +1,5 @@
-// fltea._native.WireLine: what came over a wire, one by one, for Python (host/fltea/sources/wire_events.py).
+// fltea._native.WireLine: decodes what came over a port into items, for Python
+// (host/fltea/sources/wire_events.py).
 #include "wire_line_binding.hpp"
 
 #include "decoder_binding.hpp"

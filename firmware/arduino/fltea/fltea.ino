@@ -14,7 +14,8 @@ fltea::WireBus bus(Wire);
 fltea::SerialSink sink(Serial);
 fltea::MicrosClock board_clock;
 
-// Made when setup() first asks: before main() the board is not up, and its identity cannot be read.
+// Created when setup() first calls this. Before main() the board is not initialised, and its identity cannot
+// be read.
 fltea::Application& device() {
     static fltea::Application application(bus, sink, board_clock, fltea::read_identity());
     return application;
@@ -22,14 +23,14 @@ fltea::Application& device() {
 
 void on_data_ready() { device().on_data_ready(micros()); }
 
-// Called by the core before setup(); without it the core switches the watchdog off for good.
+// The core calls this before setup(). Without it the core disables the watchdog permanently.
 void watchdogSetup() { watchdogEnable(kWatchdogMs); }
 
 void setup() {
     Serial.begin(fltea::settings::kLineBaud);
     bus.recover();
     device().start();
-    pinMode(kDataReadyPin, INPUT_PULLUP);  // a broken wire must not float: the core switches pull-ups off
+    pinMode(kDataReadyPin, INPUT_PULLUP);  // a disconnected wire must not float; the core disables pull-ups
     if (fltea::settings::kSamplingMode == fltea::SamplingMode::data_ready)
         attachInterrupt(kDataReadyPin, on_data_ready, RISING);
 }

@@ -1,4 +1,4 @@
-// The core's clock from the Arduino core's.
+// Adapts the Arduino core's clock.
 #pragma once
 
 #include <Arduino.h>
@@ -6,8 +6,8 @@
 
 namespace fltea {
 
-// micros() takes the milliseconds from SysTick's handler: while interrupts are masked for longer than one, it
-// stands still and loses what passes. Nothing here masks them but identity.h, for microseconds, before the
+// micros() takes the milliseconds from SysTick's handler. While interrupts are masked for longer than a
+// millisecond, it stops and loses time. Only identity.h masks interrupts here, for microseconds, before the
 // first sample.
 class MicrosClock final : public Clock {
   public:

@@ -1,4 +1,5 @@
-// The line to the host: the programming port's UART through the Arduino core's ring of 128 bytes.
+// The serial port to the host: the programming port's UART through the Arduino core's ring buffer of 128
+// bytes.
 #pragma once
 
 #include <Arduino.h>

@@ -1,6 +1,6 @@
-// The sensor's bus through Arduino's Wire, which has four gaps that are closed here: it never frees a held
-// bus, its time-outs last tens of milliseconds, it does not tell a time-out from a NACK, and it takes a byte
-// that the controller holds from before for the first of a read.
+// The sensor's bus through Arduino's Wire. This class makes up for four weaknesses of Wire: it never frees a
+// held bus, its time-outs last tens of milliseconds, it does not distinguish a time-out from a NACK, and it
+// takes a byte left in the controller for the first byte of a read.
 #pragma once
 
 #include <Arduino.h>
@@ -17,11 +17,11 @@ class WireBus final : public I2cBus {
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
         if (!idle()) return I2cResult::timeout;
         const uint32_t began_us = micros();
-        // A byte may be left in the controller although the last read was complete (due/twi.cpp); Wire would
-        // take it for this read's first one.
+        // The controller may hold a byte although the last read was complete (due/twi.cpp). Wire would take
+        // it for this read's first byte.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
-        // Only the overload with an internal address makes a repeated start.
+        // Only the overload with an internal address sends a repeated start.
         const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));
         for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
@@ -44,7 +44,7 @@ class WireBus final : public I2cBus {
         return late ? I2cResult::timeout : I2cResult::nack;
     }
 
-    // About 0.15 ms.
+    // Takes about 0.15 ms.
     HeldLines recover() override {
         release(PIN_WIRE_SDA);
         release(PIN_WIRE_SCL);
@@ -58,8 +58,8 @@ class WireBus final : public I2cBus {
         release(PIN_WIRE_SCL);
         release(PIN_WIRE_SDA);
         const unsigned held = (low(PIN_WIRE_SDA) ? 1u : 0u) | (low(PIN_WIRE_SCL) ? 2u : 0u);
-        // Wire takes the pins over behind pinMode's back, and pinMode does nothing if it believes that the
-        // pin has the mode asked for: so it must not be left at the one that release() asks for.
+        // Wire changes the pins without pinMode, and pinMode does nothing if it believes that the pin already
+        // has the requested mode. The pins must therefore not be left in the mode that release() requests.
         pinMode(PIN_WIRE_SDA, INPUT);
         pinMode(PIN_WIRE_SCL, INPUT);
         start();
@@ -70,7 +70,8 @@ class WireBus final : public I2cBus {
     static constexpr int kRecoveryClocks = 9;
     static constexpr uint32_t kHalfClockUs = 5;
 
-    // Resets the controller, in which a byte of a refused write would stay, and go out with the next one.
+    // Resets the controller. Otherwise a byte of a refused write would stay in it and be sent with the next
+    // write.
     void start() {
         wire_.begin();
         wire_.setClock(settings::kI2cHz);
@@ -78,7 +79,7 @@ class WireBus final : public I2cBus {
 
     static bool low(uint32_t pin) { return digitalRead(pin) == LOW; }
 
-    // Open drain: a line is pulled low or let go, never driven high.
+    // Open drain: a line is pulled low or released, never driven high.
     static void release(uint32_t pin) {
         pinMode(pin, INPUT_PULLUP);
         delayMicroseconds(kHalfClockUs);
@@ -89,7 +90,8 @@ class WireBus final : public I2cBus {
         delayMicroseconds(kHalfClockUs);
     }
 
-    // Both lines are high; seen before a transfer, so that a held bus does not cost Wire's time-out.
+    // Whether both lines are high. Checked before a transfer, so that a held bus does not cost Wire's
+    // time-out.
     static bool idle() {
         if (!low(PIN_WIRE_SDA) && !low(PIN_WIRE_SCL)) return true;
         delayMicroseconds(kHalfClockUs);
