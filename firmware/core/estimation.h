@@ -1,7 +1,7 @@
-// The device's own estimates: samples wait in a queue and are worked off one axis at a time, so that sampling
-// never waits for longer than that. What finds the queue full is skipped and counted, and to the filters it
-// has never been: to bridge it would cost as much as to take it. The same samples go into the spectra that
-// the noise is fitted by (noise_fit.h).
+// The device's own estimates. Samples wait in a queue and are processed one axis at a time, so that sampling
+// waits for no longer than one axis takes. A sample that finds the queue full is skipped and counted. The
+// filters ignore a skipped sample, because bridging it would cost as much as processing it. The same samples
+// go into the spectra for the noise fits (noise_fit.h).
 #pragma once
 
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// Everything that an owner may want to change, in one place; HELLO reports it to the host.
+// All settings that an owner may want to change. HELLO reports them to the host.
 #pragma once
 
 #include <stdint.h>
@@ -6,16 +6,16 @@
 #include "filter_settings.h"
 #include "messages.h"
 
-// Set by the build to compile the other mode: -DFLTEA_SAMPLING_MODE=data_ready
+// Define this in the build to compile the other mode: -DFLTEA_SAMPLING_MODE=data_ready
 #ifndef FLTEA_SAMPLING_MODE
 #define FLTEA_SAMPLING_MODE timer
 #endif
-// The same for the estimator: -DFLTEA_ESTIMATE=false (and -DFLTEA_VARIANT=triple, filter_settings.h)
+// Likewise for the estimator: -DFLTEA_ESTIMATE=false (and -DFLTEA_VARIANT=triple, filter_settings.h)
 #ifndef FLTEA_ESTIMATE
 #define FLTEA_ESTIMATE true
 #endif
 
-// Samples a second, bandwidth and full scale: -DFLTEA_RATE_HZ=200 -DFLTEA_DLPF_HZ=92
+// Samples per second, bandwidth and full scale: -DFLTEA_RATE_HZ=200 -DFLTEA_DLPF_HZ=92
 // -DFLTEA_GYRO_RANGE_DPS=250 -DFLTEA_ACCEL_RANGE_G=4
 #ifndef FLTEA_RATE_HZ
 #define FLTEA_RATE_HZ 100
@@ -29,7 +29,7 @@
 #ifndef FLTEA_ACCEL_RANGE_G
 #define FLTEA_ACCEL_RANGE_G 2
 #endif
-// Of the line to the host: -DFLTEA_BAUD=400000, and the same for `fltea run --baud`
+// Baud rate of the serial port: -DFLTEA_BAUD=400000, and the same for `fltea run --baud`
 #ifndef FLTEA_BAUD
 #define FLTEA_BAUD kBaud
 #endif
@@ -37,13 +37,14 @@
 namespace fltea {
 namespace settings {
 
-// timer: four wires, the device's clock rules. data_ready: a fifth wire from the sensor's INT pin, the
-// sensor's clock (±1 %) rules, and each time stamp is that of the sensor's own conversion.
+// timer: four wires, and the device's clock determines the sampling instants. data_ready: a fifth wire from
+// the sensor's INT pin; the sensor's clock (±1 %) determines the instants, and each time stamp is that of the
+// sensor's own conversion.
 constexpr SamplingMode kSamplingMode = SamplingMode::FLTEA_SAMPLING_MODE;
 
-// Time between sampling instants [us]; whole milliseconds, the sensor's internal step. At kBaud the line
-// takes 500 Hz; 1000 Hz need 400,000 baud and no estimates. Above 100 Hz prefer data_ready: by the timer a
-// sample is up to 1 ms old.
+// Time between sampling instants [us], a whole number of milliseconds, since the sensor's internal period is
+// 1 ms. At kBaud the serial port has room for 500 Hz; 1000 Hz needs 400,000 baud and no estimates. Above 100
+// Hz prefer data_ready: in timer mode a sample is up to 1 ms old.
 constexpr uint32_t kSamplePeriodUs = 1000000 / FLTEA_RATE_HZ;
 static_assert(kSamplePeriodUs * FLTEA_RATE_HZ == 1000000,
               "FLTEA_RATE_HZ must divide a second without a rest");
@@ -55,48 +56,49 @@ constexpr uint16_t kGyroRangeDps = FLTEA_GYRO_RANGE_DPS;
 constexpr uint16_t kAccelRangeG = FLTEA_ACCEL_RANGE_G;
 
 // Bandwidth of the sensor's low-pass filters [Hz]: 184, 92, 41, 20, 10 or 5. The noise is the signal here,
-// and a narrow filter colours it: 0.01 deg/s/sqrt(Hz) over 184 Hz gives about 0.02 (deg/s)^2, over 41 Hz
-// about 0.005.
+// and a narrow filter colours it. Noise of 0.01 deg/s/sqrt(Hz) has a variance of about 0.02 (deg/s)^2 at 184
+// Hz, and about 0.005 (deg/s)^2 at 41 Hz.
 constexpr uint16_t kDlpfHz = FLTEA_DLPF_HZ;
 
-// AD0 to ground: 0x68; AD0 to 3.3 V: 0x69.
+// I2C address: 0x68 with AD0 at ground, 0x69 with AD0 at 3.3 V.
 constexpr uint8_t kSensorAddress = 0x68;
 constexpr uint32_t kI2cHz = 400000;
-// The longest a transfer may take before the bus counts as held [us]; the longest one needs 0.5 ms.
+// Longest time of a transfer before the bus counts as held [us]. The longest transfer needs 0.5 ms.
 constexpr uint32_t kI2cTimeoutUs = 3000;
 
-// Whether the device estimates by itself; ESTIMATOR reports to the host with what. Variant, guard, start-up
-// window and the filters' numbers are those of `fltea run`: filter_settings.h.
+// Whether the device computes its own estimates; ESTIMATOR reports their settings to the host. Variant,
+// guard, start-up window and the filters' numbers are those of `fltea run`: filter_settings.h.
 constexpr bool kEstimate = FLTEA_ESTIMATE;
-// ESTIMATEs belong to samples whose sequence is a multiple of this: ten times a second. At 2 and 100 Hz the
-// line is two thirds full.
+// An ESTIMATE is sent for each sample whose sequence is a multiple of this: ten times a second. At 2 and at
+// 100 Hz the serial port is then two thirds full.
 constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 
-// Whether it fits the noise by maximum likelihood, too. A slice of a fit has to fit into half a period.
+// Whether the device also fits the noise by maximum likelihood. A slice of a fit has to fit into half a
+// period.
 #ifndef FLTEA_FIT
 #define FLTEA_FIT (FLTEA_ESTIMATE && FLTEA_RATE_HZ <= 200)
 #endif
 constexpr bool kFit = FLTEA_FIT;
 static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
               "fits need the estimates' queue, and at most 200 samples a second");
-// Whether the filters go on with the fit's s2 and R in place of Q of filter_settings.h and R of the start-up
-// window, as soon as a fit rejects white noise and defines the order: -DFLTEA_TUNED=true. A host that
-// computes the same then has other settings than the board, so that nothing is compared.
+// Whether the filters use the fit's s2 and r as Q and R, as soon as a fit rejects white noise and defines the
+// order: -DFLTEA_TUNED=true. The host's filters then have other settings than the board's, so their estimates
+// are not compared.
 #ifndef FLTEA_TUNED
 #define FLTEA_TUNED false
 #endif
 constexpr bool kTuned = FLTEA_TUNED;
 static_assert(!kTuned || kFit, "only a fit tells what to tune to");
-// Samples from one round of fits, of all axes, to the next: 3 s; a board at 1 Hz waits for three samples.
+// Number of samples between rounds of fits of all axes: 3 s; three samples at 1 Hz.
 constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
-// Fits of an axis from one whose bins are sent to the next.
+// Number of fits of an axis between two whose bins are sent.
 constexpr uint16_t kSpectrumEvery = 10;
-// Of the time, for the fits [%]: what is left of a quarter of the processor at 100 Hz. A round takes 4 to 6 %
-// of three seconds; one that searches on a grid is late.
+// Share of the time for the fits [%], the rest of a quarter of the processor at 100 Hz. A round takes 4 to 6
+// % of three seconds; a round that searches on a grid takes longer than its period.
 constexpr uint32_t kFitShare = 6;
 
-// To the host [baud]. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual 115200 is
-// not. 400,000 is exact on the USB chip, and 1 % more on the Due (84 MHz / 16 / 13).
+// Baud rate of the serial port. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual
+// 115200 is not. 400,000 is exact on the USB chip, and 1 % too fast on the Due (84 MHz / 16 / 13).
 constexpr uint32_t kLineBaud = FLTEA_BAUD;
 
 }  // namespace settings

@@ -1,10 +1,11 @@
-// Whether the newest chunk of an axis's innovations is noise, or motion of the sensor. The rules are those of
-// the host's tracker (host/native/rest_gate.hpp), in float and without a division a sample.
+// Decides whether the newest chunk of an axis's innovations is noise or motion of the sensor. The rules are
+// those of the host's tracker (host/native/rest_gate.hpp), in float, and without a division per sample.
 //
-// A chunk of 32 is a knock if the power of its innovations, the largest not counted, is sixteen times that of
-// the noise, if one of them alone is a hundred deviations away, or if their mean is eight of its deviations
-// away. A line, or what else the filter does not follow, makes innovations larger than the filter says: they
-// are compared with their usual power and mean at rest, where these are larger.
+// A chunk of 32 is a knock in any of three cases: the power of its innovations, without the largest one, is
+// sixteen times that of the noise; one innovation exceeds a hundred deviations; or the mean exceeds eight of
+// its deviations. Spectral lines and other effects that the filter does not follow make the innovations
+// larger than the filter predicts. They are therefore compared with their usual power and mean at rest, where
+// these are larger.
 #ifndef FLTEA_AXIS_MOTION_HPP
 #define FLTEA_AXIS_MOTION_HPP
 
@@ -22,18 +23,19 @@ class AxisMotion {
     static constexpr float kKnock = 16, kSpike = 100, kMean = 8;
 
     struct Verdict {
-        bool knock;           // the chunk is not noise about what was predicted
-        float mean;           // of its innovations
-        float variance;       // of that mean at rest
-        std::uint16_t stood;  // chunks in a row that were knocks, and still, at the place of the one before
+        bool knock;      // the chunk is not noise about the prediction
+        float mean;      // mean of its innovations
+        float variance;  // variance of that mean at rest
+        // number of consecutive chunks that were knocks and still, at the level of the previous chunk
+        std::uint16_t stood;
     };
 
-    // Without a filter: what is usual is learned from the first chunks, in squared counts.
+    // Without a filter: the usual power is learned from the first chunks, in squared counts.
     AxisMotion() { begin(kOfRounding, 0); }
-    // With a filter, whose S is what innovations have at least.
+    // With a filter: its S is the least variance of the innovations.
     void begin_with_filter() { begin(1, kLearned); }
 
-    // An innovation, not limited.
+    // Adds an innovation, without clipping.
     void add(float e) {
         const float power = e * e;
         sum_ += e;
@@ -41,11 +43,11 @@ class AxisMotion {
         if (power > largest_) largest_ = power;
     }
 
-    // Of the newest chunk.
+    // Mean of the newest chunk.
     float mean() const { return last_mean_; }
 
-    // After kChunk samples. S: variance of the innovations, or 1 without a filter. grown: how much more that
-    // of what was predicted is, all chunk long, than if nothing had been left out.
+    // Judges kChunk samples. `S`: variance of the innovations, or 1 without a filter. `grown`: how much the
+    // variance of the predictions exceeds its normal value during this chunk, because samples were left out.
     Verdict judge(float S, float grown, bool moving) {
         const float n = static_cast<float>(+kChunk), square = sum_ * sum_ / n;
         const float variance = S * math::fmax(usual_mean_, least_), apart = kGrown * n * grown;
@@ -66,7 +68,7 @@ class AxisMotion {
     }
 
   private:
-    // Deviations, squared, that a prediction may be away by.
+    // Squared deviations by which a prediction may be wrong.
     static constexpr float kGrown = 9;
     enum { kLearned = 8, kRemembered = 64 };
     static constexpr float kOfRounding = 1.0f / 12;
@@ -88,7 +90,7 @@ class AxisMotion {
         usual_mean_ += (mean - usual_mean_) / n;
     }
 
-    float least_, usual_power_, usual_mean_;  // over S
+    float least_, usual_power_, usual_mean_;  // as ratios to S
     float sum_, powers_, largest_, last_mean_;
     std::uint16_t chunks_, stood_;
 };

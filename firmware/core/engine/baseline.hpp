@@ -1,8 +1,8 @@
 // The start-up window of one axis: mean and variance of its samples, which the filters need before their
-// first one. The algorithm assumes noise of zero mean and of known variance R, and it is not forgiving: an
-// offset of 1 deg/s on white noise of variance 0.0235 (deg/s)^2 makes the printed algorithm diverge, as does
-// an R four times too small; a real MPU-9250 has offsets of up to ±5 deg/s. One source for the board's counts
-// and the host's doubles.
+// first sample. The algorithm assumes noise of zero mean and of known variance R, and is sensitive to both.
+// An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)^2 makes the printed algorithm diverge, and
+// so does an R that is four times too small. A real MPU-9250 has offsets of up to ±5 deg/s. The board's
+// counts and the host's doubles use the same source.
 #pragma once
 
 #include <stdint.h>
@@ -17,7 +17,7 @@ inline namespace FLTEA_INSTRUCTION_SET {
 template <class T>
 struct Sums;
 
-// Counts: exactly, in integers.
+// Counts are summed exactly, in integers.
 template <>
 struct Sums<int16_t> {
     typedef float Real;
@@ -27,8 +27,8 @@ struct Sums<int16_t> {
     static constexpr bool kFromFirst = false;
 };
 
-// Numbers in a unit: less the first of them, so that the squares hold no more of the mean than a window of n
-// samples has of it, and lose at most a factor n of their digits to it.
+// Doubles are summed relative to the first sample. The squares then contain no more of the mean than the
+// noise of the window does, and lose at most a factor n of precision to it, for n samples.
 template <>
 struct Sums<double> {
     typedef double Real, Sum, Pairs, Squares;
@@ -52,7 +52,7 @@ class Baseline {
 
     Size samples() const { return n_; }
 
-    // An axis that never changed has no R.
+    // Whether no sample changed. Such an axis has no R.
     bool constant() const { return spread() == 0; }
 
     // Mean, in the unit of the samples.
@@ -61,7 +61,7 @@ class Baseline {
         return Sums<T>::kFromFirst ? static_cast<Real>(first_) + mean : mean;
     }
 
-    // Variance of a sample, at least that of rounding to the resolution; for two samples or more.
+    // Variance of a sample, at least that of rounding to the resolution. Needs two samples or more.
     Real variance(Real resolution = Real(1)) const {
         const Real rounding = resolution * resolution / Real(12);
         const Real pairs = static_cast<Real>(static_cast<Pairs>(n_) * static_cast<Pairs>(n_ - 1));
@@ -69,7 +69,7 @@ class Baseline {
         return found < rounding ? rounding : found;
     }
 
-    // What is left of a count without the mean; in integers up to the division.
+    // The count minus the mean, computed in integers up to the division.
     Real centred(T value) const {
         static_assert(!Sums<T>::kFromFirst, "sums must be those of the samples themselves");
         return static_cast<Real>(static_cast<Sum>(value) * n_ - sum_) / static_cast<Real>(n_);

@@ -1,4 +1,4 @@
-// |FFT|^2 of a block of 256 real numbers under Hann's window, as one complex transform of 128.
+// |FFT|^2 of a block of 256 real numbers under Hann's window, computed as one complex transform of 128.
 #pragma once
 
 #include "instruction_set.hpp"
@@ -17,10 +17,10 @@ class BlockFft {
     typedef typename Kind::Power Power;
     enum { kBlock = 256, kHalf = kBlock / 2 };
 
-    // Sum of the squares of the window: white noise of variance R has so much times R in every line.
+    // Sum of the squares of the window. White noise of variance R has this times R in every spectral line.
     static constexpr double scale() { return 0.375 * double(kBlock); }
 
-    // Room for the steps of the transform, and at last for the powers.
+    // Working memory for the steps of the transform, and finally for the powers.
     class Work {
         friend class BlockFft;
         union Half {
@@ -29,9 +29,9 @@ class BlockFft {
         } half_[2];
     };
 
-    // power[i] of line low + i, i < lines; 1 <= low, low + lines <= 128. The mean is taken off first, of
-    // which the window would let lines 0 and 1 alone see anything, against rounding. n: the powers are in
-    // 2^-2n of the squared unit of x.
+    // power[i] belongs to spectral line low + i, i < lines; 1 <= low, low + lines <= 128. The mean is
+    // subtracted first, to avoid rounding errors; behind the window, only lines 0 and 1 would contain any of
+    // it. `places` = n: the powers are in units of 2^-2n of the squared unit of x.
     struct Powers {
         const Power* power;  // in `work`
         int places;
@@ -61,8 +61,8 @@ class BlockFft {
     }
 
   private:
-    // Stockham's: every step reads one half of the room and writes the other, in an order that leaves the
-    // result sorted. Returns which half has it.
+    // Stockham's algorithm: every step reads one half of the memory and writes the other, in an order that
+    // leaves the result sorted. Returns the half that holds the result.
     static int transform(const Tables& tables, Work& work) {
         int from = 0;
         for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {

@@ -1,11 +1,11 @@
-// The running spectrum in integers, for a processor without floating point: counts of an axis in, sums of
-// powers out. The board's.
+// The board's running spectrum in integers, for a processor without floating point: takes counts of an axis,
+// and returns sums of powers.
 //
-// Values are kept in 1,024ths of a count, to which rounding adds far less than the counts' own rounding has
-// done; down to the sixth octave every second one has half the unit of the one above, as its noise is less. A
-// level keeps 16 bits of each value, less a base that follows the stream, and fewer places where the stream
-// runs farther than that within a block. So a bin of white noise is that of the same counts in double to
-// 0.1 %, as soon as it is made of eight blocks.
+// Values are kept in 1,024ths of a count, so rounding adds far less noise than the rounding of the counts
+// themselves. Down to the sixth octave, every second octave has half the unit of the octave above, because
+// its noise is smaller. A level keeps 16 bits of each value, relative to a base that follows the stream, and
+// fewer bits where the stream moves farther than 16 bits within a block. A bin of white noise made of at
+// least eight blocks agrees with a computation in double to 0.1 %.
 #ifndef FLTEA_COUNT_SPECTRUM_HPP
 #define FLTEA_COUNT_SPECTRUM_HPP
 
@@ -22,8 +22,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// kLevels: 12 with a capacity of 496 are nearly three hours at 100 Hz; after that the oldest samples of the
-// last level go, and of the sums nothing.
+// kMostLevels: 12 levels with a capacity of 496 are nearly three hours at 100 Hz. After that, the last level
+// drops its oldest samples; the sums lose nothing.
 template <int kMostLevels = 12, int kMostKept = 496>
 struct CountSpectrum {
     typedef std::int16_t Input;
@@ -39,7 +39,7 @@ struct CountSpectrum {
     using Sums = CountSums<kLines>;
     enum { kLevels = kMostLevels, kCapacity = kMostKept, kMostMadeUp = 16, kOne = 30, kMostHalvings = 3 };
 
-    // To the nearest count.
+    // Rounds to the nearest count.
     static Input input(float y) {
         const std::int32_t count = static_cast<std::int32_t>(y < 0 ? y - 0.5f : y + 0.5f);
         return static_cast<Input>(count > 32767 ? 32767 : count < -32768 ? -32768 : count);
@@ -52,18 +52,18 @@ struct CountSpectrum {
     static Value products(Value x, Coefficient c, Value y, Coefficient d) {
         return rounded(Sum(x) * c + Sum(y) * d, kOne);
     }
-    // What a filter has made of values of a level, in the unit of the next one.
+    // Converts a filter's output from values of `level` to the unit of the next level.
     static Value filtered(Sum sum, int level) { return rounded(sum, kOne - finer(level)); }
     static Tables tables() { return Tables(); }
 
-    // The unit of level + 1 is that of the level, or half of it.
+    // 1 if the unit of level + 1 is half that of `level`, 0 if it is the same.
     static constexpr int finer(int level) { return level % 2 == 0 && level < 2 * kMostHalvings ? 1 : 0; }
-    // Units of a level are 2^-n of those of level 0.
+    // n, where the unit of a level is 2^-n of that of level 0.
     static constexpr int halvings(int level) {
         return (level + 1) / 2 < kMostHalvings ? (level + 1) / 2 : int(kMostHalvings);
     }
 
-    // Of samples: their mean, the power about it, and that of the sample that is farthest from it.
+    // Of samples: their mean, the power about the mean, and the power of the sample farthest from the mean.
     class Moments {
       public:
         Moments(const Input* x, int n) {
@@ -93,7 +93,7 @@ struct CountSpectrum {
       private:
         float mean_, power_, largest_;
     };
-    // From sample to sample; 0 if there is none.
+    // Smallest nonzero difference between consecutive samples; 0 if there is none.
     static float least_change(const Input* x, int n) {
         std::int32_t least = 0;
         for (int i = 1; i < n; ++i) {
@@ -103,7 +103,7 @@ struct CountSpectrum {
         return static_cast<float>(least);
     }
 
-    // Nothing is forgotten.
+    // A memory that forgets nothing.
     struct Memory {
         static constexpr bool fades() { return false; }
         static constexpr int generation(std::uint64_t) { return 0; }
@@ -111,12 +111,12 @@ struct CountSpectrum {
         static constexpr std::uint64_t oldest(std::uint64_t) { return 0; }
     };
 
-    // Units of level 0 are 2^-kPlaces of a count. All that a sensor says has room, at every level.
+    // The unit of level 0 is 2^-kPlaces of a count. All values that a sensor can deliver fit, at every level.
     enum { kPlaces = 10 };
     static Value value(Input y, Input origin) { return (Value(y) - Value(origin)) * (1 << kPlaces); }
 
-    // What 16 bits of a value are less of, and in what unit: 2^shift of the level's. Both are chosen by all
-    // that is kept, when a value would not fit, and when a finer unit would do again.
+    // Base and unit (2^shift of the level's unit) of the stored 16-bit values. Both are chosen anew from all
+    // stored values, when a value would not fit, and when a finer unit would be enough again.
     class Base {
       public:
         Base() : base_(0), shift_(0) {}
@@ -127,13 +127,13 @@ struct CountSpectrum {
                 x[fill + i] = stored(in[i]);
             }
         }
-        // What a filter has made of what is kept becomes that of the values.
+        // Converts a filter's output from stored values to level values.
         void lift(Value* out, int n, int level) const {
             const Value base = base_ * (1 << finer(level));
             for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
         }
         int shift() const { return shift_; }
-        // Fewer values are kept now.
+        // Call this when fewer values are stored: a finer unit may be possible.
         void renew(Stored* x, int fill) {
             if (shift_ > 0) choose(value(x[0]), x, fill, shift_ - 1);
         }
@@ -148,7 +148,7 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // No unit but one of up to 2^most.
+        // Chooses base and unit; the unit is at most 2^most.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
@@ -168,8 +168,8 @@ struct CountSpectrum {
         int shift_;
     };
 
-    // A block less its mean, in 2^-places of its unit: the largest value has 22 bits or nearly so, since the
-    // transform makes up to 128 times as much of it.
+    // A block minus its mean, in units of 2^-places. The largest value has about 22 bits, because the
+    // transform multiplies values by up to 128.
     template <typename From>
     class Centred {
       public:
@@ -189,7 +189,7 @@ struct CountSpectrum {
         int places() const { return kFine + lift_; }
 
       private:
-        enum { kFine = 8 };  // the mean of 256 values is exact then
+        enum { kFine = 8 };  // the mean of 256 values is then exact
 
         Value fine(int i) const { return Value(x_[i]) * (1 << kFine) - sum_; }
 
@@ -198,7 +198,7 @@ struct CountSpectrum {
         int lift_;
     };
 
-    // No record in time.
+    // No record over time on the board.
     template <int kLines>
     struct Cells {
         Cells(Memory, std::uint64_t) {}
@@ -206,13 +206,13 @@ struct CountSpectrum {
     };
 
   private:
-    // sum 2^-places to the nearest; places > 0.
+    // sum 2^-places, rounded to the nearest; places > 0.
     static Value rounded(Sum sum, int places) {
         return static_cast<Value>((sum + (Sum(1) << (places - 1))) >> places);
     }
 };
 
-// The running spectrum of one axis: counts go in one by one.
+// The running spectrum of one axis. Counts are added one by one.
 template <typename Kind = CountSpectrum<>>
 class CountOctaves {
   public:
@@ -225,26 +225,26 @@ class CountOctaves {
         while (!pass(passage)) {
         }
     }
-    // The same a level at a time: pass() until it is true before anything else, of axes that share a passage
-    // too.
+    // Adds a count one level at a time: call pass() until it returns true before anything else. Axes may
+    // share a passage.
     void add(std::int16_t count, Passage& passage) {
         Entrance entrance = {ladder_, passage};
         gate_.add(&count, 1, 1, entrance);
     }
     bool pass(Passage& passage) { return ladder_.advance(passage); }
-    // So many samples were lost before the next one.
+    // Notes that `lost` samples are missing before the next one.
     void skip(std::uint64_t lost) { gate_.skip(lost); }
 
     const GateCounts& counts() const { return gate_.counts(); }
     bool constant() const { return gate_.constant(); }
-    // Number of the next sample; up to 127 before it wait for a chunk to be full.
+    // Number of the next sample. Up to 127 samples before it still wait for their chunk to be complete.
     std::uint64_t now() const { return gate_.number(); }
     const Ladder& ladder() const { return ladder_; }
-    // Exponent of 2 of the unit of the powers of a level, in squared counts.
+    // Exponent of 2 of the unit of a level's powers, in squared counts.
     int exponent(int level) const { return -2 * (int(Kind::kPlaces) + Kind::halvings(level)); }
 
   private:
-    // Where the gate hands on.
+    // Receives the accepted samples from the gate.
     struct Entrance {
         Ladder& ladder;
         Passage& passage;

@@ -1,13 +1,13 @@
-// The printed algorithm's three filters for one state (Macias & Sierociuk 2023, section 5), one step at a
-// time.
+// The three filters of the printed algorithm for one state (Macias & Sierociuk 2023, section 5), one step at
+// a time.
 //
 //     x_k = h^alpha (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(alpha) x_{k-j} + noise of variance Q
 //     y_k = x_k + noise of variance R
 //
-// T is float, double or a pack of lanes; every lane takes the same path, so lanes cannot influence each
-// other. Order of operations as in host/fltea/lab/reference/filters.py, so that results agree to rounding.
-// Compile with -ffp-contract=off: a fused multiply-add here and not there would make guarded and printed
-// results differ.
+// T is float, double or a pack of lanes. Every lane takes the same path, so lanes cannot influence each
+// other. The order of operations is that of host/fltea/lab/reference/filters.py, so that results agree to
+// rounding. Compile with -ffp-contract=off: otherwise a multiply-add may be fused in one place and not in
+// another, and guarded and printed results would differ.
 #pragma once
 
 #include "guard.hpp"
@@ -17,7 +17,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// One sample of every lane. `missing` lanes have no measurement: their y is ignored.
+// One sample of every lane. `missing` lanes have no measurement, and their y is ignored.
 template <class T>
 struct Sample {
     T y;  // y_k, deg/s
@@ -25,26 +25,27 @@ struct Sample {
     MaskOf<T> missing;
 };
 
-// Everything that a lane's filters are told. Units: y in deg/s, h in s, f in s^-alpha; variances in squares.
+// All settings of a lane's filters. Units: y in deg/s, h in s, f in s^-alpha; variances in the squares of
+// these.
 template <class T>
 struct Tuning {
     T log_h;
-    T x0, P0, Q, R;                // KFx; Q is the variance of a whole step, it includes h^2alpha
+    T x0, P0, Q, R;                // KFx; Q is the variance of a whole step, including h^2alpha
     T alpha0, order_P0, order_Q0;  // KFo
     T order_R, order_delta;
-    T f0, parameter_P0, parameter_Q0;  // KFw; in the joint filter g0 = h^alpha0 f0 and its variances
+    T f0, parameter_P0, parameter_Q0;  // KFw; for the joint filter g0 = h^alpha0 f0 and its variances
     T parameter_R, parameter_delta;
-    T gate;  // standard deviations, of the guard
+    T gate;  // of the guard [standard deviations]
 };
 
-// x and P are those of the last sample, V its sum of weighted past variances; reach is the largest |y| seen,
-// the inputs of gaps, and what is not known of x at the start: what a prediction is held against.
+// x and P are those of the last sample, V is its sum of weighted past variances. `reach` limits predictions:
+// it includes the largest |y|, the inputs during gaps, and the uncertainty of x at the start.
 template <class T>
 struct StateBelief {
     T x, P, V, reach;
 };
 
-// An order or a parameter that walks at random: estimate, its variance, the variance of one step of the walk.
+// An order or a parameter that does a random walk: the estimate, its variance, and the variance of one step.
 template <class T>
 struct Walk {
     T mean, P, Q;
@@ -55,17 +56,18 @@ struct Estimate {
     T alpha, alpha_variance, f, f_variance, x, P, innovation, innovation_variance;
 };
 
-// The next estimate of a walk after one measurement (sections 5.1 and 5.3). Y are the outputs that the model
-// predicts at the sigma points, R the measurement noise, delta the forgetting factor with which Q follows the
-// corrections (Robbins-Monro); `cause` is what a gate that softens the update counts as.
+// The next estimate of a random walk after one measurement (sections 5.1 and 5.3). `Y`: the outputs that the
+// model predicts at the sigma points; `R`: the measurement noise; `delta`: the forgetting factor with which Q
+// follows the corrections (Robbins-Monro); `cause`: the cause that is counted if a gate softens the update.
 template <class T>
 struct Update {
     T correction;  // K e
     T P;
 };
 
-// point - mean, where the point was made as mean + step and then perhaps clipped. The difference itself holds
-// the rounding of the sum: it would make the variances walk, in float by a third within a million samples.
+// Returns point - mean, where the point was computed as mean + step and perhaps clipped. The difference
+// itself would contain the rounding of that sum, and would make the variances drift, in float by a third
+// within a million samples.
 template <class T>
 T deviation(T point, T mean, T step) {
     return select(point == mean + step, step, point - mean);
@@ -84,7 +86,7 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     const T spread = dy0 * wy0 + dy1 * wy1 + dy2 * wy2;
     R = guards.gated_noise(R, spread + R, e, gate, cause);
     const T K = (dx1 * wy1 + dx2 * wy2) / (spread + R);
-    // Equal to the printed P - K Pyy K, but rounding cannot make it negative.
+    // Equal to the printed P - K Pyy K, except that rounding cannot make it negative.
     const T left0 = -(dy0 * K), left1 = dx1 - dy1 * K, left2 = dx2 - dy2 * K;
     Update<T> update;
     update.correction = K * e;
@@ -92,7 +94,7 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     return update;
 }
 
-// mean and mean -+ sqrt(3 P): the sigma points of one dimension (n + lambda = 3). Returns the root.
+// Sets the sigma points of one dimension (n + lambda = 3): mean and mean -+ sqrt(3 P). Returns the root.
 template <class T>
 T sigma_points(T mean, T P, T (&points)[3]) {
     const T root = sqrt(P) * T(1.7320508075688772);
@@ -102,14 +104,14 @@ T sigma_points(T mean, T P, T (&points)[3]) {
     return root;
 }
 
-// Q of the walk after a correction.
+// Q of the random walk after a correction.
 template <class T>
 T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
 }
 
-// Memories that need no note of orders that they do not serve: they serve all, or those within the guard's
-// bounds (memory_fixed.hpp). memory_compressed.hpp clips them.
+// Whether a memory notes orders that it does not support. Most memories need not: they support all orders, or
+// all within the guard's bounds (memory_fixed.hpp). memory_compressed.hpp clips orders.
 template <class T>
 class CompressedMemory;
 template <class Memory>
@@ -121,7 +123,8 @@ struct AnyOrder<CompressedMemory<T>> {
     static constexpr bool value = false;
 };
 
-// Notes where the memory takes another order for `order`, whose sums are asked for from `lowest` on.
+// Notes that the memory uses another order instead of `order`. `lowest`: the lowest order of the requested
+// sums.
 template <class Memory, class T>
 void note_order(T order, T lowest, Guards<T>& guards) {
     typedef Real<T> R;
@@ -129,7 +132,7 @@ void note_order(T order, T lowest, Guards<T>& guards) {
     guards.note(kMemoryOrder, (order < lowest) | (order > T(R(kHighestOrder))));
 }
 
-// Time update of KFx (section 5.2): what the next sample is expected to be.
+// Time update of KFx (section 5.2): predicts the next sample.
 template <class T>
 struct Prediction {
     T x, P;
@@ -144,8 +147,8 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
     return prediction;
 }
 
-// Measurement update of KFx (section 5.2) and its report; a missing sample leaves the prediction. `drive` is
-// h^alpha u, by which a prediction may go beyond what was measured.
+// Measurement update of KFx (section 5.2), and its report. With a missing sample, the prediction stays.
+// `drive`: h^alpha u, by which a prediction may exceed what was measured.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -172,7 +175,7 @@ void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const S
     out.innovation_variance = select(missing, held.P + p.R, S);
 }
 
-// The order, the parameter and the state by three filters (section 5): KFo, KFw, KFx.
+// Estimates the order, the parameter and the state with three filters (section 5): KFo, KFw, KFx.
 template <class T>
 struct Triple {
     StateBelief<T> state;
@@ -190,7 +193,8 @@ struct Triple {
         guards.consider(!missing);
         const T order_P = guards.order_variance(order.P + order.Q);
         const Walk<T> moved = order_filter(memory, sample, p, guards, order_P);
-        // Q is what a measurement moves the order by, so a sample without one leaves the walk alone.
+        // Q is the change of the order by a measurement, so a missing sample leaves the random walk
+        // unchanged.
         order.mean = select(missing, order.mean, moved.mean);
         order.P = select(missing, order.P, moved.P);
         order.Q = select(missing, order.Q, moved.Q);
@@ -202,8 +206,8 @@ struct Triple {
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
-        V = max(V, T(0));  // a compressed sum may be short of zero by rounding
-        // KFx takes the parameters from before this sample.
+        V = max(V, T(0));  // rounding can make a compressed sum slightly negative
+        // KFx uses the parameter estimate from before this sample.
         const T f = guards.parameter(parameter.mean, alpha, scale);
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
@@ -232,7 +236,7 @@ struct Triple {
     }
 
   private:
-    // KFo, section 5.1: the order, by the model's answer to three sigma points.
+    // KFo, section 5.1: estimates the order from the model's outputs at three sigma points.
     template <class Memory>
     Walk<T> order_filter(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                          T P) const {
@@ -248,7 +252,7 @@ struct Triple {
             const T f = guards.parameter(parameter.mean, points[i], scale);
             Y[i] = gain * (f * state.x + sample.u) - past[i];
             if (i == 0 && guards.consistent()) {
-                // The variance of what the filter takes for granted: the state before, its noise and its
+                // The variance of what the filter treats as exact: the previous state, its noise and its
                 // past.
                 const T F = gain * f + order.mean;
                 R = R + (F * state.P * F + p.Q + state.V);
@@ -265,7 +269,8 @@ struct Triple {
         return moved;
     }
 
-    // Q learns from the correction that was made, not from one that the box undid.
+    // The correction from which Q is adapted: the one that was made, not the part that the guard's bounds
+    // undid.
     static T learnt(T correction, T proposed, T made, T before) {
         return select(made == proposed, correction, made - before);
     }

@@ -1,5 +1,5 @@
-// The bins of a running spectrum in integers, for a fit on the device: made step by step, so that nothing
-// waits for them.
+// The bins of an integer running spectrum, for a fit on the device. They are made step by step, so that
+// nothing has to wait for them.
 #ifndef FLTEA_FIT_BINS_HPP
 #define FLTEA_FIT_BINS_HPP
 
@@ -15,7 +15,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Averages of neighbouring lines, of at least two where they are Welch's, in squared counts: some 8 % wide.
+// Bins are averages of neighbouring spectral lines, at least two in Welch levels, about 8 % wide, in squared
+// counts.
 template <class Spectrum, int kMost = 176>
 class FitBins {
     typedef typename Spectrum::Ladder Ladder;
@@ -26,18 +27,18 @@ class FitBins {
     FitBins() : size_(0), ordinates_(0), stage_(kDone), stretch_(0), line_(0) {}
 
     int size() const { return size_; }
-    // Effective ordinates of all bins.
+    // Effective number of ordinates in all bins.
     float ordinates() const { return ordinates_; }
-    // Mean power, of each ordinate.
+    // Mean power per ordinate.
     float mean_power() const { return sum_ / ordinates_; }
     float lam(int i) const { return lam_[i]; }
     float counts(int i) const { return counts_[i]; }
     float power(int i) const { return power_[i]; }
     float ln_size(int i) const { return ln_size_[i]; }
-    // Bins that found no room.
+    // Number of bins for which there was no room.
     int left_out() const { return left_out_; }
 
-    // To begin with a spectrum, which must not go on until all steps are made.
+    // Starts with a spectrum, which must not change until all steps are done.
     void begin() {
         size_ = left_out_ = 0;
         ordinates_ = sum_ = 0;
@@ -47,9 +48,9 @@ class FitBins {
         open_ = Open();
     }
 
-    // True when all bins are there. A step is an octave, from the highest down, then a whole stretch's
-    // preparation, or one ordinate of it: where there are many stretches and no room for all, the lowest
-    // frequencies of the last ones are left out.
+    // Returns true when all bins are complete. A step processes one octave, from the highest down; then the
+    // preparation of a complete stretch, or one ordinate of it. If there are many stretches and too little
+    // room, the lowest frequencies of the last stretches are omitted.
     bool step(const Spectrum& spectrum) {
         const Ladder& ladder = spectrum.ladder();
         const int depth = ladder.depth();
@@ -74,7 +75,7 @@ class FitBins {
   private:
     enum Stage { kWhole, kWelch, kDone };
 
-    // A bin that lines go into.
+    // The bin that is being filled.
     struct Open {
         float begin, lam, weight, power;
         int lines;
@@ -102,7 +103,7 @@ class FitBins {
             line_ = kLowest;
             return;
         }
-        // Up to where the octave above begins, or below Nyquist's frequency.
+        // The last ordinate: below the octave above, or below the Nyquist frequency.
         const int last = depth == 0 ? (n - 1) / 2 : ((2 * kFirst - 1) * n - 1) / kBlock;
         if (line_ > last) {
             close();
@@ -111,7 +112,7 @@ class FitBins {
             return;
         }
         const float step = kTurn / static_cast<float>(n) * two_to(-depth);
-        // Of a single ordinate there may be a bin.
+        // A bin may consist of a single ordinate.
         add(step * static_cast<float>(line_), 1.0f,
             lines_.power(line_) * two_to(spectrum.exponent(depth) + depth), 1);
         ++line_;
@@ -121,7 +122,8 @@ class FitBins {
         float power[Ladder::kTopLines], blocks = 0, effective = 0;
         spectrum.ladder().sums(level, 0, power, &blocks, &effective);
         if (!(blocks > 0)) return;
-        // As many lines of Hann's window as count as one, and more where blocks overlap by half.
+        // Number of Hann-window lines that are equivalent to one independent line; larger where blocks
+        // overlap by half.
         const float weight = blocks / (1.0f + 17.0f / 18.0f + 2.0f / 12.0f * (1.0f - 1.0f / blocks));
         const float scale = two_to(spectrum.exponent(level) + level) / (96.0f * blocks);
         const float step = kTurn / static_cast<float>(kBlock) * two_to(-level);
@@ -163,7 +165,7 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    int stretch_, line_;  // of the whole level; before it stretch_ is the octave
+    int stretch_, line_;  // `stretch_`: of the whole level; before that level, the octave
     Open open_;
     WholeLines<kCapacity> lines_;
 };

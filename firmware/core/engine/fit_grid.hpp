@@ -1,4 +1,5 @@
-// Where a fit without an answer from before begins: a grid of the models' coordinates (whittle_models.hpp).
+// Starting points for a fit without a previous answer: a grid of the models' free parameters
+// (whittle_models.hpp).
 #ifndef FLTEA_FIT_GRID_HPP
 #define FLTEA_FIT_GRID_HPP
 
@@ -12,7 +13,7 @@ class FitGrid {
     enum { kPoles = 8, kWeights = 3, kOrders = 6, kOrdersUpToOne = 4, kShares = 6 };
 
   public:
-    // Orders up to 1 stand before those above.
+    // Orders up to 1 come first.
     enum {
         kOfRelaxation = kPoles * kWeights,
         kOfOrdersUpToOne = kOrdersUpToOne * kShares * kWeights,

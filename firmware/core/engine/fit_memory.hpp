@@ -1,4 +1,4 @@
-// What a fit on the device says of an axis, and what is kept from it for the next one.
+// The results of a fit on the device for one axis, and the state that is kept for the next fit.
 #ifndef FLTEA_FIT_MEMORY_HPP
 #define FLTEA_FIT_MEMORY_HPP
 
@@ -8,34 +8,34 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// What the fit says of the fractional model, and of the noise.
+// Verdict of the fit on the fractional model and on the noise.
 enum class Verdict : int {
     none,        // no fit yet, or nothing to fit
     white,       // white noise is not rejected
-    fractional,  // and AR(1) is worse by more than 6 in 2 log L
-    relaxation,  // AR(1) describes it as well
+    fractional,  // white noise is rejected, and AR(1) is worse by more than 6 in 2 log L
+    relaxation,  // white noise is rejected, and AR(1) describes the noise as well
 };
 
 struct FitFigures {
     Verdict verdict;
-    // Of white noise all of them are 0, but R and the relaxation's.
-    // alpha_std: α ± 1.96 of it holds the 95 % interval of the likelihood; 0 if it is not known.
+    // For white noise all of them are 0, except R and those of the relaxation. alpha_std: α ± 1.96 alpha_std
+    // contains the 95 % interval of the likelihood; 0 if it is not known.
     float alpha, alpha_std;
     float g;            // h^α f
     float s2, R;        // in the squared unit of the bins' powers
-    float ratio_white;  // 2 log L of orders up to 1 above white noise
-    float ratio_ar1;    // 2 log L of the fractional model above AR(1)
-    // The relaxation: 1 - φ, its variance, and that of the white noise with it.
+    float ratio_white;  // 2 log L of orders up to 1, relative to white noise
+    float ratio_ar1;    // 2 log L of the fractional model, relative to AR(1)
+    // The relaxation: 1 - φ, its variance, and the variance of the white noise that goes with it.
     float relaxation_fall, relaxation_variance, relaxation_R;
     float ordinates;
-    bool alpha_defined;  // the interval of α is not nearly all that is possible
+    bool alpha_defined;  // the interval of α is clearly shorter than the whole range
 };
 
 template <class Bins>
 class SlicedFit;
 
-// What is kept of an axis from fit to fit: the answers are where the next one begins, and how far its looks
-// around have come on the grid.
+// State of an axis that is kept between fits: the answers, where the next fit starts, and the progress of its
+// repeated grid searches.
 class FitMemory {
   public:
     // turn: which of twelve fits looks around, so that those of several axes need not be in the same round.
@@ -58,12 +58,12 @@ class FitMemory {
         float theta[3];
         float nll, scale;
         bool known;
-        unsigned char look;  // the place on the grid to look at next
+        unsigned char look;  // next point of the grid to test
     };
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // Near 0 the logit's other side has all digits.
+        // The logit is negated, because near 0 the small share has full precision.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

@@ -1,5 +1,6 @@
-// Fixed-point arithmetic for a processor that multiplies 32 by 32 bits in one instruction and has no floating
-// point. "In 2^-n" says what one count is worth. Shifts of negative numbers are arithmetic (gcc, clang).
+// Fixed-point arithmetic for a processor without floating point that multiplies 32 by 32 bits in one
+// instruction. "In 2^-n" means that one count is worth 2^-n. Shifts of negative numbers are arithmetic (gcc,
+// clang).
 #ifndef FLTEA_FIXED_MATH_HPP
 #define FLTEA_FIXED_MATH_HPP
 
@@ -10,7 +11,7 @@ namespace fltea {
 namespace engine {
 namespace fixed {
 
-// a b in 2^-30 of the product of the units.
+// a b, in 2^-30 of the product of the units.
 inline std::int32_t product30(std::int32_t a, std::int32_t b) {
     return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * b) >> 30);
 }
@@ -23,10 +24,10 @@ inline std::int64_t product30(std::int64_t a, std::int32_t b) {
     return above * 4 + (below >> 30);
 }
 
-// No count is larger.
+// Largest count.
 constexpr std::int32_t kLargest = (1 << 29) - 1;
 
-// x in 2^exponent, to the nearest count, at most kLargest.
+// Converts x to counts of 2^exponent: rounded to the nearest, at most kLargest.
 inline std::int32_t from_float(float x, int exponent) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &x, sizeof bits);
@@ -44,7 +45,7 @@ inline std::int32_t from_float(float x, int exponent) {
     return bits >> 31 ? -count : count;
 }
 
-// count 2^exponent; 0 for what float cannot hold.
+// count 2^exponent as a float; 0 if float cannot hold it.
 inline float to_float(std::int64_t count, int exponent) {
     if (count == 0) return 0;
     std::uint64_t m = static_cast<std::uint64_t>(count < 0 ? -count : count);
@@ -52,7 +53,7 @@ inline float to_float(std::int64_t count, int exponent) {
     m <<= places;
     const int biased = exponent + 63 - places + 127;
     if (biased < 1 || biased > 253) return 0;
-    // Rounded at the 24th bit; a carry goes on into the exponent.
+    // Rounded at the 24th bit. A carry increments the exponent.
     const std::uint32_t top = static_cast<std::uint32_t>(m >> 32);
     std::uint32_t bits =
         (static_cast<std::uint32_t>(biased) << 23) - 0x800000 + ((top >> 8) + (top >> 7 & 1));
@@ -62,13 +63,13 @@ inline float to_float(std::int64_t count, int exponent) {
     return x;
 }
 
-// m 2^n.
+// The number m 2^n.
 struct Power {
-    std::int32_t m;  // in 2^-30, from 0.7 to 1.42
+    std::int32_t m;  // in 2^-30, between 0.7 and 1.42
     int n;
 };
 
-// 2^y, y in 2^-26; error 1e-8.
+// 2^y, y in 2^-26. The error is 1e-8.
 inline Power power_of_two(std::int32_t y) {
     static const std::int32_t series[] = {// (ln 2)^k / k!, in 2^-30
                                           16377, 165394, 1431680, 10327387, 59597083, 257941248, 744261118};
@@ -81,10 +82,10 @@ inline Power power_of_two(std::int32_t y) {
     return power;
 }
 
-// sin(pi a) in 2^-30, a in 2^-28; error 1e-8, exactly 0 at integers.
+// sin(pi a) in 2^-30, a in 2^-28. The error is 1e-8; exactly 0 at integers.
 inline std::int32_t sin_pi(std::int32_t a) {
     static const std::int32_t series[] = {
-        // of the sine, in 2^-28
+        // Series of the sine, in 2^-28.
         125172, -1978485, 22050869, -160863847, 684554447, -1387197337, 843314857};
     const std::int32_t whole = (a + (1 << 27)) >> 28;
     const std::int32_t r = (a - whole * (1 << 28)) * 4;

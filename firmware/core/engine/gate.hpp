@@ -1,19 +1,20 @@
-// Which samples of an axis say something of its noise, and where their stream has breaks.
+// Decides which samples of an axis show its noise, and where their stream has breaks.
 //
-// Samples are judged in chunks of 128 that follow each other.
+// Samples are judged in consecutive chunks of 128.
 //
-// A chunk is a knock, and left out, if its power about its own mean, the largest sample not counted, is
-// sixteen times the running level, or if that sample alone is a hundred deviations away. That is beyond what
-// noise does by itself: Student's t with four degrees of freedom (one sample in 10^8), a random walk (one
-// chunk in 10^6). After eight knocks in a row the new level is the level.
+// A chunk is a knock, and left out, in two cases: its power about its own mean, without the largest sample,
+// is sixteen times the running level; or its largest sample is a hundred deviations away. Noise alone exceeds
+// these limits rarely: Student's t with four degrees of freedom in one sample of 10^8, a random walk in one
+// chunk of 10^6. After eight consecutive knocks, their level becomes the running level.
 //
-// Single samples of a chunk that is kept are limited to twelve deviations of the running level from its mean:
-// a few that stand close together would otherwise rule the whole spectrum, with a shape of their own.
+// Single samples of an accepted chunk are limited to twelve deviations of the running level from its mean.
+// Otherwise a few large samples close together would dominate the whole spectrum with their own shape.
 //
-// A chunk is left out, too, and is a step of the offset, if its mean has jumped against the one before as no
-// jump of the running level does: the step may lie within it.
+// A chunk is also left out as a step of the offset, if its mean differs from that of the previous chunk by
+// more than the running level of such differences allows: the step may lie within the chunk.
 //
-// Up to eight lost samples are bridged by a straight line, at most one in a thousand; more are a break.
+// Up to eight lost samples are bridged by a straight line, at most one in a thousand. Longer gaps are a
+// break.
 #pragma once
 
 #include <cstddef>
@@ -28,15 +29,15 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 struct GateCounts {
     std::uint64_t taken;    // samples that came
-    std::uint64_t used;     // of them, handed on
-    std::uint64_t bridged;  // lost samples that a line stands for
-    std::uint64_t lost;     // all that were lost
+    std::uint64_t used;     // samples that were accepted
+    std::uint64_t bridged;  // lost samples that were bridged
+    std::uint64_t lost;     // all lost samples
     std::uint64_t gaps;     // breaks because of lost samples
-    std::uint64_t knocks;   // chunks
-    std::uint64_t knocked;  // samples left out, with knocks and with steps
+    std::uint64_t knocks;   // chunks with knocks
+    std::uint64_t knocked;  // samples left out because of knocks and steps
     std::uint64_t steps;
-    std::uint64_t changes;  // of the level
-    std::uint64_t limited;  // samples that were handed on smaller than they came
+    std::uint64_t changes;  // changes of the level
+    std::uint64_t limited;  // samples that were limited
 };
 
 template <typename Kind>
@@ -46,7 +47,7 @@ class Gate {
 
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
-    // In power, of the running level: a chunk's, and a sample's.
+    // Limits of the power of a chunk and of a sample, relative to the running level.
     enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
@@ -73,13 +74,13 @@ class Gate {
     }
 
     const GateCounts& counts() const { return counts_; }
-    // Number of the sample that comes next; lost ones are counted.
+    // Number of the next sample, counting lost ones.
     std::uint64_t number() const { return number_ + std::uint64_t(fill_) + missing_; }
-    // All samples that came were the same.
+    // Whether all samples so far were the same.
     bool constant() const { return counts_.taken > 0 && !changed_; }
 
-    // Calls sink.accept(values, n, number of the first, made_up[n]) and sink.cut() as it goes; y[i * stride]
-    // are finite and within 1e100.
+    // Adds samples y[i * stride], which are finite and within 1e100. Calls sink.accept(values, n, number of
+    // the first, made_up[n]) and sink.cut() meanwhile.
     template <typename Sink>
     void add(const Input* y, std::size_t n, std::size_t stride, Sink& sink) {
         while (n > 0) {
@@ -98,13 +99,14 @@ class Gate {
         }
     }
 
-    // What comes next is so many samples later.
+    // Notes that `count` samples are missing before the next one.
     void skip(std::uint64_t count) {
         missing_ += count;
         counts_.lost += count;
     }
 
-    // So many samples came, and are left out with those that wait for a whole chunk: how many these are.
+    // Leaves out `count` samples, together with those that wait for their chunk to be complete. Returns the
+    // number of the latter.
     template <typename Sink>
     std::uint64_t leave_out(std::uint64_t count, Sink& sink) {
         const std::uint64_t waiting = std::uint64_t(fill_ - bridged_);
@@ -119,14 +121,14 @@ class Gate {
         return waiting;
     }
 
-    // Hands on what waits for a whole chunk, and ends the stretch: what comes is behind a break.
+    // Passes on the samples that wait for their chunk to be complete, and ends the stretch with a break.
     template <typename Sink>
     void finish(Sink& sink) {
         if (fill_ > 0) hand_on(sink);
         end_stretch(sink);
     }
 
-    // Of a later one, that was finished like this one.
+    // Merges a later gate. Both have to be finished.
     void merge(const Gate& other) {
         number_ = number() + other.number();
         missing_ = 0;
@@ -175,7 +177,7 @@ class Gate {
         io.real(knocks_level_, 0, 1e203);
         io.number(jumps_, 0, kRunning);
         io.real(jumps_level_, 0, 1e203);
-        // Infinite numbers are not in a snapshot.
+        // A snapshot contains no infinite numbers.
         Real resolution = resolution_ < infinity() ? resolution_ : Real(0);
         io.real(resolution, 0, 1e101);
         resolution_ = resolution > 0 ? resolution : infinity();
@@ -197,7 +199,7 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
-    // Not of <limits>, whose names the Arduino core's macros min and max take away.
+    // Not from <limits>, because the Arduino core's macros min and max break its names.
     static Real infinity() { return Real(__builtin_inff()); }
 
     void note_change(const Input* y, int n) {
@@ -208,7 +210,7 @@ class Gate {
         }
     }
 
-    // Samples were lost before `next`.
+    // Handles the gap of lost samples before `next`.
     template <typename Sink>
     void end_gap(Input next, Sink& sink) {
         const std::uint64_t missing = missing_;
@@ -232,7 +234,7 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // its first part was left out
+            if (!has_last_) {  // the first part of the bridge was left out
                 number_ += missing - i;
                 return;
             }
@@ -261,7 +263,7 @@ class Gate {
         fill_ = bridged_ = 0;
     }
 
-    // Judges the chunk. A short one is judged as if it went on without noise.
+    // Judges the chunk. An incomplete chunk is judged as if it continued without noise.
     bool belongs() {
         const typename Kind::Moments moments(chunk_, fill_);
         const Real mean = moments.mean(), power = moments.power(), largest = moments.largest();
@@ -269,7 +271,7 @@ class Gate {
             const Real change = Kind::least_change(chunk_, fill_);
             if (change > 0 && change < resolution_) resolution_ = change;
         }
-        // Of rounding to the resolution there is at least that much, even while hardly any sample changes.
+        // Rounding to the resolution causes at least this noise, even while hardly any sample changes.
         const Real rounding = resolution_ < infinity() ? resolution_ * resolution_ / 12 : Real(0);
         const bool whole = fill_ == kChunk;
         const Real variance = fill_ > 1 ? power / Real(fill_ - 1) : Real(0);
@@ -312,9 +314,9 @@ class Gate {
         ++counts_.changes;
     }
 
-    // Jumps of the mean from chunk to chunk beside their running power; while it is known from few only, more
-    // is asked. A step adds no more to it than the largest jump that is none, so that it follows noise that
-    // changes.
+    // Whether the mean has stepped from one chunk to the next: compares the jump with the running power of
+    // earlier jumps. While few jumps are known, a larger jump is required. A step counts in the running power
+    // as at most the largest jump that is no step, so that the power follows noise that changes.
     bool is_step(Real jump, Real rounding) {
         const Real level = jumps_level_ > rounding ? jumps_level_ : rounding;
         const Real deviations = jumps_ > 0 ? Real(5.5) * (1 + Real(8) / Real(jumps_)) : Real(0);
@@ -330,18 +332,19 @@ class Gate {
     Input chunk_[kChunk];
     unsigned char made_up_[kChunk];
     int fill_;
-    std::uint64_t number_, missing_;  // sample number of chunk_[0]; lost ones that were not dealt with
+    // `number_`: sample number of chunk_[0]; `missing_`: lost samples that are not handled yet
+    std::uint64_t number_, missing_;
     int bridged_, has_last_, has_mean_, credit_;
     Input last_;
-    Real mean_;   // the newest sample of the stretch, the mean of its newest chunk
-    Real level_;  // variance of a chunk, and of how many
+    Real mean_;   // newest sample of the stretch; mean of its newest chunk
+    Real level_;  // variance of a chunk; `chunks_`: number of chunks it is averaged over
     int chunks_;
-    int knocks_;  // in a row, and their level
+    int knocks_;  // consecutive knocks, and their level
     Real knocks_level_;
     int jumps_;
     Real jumps_level_;
-    Real resolution_;  // least change from sample to sample
-    Input value_;      // the first one
+    Real resolution_;  // smallest change from sample to sample
+    Input value_;      // the first sample
     int changed_;
     GateCounts counts_;
 };

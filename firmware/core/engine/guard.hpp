@@ -1,11 +1,10 @@
-// Guards of the three filters: what keeps estimates finite and within declared bounds, and counts that it
-// did.
+// Guards of the three filters. They keep estimates finite and within declared bounds, and count their
+// interventions.
 //
-// Every function returns its argument unchanged, to the bit, where the guard is off or nothing has to be
-// done. alpha is the order (no unit), f the parameter (s^-alpha), gain = h^alpha, beta = gain f the parameter
-// of one step (no unit). Bounds: alpha in [0, 2]; beta in [-2 * 2^alpha, 1], which holds every stationary
-// model
-// (-2^alpha < beta < 0) with room to move.
+// Every function returns its argument bit by bit unchanged if the guard is off or nothing has to be done.
+// alpha is the order (no unit), f the parameter (s^-alpha), gain = h^alpha, and beta = gain f the parameter
+// of one step (no unit). Bounds: alpha in [0, 2]; beta in [-2 * 2^alpha, 1], which contains every stationary
+// model (-2^alpha < beta < 0) with a margin.
 #pragma once
 
 #include "pack_math.hpp"
@@ -20,7 +19,7 @@ enum class Guard : int {
     consistent = 2  // the same, and KFo and KFw also count the state's own variance
 };
 
-// Why an estimate is not the printed algorithm's. A cause is counted at most once a sample and lane.
+// Why an estimate differs from the printed algorithm. A cause is counted at most once per sample and lane.
 enum Cause : int {
     kOrderBox = 0,           // the order left [0, 2]
     kOrderSigma = 1,         // a sigma point of the order left [-1/2, 5/2]
@@ -51,25 +50,28 @@ class Guards {
     bool active() const { return mode_ != Guard::off; }
     bool consistent() const { return mode_ == Guard::consistent; }
 
-    // From here on only lanes in `mask` count: what is computed for the others is thrown away.
+    // From here on, interventions are counted only for lanes in `mask`; the results of the other lanes are
+    // not used.
     void consider(Mask mask) { considered_ = mask; }
 
     void note(Cause cause, Mask mask) { hit_[cause] = hit_[cause] | (mask & considered_); }
 
-    // Adds this step to the lanes' counters, `count` of kCauses.
+    // Adds the interventions of this step to the lanes' counters `count`, kCauses of them.
     void finish(T* count) const {
         for (int i = 0; i < kCauses; ++i) count[i] = count[i] + select(hit_[i], T(1), T(0));
     }
 
     T order(T alpha) { return active() ? clip(alpha, T(0), T(2), kOrderBox) : alpha; }
 
-    // Half an order beyond the bounds: points clipped at the bounds themselves would pull the mean inwards.
+    // Half an order beyond the bounds. Sigma points clipped at the bounds themselves would bias the mean
+    // inwards.
     T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
 
-    // 1/3 puts the sigma points one order away from the mean.
+    // A variance of 1/3 puts the sigma points one order away from the mean.
     T order_variance(T P) { return active() ? limit(P, T(1.0 / 3.0), kOrderVariance) : P; }
 
-    // f so that beta = h^alpha f keeps its bounds at order alpha; `scale` is h^alpha and its reciprocal.
+    // Limits f so that beta = h^alpha f stays within its bounds at order alpha. `scale`: h^alpha and its
+    // reciprocal.
     T parameter(T f, T alpha, const Powers<T>& scale) {
         if (!active()) return f;
         const T beta = scale.up * f;
@@ -80,13 +82,14 @@ class Guards {
         return select(below, lowest * scale.down, select(above, scale.down, f));
     }
 
-    // beta itself within its bounds, for filters that estimate beta and not f.
+    // Limits beta itself, for filters that estimate beta instead of f.
     T beta(T beta, T alpha) {
         if (!active() || plainly_within(beta, alpha)) return beta;
         return clip(beta, lowest_beta(alpha), T(1), kParameterBox);
     }
 
-    // The variance of f = beta * unit, such that the sigma points of beta reach one range beyond the mean.
+    // Limits the variance of f = beta * unit, so that the sigma points of beta are at most one range away
+    // from the mean.
     T parameter_variance(T P, T alpha, T unit) {
         if (!active()) return P;
         if (Lanes<T>::count == 1 && all((alpha >= T(0)) & (P <= T(3) * (unit * unit)))) return P;
@@ -94,8 +97,8 @@ class Guards {
         return limit(P, range * range * T(1.0 / 3.0), kParameterVariance);
     }
 
-    // Measurement noise of KFo or KFw such that the innovation e is at most `gate` standard deviations of
-    // Pyy, which includes R.
+    // Increases the measurement noise R of KFo or KFw, so that the innovation e is at most `gate` standard
+    // deviations of Pyy, which includes R.
     T gated_noise(T R, T Pyy, T e, T gate, Cause cause) {
         if (!active()) return R;
         const T e2 = e * e, gate2 = gate * gate;
@@ -104,8 +107,8 @@ class Guards {
         return select(beyond, R + (e2 / gate2 - Pyy), R);
     }
 
-    // Predicted variance of the state such that its innovation e is at most 4 sigma: |y - x| <= 4 sqrt(R)
-    // after the update, whatever alpha and f are.
+    // Limits the predicted variance of the state, so that its innovation e is at most 4 sigma: |y - x| <= 4
+    // sqrt(R) after the update, whatever alpha and f are.
     T state_variance(T P, T R, T e) {
         if (!active()) return P;
         const T e2 = e * e;
@@ -114,7 +117,8 @@ class Guards {
         return select(beyond, e2 * T(1.0 / 16.0) - R, P);
     }
 
-    // Without measurements nothing holds a prediction; it may go ten times as far as anything seen before.
+    // Limits a prediction to ten times what was seen before, because without measurements nothing else bounds
+    // it.
     void prediction(T& x, T& P, T reach) {
         if (!active()) return;
         const T most = T(10) * reach;
@@ -123,8 +127,8 @@ class Guards {
     }
 
   private:
-    // Single numbers are spared the exponential where it cannot matter: lowest_beta() is -2 or less from
-    // order 0 on.
+    // Single numbers avoid the exponential where it does not matter: lowest_beta() is at most -2 from order 0
+    // on.
     static bool plainly_within(T beta, T alpha) {
         return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
     }

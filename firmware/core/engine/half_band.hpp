@@ -1,7 +1,8 @@
-// Every second sample of a low-pass filtered stream: a half-band filter of 31 taps (Kaiser 8).
+// Halves the rate of a stream: a half-band low-pass filter of 31 taps (Kaiser 8), of whose output every
+// second sample is kept.
 //
-// Kind, here and in the other parts of a running spectrum: the numbers that it is calculated with
-// (count_spectrum.hpp in integers, host/native/real_spectrum.hpp in floating point).
+// Kind, here and in the other parts of a running spectrum: the number types of the computation
+// (count_spectrum.hpp for integers, host/native/real_spectrum.hpp for floating point).
 #pragma once
 
 #include <cstddef>
@@ -12,17 +13,17 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// What folds over onto frequencies below 0.35 of Nyquist's comes through with less than 5e-6 of its power.
+// Aliasing onto frequencies below 0.35 of the Nyquist frequency is less than 5e-6 of the power.
 template <typename Kind>
 struct HalfBand {
     typedef typename Kind::Value Value;
     typedef typename Kind::Sum Sum;
     typedef typename Kind::Coefficient Coefficient;
 
-    // An output needs the newest sample and so many before it; it stands for the one in the middle.
+    // An output needs the newest sample and kReach samples before it. It replaces the sample in the middle.
     enum { kReach = 30, kDelay = 15, kMost = 128, kTaps = 8 };
 
-    // Of the middle, and of the distances 15, 13, ... 1 from it; all other taps are 0.
+    // Taps of the middle, and of the distances 15, 13, ... 1 from it. All other taps are 0.
     static Coefficient middle() { return Kind::coefficient(0.49998341447554523); }
     static Coefficient tap(int k) {
         static const Coefficient taps[kTaps] = {
@@ -33,9 +34,10 @@ struct HalfBand {
         return taps[k];
     }
 
-    // Outputs whose newest sample has an even place in [from, to) of x, which begins where the stretch does
-    // or an even number of samples later; to - from is at most kMost. Returns how many; the first one's
-    // newest sample is at first_place(from). `level` of x: its unit, and that of the outputs.
+    // Computes the outputs whose newest sample has an even index in [from, to) of x. x begins at the
+    // beginning of the stretch, or an even number of samples later; to - from is at most kMost. Returns the
+    // number of outputs. The first output's newest sample is at first_place(from). `level`: the level of x,
+    // which determines the units of x and of the outputs.
     template <typename Stored>
     static int run(const Stored* x, int from, int to, int level, Value* out) {
         const int first = first_place(from), outputs = to > first ? (to - first + 1) / 2 : 0;

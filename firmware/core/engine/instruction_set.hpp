@@ -1,5 +1,5 @@
-// The name of the instruction set that this file is compiled for, and of the inline namespace that all of the
-// engine lives in (pack.hpp says why).
+// The name of the instruction set for which this file is compiled. The inline namespace of the engine has
+// this name (see pack.hpp for the reason).
 #ifndef FLTEA_INSTRUCTION_SET_HPP
 #define FLTEA_INSTRUCTION_SET_HPP
 

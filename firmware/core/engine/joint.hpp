@@ -1,8 +1,8 @@
-// The joint variant: one unscented filter on (alpha, beta), beta = h^alpha f, in place of KFo and KFw.
+// The joint variant: one unscented filter on (alpha, beta), beta = h^alpha f, replaces KFo and KFw.
 //
-// Two separate filters do not know how alpha and f depend on each other, which halts them part way; and f,
-// whose scale follows h^-alpha, runs away when alpha moves. One filter on (alpha, beta) has neither fault.
-// Its noise R is by default that of the state's step and of the measurement together (Q + R).
+// Two separate filters ignore the correlation of alpha and f, so they stop before they reach the true values.
+// And f, whose scale follows h^-alpha, diverges when alpha moves. One filter on (alpha, beta) has neither
+// problem. Its noise R is by default that of the state's step plus that of the measurement (Q + R).
 #pragma once
 
 #include "filters.hpp"
@@ -24,7 +24,8 @@ struct Joint {
     Covariance<T> P, Q;
 
     void start(const Tuning<T>& p) {
-        // beta is what is estimated: f0, parameter_P0 and parameter_Q0 hold beta0 and its variances here.
+        // This filter estimates beta, so f0, parameter_P0 and parameter_Q0 contain beta0 and its variances
+        // here.
         alpha = p.alpha0, beta = p.f0;
         P.aa = p.order_P0, P.ab = T(0), P.bb = p.parameter_P0;
         Q.aa = p.order_Q0, Q.ab = T(0), Q.bb = p.parameter_Q0;
@@ -45,7 +46,7 @@ struct Joint {
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
-        V = max(V, T(0));  // a compressed sum may be short of zero by rounding
+        V = max(V, T(0));  // rounding can make a compressed sum slightly negative
         const Prediction<T> at = predict_state(state, alpha, beta, beta * state.x + drive, past, V, p.Q);
         update_state(state, at, V, drive, sample, p, guards, out);
         out.alpha = alpha;
@@ -56,7 +57,7 @@ struct Joint {
   private:
     static const int kPoints = 5;
 
-    // Both variances within their limits, the correlation kept.
+    // Limits both variances, and keeps the correlation.
     Covariance<T> limited(const Covariance<T>& wide, Guards<T>& guards) const {
         if (!guards.active()) return wide;
         const T aa = guards.order_variance(wide.aa);
@@ -67,15 +68,15 @@ struct Joint {
         return narrow;
     }
 
-    // Measurement update from the model's answers at five sigma points: the mean and the columns of -+ sqrt(3
-    // P).
+    // Measurement update from the model's outputs at five sigma points: the mean, and the mean -+ the columns
+    // of sqrt(3 P).
     template <class Memory>
     void measure(const Memory& memory, const Sample<T>& sample, const Tuning<T>& p, Guards<T>& guards,
                  const Covariance<T>& at) {
         const T root3 = T(1.7320508075688772), zero = T(0);
         const T l_aa = sqrt(at.aa);
         const T l_ba = select(l_aa > zero, at.ab / l_aa, zero);
-        const T rest = at.bb - l_ba * l_ba;  // below zero by rounding only
+        const T rest = at.bb - l_ba * l_ba;  // below zero only by rounding
         const T da = root3 * l_aa, dab = root3 * l_ba, db = root3 * sqrt(select(rest < zero, zero, rest));
 
         T orders[3] = {alpha, guards.order_point(alpha + da), guards.order_point(alpha - da)};
@@ -108,7 +109,7 @@ struct Joint {
         T R = p.parameter_R;
         if (guards.consistent()) {
             const T F = beta + alpha;
-            R = R + (F * state.P * F + state.V);  // Q is in parameter_R
+            R = R + (F * state.P * F + state.V);  // parameter_R includes Q
         }
         const T e = sample.y - y_mean;
         R = guards.gated_noise(R, spread + R, e, p.gate, kOrderGate);

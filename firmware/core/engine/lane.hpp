@@ -1,5 +1,5 @@
-// One pack of lanes: filters, their memory, and the counters of the guard. With T = float or double it is one
-// lane, as the device would run it.
+// One pack of lanes: the filters, their memory, and the counters of the guard. With T = float or double it is
+// a single lane, as on the device.
 #pragma once
 
 #include "joint.hpp"
@@ -9,18 +9,18 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Variant is Triple<T> or Joint<T>; Memory is a policy of memory_direct.hpp or memory_compressed.hpp. Nothing
-// is allocated: the memory lives in the storage that it was made with.
+// is allocated: the memory uses the storage that was passed to its constructor.
 template <class T, class Variant, class Memory>
 class Lane {
   public:
     using Mask = MaskOf<T>;
 
-    // Everything that changes from step to step beside the memory, and nothing else: what a snapshot holds.
+    // Everything that changes from step to step, except the memory. A snapshot contains exactly this.
     struct State {
         Variant filters;
         T counts[kCauses];
     };
-    static const std::size_t kStateSize = sizeof(State) / sizeof(T);  // in T: State holds nothing else
+    static const std::size_t kStateSize = sizeof(State) / sizeof(T);  // in T: State has no other members
 
     Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)
         : memory_(memory), tuning_(tuning), guard_(guard), state_() {
@@ -28,17 +28,17 @@ class Lane {
         restart(everywhere<T>(true));
     }
 
-    // The lanes of `mask` begin again: initial estimates, empty memory, counters at zero.
+    // Restarts the lanes of `mask`: initial estimates, empty memory, counters at zero.
     void reset(Mask mask) {
         memory_.clear(mask);
         restart(mask);
     }
 
-    // From the next sample on, and where a lane begins again; all that it remembers stays.
+    // Applies other settings from the next sample on, and at later restarts. The memory stays.
     void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
 
     void step(const Sample<T>& sample, Estimate<T>& out) {
-        // The last posterior enters the memory only now, so that a lane can begin again while others go on.
+        // The last posterior enters the memory only now, so that a lane can restart while others continue.
         memory_.push(state_.filters.state.x, state_.filters.state.P);
         Guards<T> guards(guard_);
         state_.filters.step(memory_, sample, tuning_, guards, out);
@@ -57,7 +57,7 @@ class Lane {
         fresh.filters.state.x = tuning_.x0;
         fresh.filters.state.P = tuning_.P0;
         fresh.filters.state.reach = abs(tuning_.x0) + sqrt(tuning_.P0);
-        // State is nothing but numbers of type T, so it can be replaced lane by lane.
+        // State consists only of numbers of type T, so it can be replaced lane by lane.
         static_assert(sizeof(State) % sizeof(T) == 0, "State must hold numbers of type T only");
         T* now = reinterpret_cast<T*>(&state_);
         const T* then = reinterpret_cast<const T*>(&fresh);

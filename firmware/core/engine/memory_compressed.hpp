@@ -1,5 +1,5 @@
-// The memory whose cost does not grow with its length: the newest 15 samples by the recurrence (nest.hpp),
-// all older ones by a few dozen exponential modes that serve every order at once (memory_nodes.hpp).
+// A memory whose cost does not grow with its length: the newest 15 samples are weighted by the recurrence
+// (nest.hpp), all older ones by a few dozen exponential modes that serve all orders (memory_nodes.hpp).
 #ifndef FLTEA_MEMORY_COMPRESSED_HPP
 #define FLTEA_MEMORY_COMPRESSED_HPP
 
@@ -11,12 +11,14 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// T: float, double or Pack. Orders in [-0.9, 3] are served with the accuracy asked for, those down to -1.95
-// (the variance sum: -1.3) and up to 4 with less; others are taken for the nearest of these, so every finite
-// order has a finite sum. At integer orders from 0 on the modes drop out and what remains is exact. Clip
-// orders before, if the difference matters. An empty past is a past of zeros.
+// T: float, double or Pack. Orders in [-0.9, 3] are computed with the configured accuracy; orders down to
+// -1.95 (variance sum: -1.3) and up to 4 with lower accuracy. Other orders are replaced by the nearest of
+// these, so every finite order has a finite sum. At integer orders from 0 on, the modes contribute nothing
+// and the result is exact. Clip orders beforehand if the difference matters. An empty memory is equivalent to
+// a past of zeros.
 //
-// Below -1 the weights grow with age and the integrals over the modes diverge; the sums then are their
+// Below order -1 the weights grow with age and the integrals over the modes diverge. The sums are then their
+// analytic continuation, which the closed form of the slow end gives automatically (slow_end).
 // analytic continuation, which the closed form of the slow end is by itself (slow_end).
 template <class T>
 class CompressedMemory {
@@ -28,10 +30,10 @@ class CompressedMemory {
         const Nodes nodes(config);
         return history_size(nodes) + (table_size(nodes) + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // How many of them, from the first on, are the past; the others are tables.
+    // Number of T, counted from the first, that hold the past. The others are tables.
     static std::size_t history(const CompressedConfig& config) { return history_size(Nodes(config)); }
 
-    // `storage` holds storage(config) elements, aligned for T, and stays the caller's.
+    // `storage` holds storage(config) elements, aligned for T. The caller owns it.
     CompressedMemory(T* storage, const CompressedConfig& config) : nodes_(config), history_(storage) {
         T* next = storage;
         x_ = take(next, 2 * Nodes::kHead);
@@ -61,9 +63,10 @@ class CompressedMemory {
         for (std::size_t i = 0; i < n; ++i) history_[i] = select(mask, T(R(0)), history_[i]);
     }
 
-    // Remembers the newest posterior: state x and variance P. Both finite: a NaN would stay for ever.
+    // Remembers the newest posterior: state x and variance P. Both have to be finite, because a NaN would
+    // stay forever.
     void push(T x, T P) {
-        // The oldest sample of the exact part moves on to the modes.
+        // The oldest sample of the exact part moves to the modes.
         head_position_ = (head_position_ == 0 ? Nodes::kHead : head_position_) - 1;
         T *const new_x = x_ + head_position_, *const new_P = P_ + head_position_;
         const T x_in = new_x[0], P_in = new_P[0];
@@ -89,7 +92,7 @@ class CompressedMemory {
     // L in samples; 0: unlimited.
     std::size_t window() const { return nodes_.window; }
 
-    // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j}, several orders at once; L(k) = min(k, window).
+    // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j}, for several orders at once; L(k) = min(k, window).
     template <int N>
     void state_sums(const T (&order)[N], T (&S)[N]) const {
         Order orders[N];
@@ -98,10 +101,11 @@ class CompressedMemory {
         if (nodes_.state.count > 0) add_state_tails(orders, S);
     }
 
-    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}; not negative if no P is.
+    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}; not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Both sums of one order, cheaper than one after the other. Orders as in variance_sum().
+    // Computes both sums of one order together, which is cheaper than one after the other. Orders as in
+    // variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -111,7 +115,7 @@ class CompressedMemory {
         V = variance(orders[0]);
     }
 
-    // What save and restore need besides the storage.
+    // State that save and restore need in addition to the storage.
     struct Position {
         std::uint64_t pushed;
     };
@@ -127,9 +131,10 @@ class CompressedMemory {
     const Nodes& nodes() const { return nodes_; }
 
   private:
-    static constexpr std::size_t kPrefetch = 16;  // pushes ahead; beyond the ring it does nothing
+    // number of pushes to prefetch ahead; no effect beyond the ring
+    static constexpr std::size_t kPrefetch = 16;
 
-    // What an order needs beside the modes.
+    // Values that an order needs in addition to the modes.
     struct Order {
         T order;
         T b, sine;         // of the tails: order + 1, sin(pi order)
@@ -139,13 +144,13 @@ class CompressedMemory {
     // `lowest`: kLowestOrder or kLowestVarianceOrder.
     Order at(T order, double lowest) const {
         order = min(max(order, T(R(lowest))), T(R(kHighestOrder)));
-        // At a = -1 the tails are 0 times infinity; beside it they are good to rounding / distance.
+        // At a = -1 the tails are 0 times infinity. Near a = -1 their error is rounding / distance.
         const T distance = T(sizeof(R) == 8 ? R(1e-8) : R(1e-4));
         const T a = select(abs(order + T(R(1))) < distance, distance - T(R(1)), order);
         return Order{order, a + T(R(1)), sin_pi(a), exp_both(a * T(R(nodes_.step)))};
     }
 
-    // Exact parts: c_j = (-a)(1-a) ... (j-1-a) / j!, the product nested; exactly 0 where a factor is.
+    // Exact parts: c_j = (-a)(1-a) ... (j-1-a) / j!, with the product nested. Exactly 0 where a factor is 0.
     template <int N>
     void state_heads(const Order (&orders)[N], T (&S)[N]) const {
         const T* const x = x_ + head_position_;
@@ -169,8 +174,9 @@ class CompressedMemory {
         return factor * factor * V;
     }
 
-    // z <- z - om z + K in - KW out, om = 1 - e^{-s}: not z e^{-s}, which would round the slow modes' om
-    // away. The first `forgotten` modes have nothing left of what leaves the window. Last, the plain sum.
+    // z <- z - om z + K in - KW out, om = 1 - e^{-s}. Computing z e^{-s} would lose the small om of the slow
+    // modes by rounding. The first `forgotten` modes hold nothing of the samples that leave the window. The
+    // last element is the plain sum.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -188,10 +194,10 @@ class CompressedMemory {
     }
     static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
-    // The nodes below the slowest one go on for ever as a geometric sequence G, Gq, Gq^2 ... of weights times
-    // a function of the node that is all but linear there. Its parabola through node 0 (the plain sum) and
-    // the two slowest modes sums up in closed form (q-binomial theorem). Returns what they add to the
-    // slowest mode.
+    // Adds the nodes beyond the slowest mode. They form an infinite geometric sequence G, Gq, Gq^2 ... of
+    // weights times a function of the node that is almost linear there. The parabola through node 0 (the
+    // plain sum) and the two slowest modes is summed in closed form (q-binomial theorem). Returns the sum, to
+    // be added to the slowest mode.
     T slow_end(T G, const T* z, std::size_t count, R next_scale, R plain_scale) const {
         const R q = R(q_);
         const T one = T(R(1)), Gq = G * T(q), Gqq = Gq * T(q);
@@ -210,7 +216,7 @@ class CompressedMemory {
         return result;
     }
 
-    // Tails of S: sin(pi a) sum_i p_i^a z_i, Horner in v = e^{-a step}.
+    // Tails of S: sin(pi a) sum_i p_i^a z_i, by Horner's scheme in v = e^{-a step}.
     template <int N>
     void add_state_tails(const Order (&orders)[N], T (&S)[N]) const {
         constexpr int G = kGroup;
@@ -229,7 +235,7 @@ class CompressedMemory {
             }
         }
         for (int n = 0; n < N; ++n) {
-            // The slow end comes last, off the long way through the chains.
+            // The slow end is added last, outside of the critical path through the chains.
             const T v = orders[n].powers.down;
             const T end =
                 slow_end(v * T(R(q_)), state_, nodes_.state.count, R(-q_ * q_ * q_ * q_), R(state_plain_));
@@ -238,7 +244,7 @@ class CompressedMemory {
         }
     }
 
-    // Pairs first: one product less on the way than by nesting.
+    // Adds pairs first: the critical path is one product shorter than by nesting.
     static T join(const T (&chain)[kGroup], T v) {
         return mul_add(v * v, mul_add(v, chain[3], chain[2]), mul_add(v, chain[1], chain[0]));
     }
@@ -248,11 +254,11 @@ class CompressedMemory {
         return nodes_.state.count > 0 ? V + max(variance_tail(at), T(R(0))) : V;
     }
 
-    // Tail of V: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, likewise in v^2.
+    // Tail of V: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by the same scheme in v^2.
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
-        // 4^b B(b,b) (1, t1, t2, t3), t_n the coefficients of F, over common denominators.
+        // 4^b B(b,b) (1, t1, t2, t3) over common denominators, where t_n are the coefficients of F.
         const T b1 = b + T(R(1)), b2 = b + T(R(2)), b3 = b + T(R(3));
         const T h1 = b + T(R(0.5)), h3 = b + T(R(1.5)), h5 = b + T(R(2.5));
         const T t0 = h1 * h3 * h5, t1 = T(R(0.5)) * b * (h3 * h5), t2 = T(R(0.375)) * (b * b1) * h5,
@@ -320,7 +326,7 @@ class CompressedMemory {
             const double p = nodes_.node(nodes_.state, i), s = ::log1p(p);
             const double K = -nodes_.step / pi * p * ::exp(-(head + 2) * s);
             fill(state_table_ + 3 * i, p / (1 + p), K, s * length, state_forgotten_);
-            // Of a mode at 0: z is the plain sum.
+            // For a mode at 0, z is the plain sum.
             state_plain_ = -nodes_.step / pi * p * (1 - q_) * (1 - q_ * q_);
         }
         for (std::size_t i = 0; i < nodes_.variance.count; ++i) {
@@ -335,7 +341,7 @@ class CompressedMemory {
         variance_forgotten_ -= variance_forgotten_ % kGroup;
     }
 
-    // `decay`: how far, as an exponent, the mode forgets while a sample crosses the window.
+    // `decay`: exponent by which the mode decays while a sample crosses the window.
     void fill(R* row, double om, double K, double decay, std::size_t& forgotten) const {
         row[0] = R(-om);
         row[1] = R(K);
@@ -361,15 +367,15 @@ class CompressedMemory {
 
     Nodes nodes_;
     T* history_;
-    T* x_;  // the exact part twice over, so that it is always one piece, newest first
+    T* x_;  // the exact part, stored twice, so that it is always contiguous, newest first
     T* P_;
     T* state_;        // modes of x, then the plain sum
     T* variance_;     // modes of P, then the plain sum
-    T* ring_;         // what the modes hold, as pairs x, P; the next to leave is at ring_position_
-    R* state_table_;  // of each mode -om, K, -KW
+    T* ring_;         // samples in the modes, as pairs x, P; the next to leave is at ring_position_
+    R* state_table_;  // -om, K, -KW of each mode
     R* variance_table_;
-    R* w_;           // of each mode of P, the variable of F
-    R* head_table_;  // of each sample of the exact part j, 1/j!, 1/j!^2; 0 beyond the window
+    R* w_;           // for each mode of P, the variable of F
+    R* head_table_;  // for each sample of the exact part j, 1/j!, 1/j!^2; 0 beyond the window
     double q_;       // e^{-step}
     double state_plain_, variance_plain_;
     std::size_t state_forgotten_, variance_forgotten_;

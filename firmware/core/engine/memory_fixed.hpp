@@ -1,11 +1,12 @@
 // The memory for a processor without floating point: that of memory_compressed.hpp for an unlimited window,
-// in integers. x is kept in units of 2^-21 to 2^-20 of the noise's standard deviation sqrt(R), and cut off at
-// 256 of these or more, where only a knock goes. Of P no more than the exact part is kept, and in float.
+// in integers. x is kept in units of 2^-21 to 2^-20 of the noise's standard deviation sqrt(R). It is limited
+// to 256 standard deviations or more, which only a knock exceeds. P is kept for the exact part only, in
+// float.
 //
-// Against the other memories: orders outside of [-1/2, 5/2] are taken for the nearest of these, which is
-// where the guard keeps them; beyond the slowest mode the past counts by its sum alone; and past variances
-// beyond the exact part count as the last of that part, because the P of a filter at work is nearly constant.
-// What that costs is in firmware/README.md.
+// Differences from the other memories: Orders outside of [-1/2, 5/2] are replaced by the nearest order in
+// this range, to which the guard limits them anyway. Beyond the slowest mode, only the sum of the past
+// counts. Past variances beyond the exact part are replaced by the last one of that part, because the P of a
+// running filter is nearly constant. firmware/README.md states the resulting errors.
 #ifndef FLTEA_MEMORY_FIXED_HPP
 #define FLTEA_MEMORY_FIXED_HPP
 
@@ -23,7 +24,7 @@ class FixedMemory {
   public:
     static constexpr float kLowest = -0.5f, kHighest = 2.5f;
 
-    // R: the measurement variance of the state, for the unit of x.
+    // `R`: measurement variance of the state, which determines the unit of x.
     explicit FixedMemory(float R) {
         std::uint32_t bits = 0;
         std::memcpy(&bits, &R, sizeof bits);
@@ -51,7 +52,7 @@ class FixedMemory {
         }
         x_[0] = fixed::from_float(x, x_unit_);
         P_[0] = P;
-        // Each mode is a mean that forgets, so that none is larger than what went in.
+        // Each mode is a mean with forgetting, so it is never larger than its inputs.
         for (std::size_t i = 0; i < Nodes::count; ++i) {
             const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
             z_[i] += static_cast<std::int64_t>(Nodes::forget[i]) * (oldest - mean);
@@ -67,7 +68,7 @@ class FixedMemory {
         states(at, S);
     }
 
-    // The same for one order, and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j}.
+    // Computes the same sum for one order, and V = sum_{j=2}^{k} c_j(order)^2 P_{k-j}.
     void sums(float order, float& S, float& V) const {
         const Order at[1] = {Order(order)};
         float state[1];
@@ -81,7 +82,7 @@ class FixedMemory {
 
     static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
-    // An order in 2^-28, and e^{-order step} in 2^-30: from 0.1 to 1.6.
+    // An order in 2^-28, and e^{-order step} in 2^-30: between 0.1 and 1.6.
     struct Order {
         std::int32_t a, v;
 
@@ -91,11 +92,11 @@ class FixedMemory {
             const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
             v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
         }
-        // a step in 2^-26.
+        // a step, in 2^-26.
         static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
             return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
         }
-        // c_{j+1} / c_j in 2^-30.
+        // c_{j+1} / c_j, in 2^-30.
         std::int32_t next(std::size_t j) const {
             const std::int32_t reciprocal = INT32_MAX / static_cast<std::int32_t>(j + 1);
             const std::int32_t distance = (static_cast<std::int32_t>(j) << kOrderBits) - a;
@@ -114,7 +115,7 @@ class FixedMemory {
                 sum = fixed::product30(sum, at[n].next(j)) + fine(x_[j - 1]);
             }
             const std::int64_t head = fixed::product30(sum, -at[n].a) * (1 << (30 - kOrderBits));
-            // The integral's factors sin(pi a) and the power of the fastest node.
+            // The factors of the integral: sin(pi a), and the power of the fastest node.
             const fixed::Power lift = fixed::power_of_two(Order::in_steps(at[n].a, Nodes::top));
             std::int64_t rest = fixed::product30(fixed::product30(tail[n], fixed::sin_pi(at[n].a)), lift.m);
             rest = lift.n >= 0 ? rest * (1 << lift.n) : rest >> -lift.n;
@@ -122,8 +123,8 @@ class FixedMemory {
         }
     }
 
-    // sum_i v^i K_i z_i over the modes and over all slower nodes that the grid could have: to those the past
-    // is its plain sum.
+    // sum_i v^i K_i z_i over the modes, and over all slower nodes that the grid could have, for which the
+    // plain sum replaces the past.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
@@ -151,7 +152,7 @@ class FixedMemory {
             product = fixed::product30(product, next);
         }
         const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
-        // Of c^2 from the first weight beyond the exact part on, by Euler and Maclaurin.
+        // Sum of c^2 from the first weight beyond the exact part on, by the Euler-Maclaurin formula.
         const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
         const float rest = P_[Nodes::head - 1] * (c * c) * ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
         return a * a * sum + rest;
@@ -159,8 +160,8 @@ class FixedMemory {
 
     std::int32_t x_[Nodes::head];  // newest first
     float P_[Nodes::head];
-    std::int64_t z_[Nodes::count];  // means in 2^-31 of x's unit, from the fastest to the slowest
-    std::int64_t plain_;            // of all x that have left the head
+    std::int64_t z_[Nodes::count];  // means in 2^-31 of x's unit, from the fastest to the slowest mode
+    std::int64_t plain_;            // sum of all x that have left the exact part
     int x_unit_;                    // exponent of 2
 };
 

@@ -1,14 +1,15 @@
-// Where the compressed memory puts its modes (memory_compressed.hpp). The weights of the difference are
+// The nodes of the compressed memory's modes (memory_compressed.hpp). The weights of the difference are
 // integrals over exponentials; with b = a + 1, for j > a > -1,
 //
 //     c_j(a)   = -(sin pi a / pi) ∫ p^b (1+p)^{-j-1} d log p
 //     c_j(a)^2 = (sin pi a / pi)^2 4^b B(b, b) ∫ q^{2b} F (2/(2+q)) (1+q)^{-2j-1} d log q,
 //                F = 2F1(b, 1/2; b + 1/2; w),  w = (q/(2+q))^2
 //
-// (the Beta integral of c_j, and the same twice over with 1 + q the geometric mean of both 1 + p; F after a
-// quadratic transformation). The order enters through a power of the node and through F only. On a grid
-// uniform in log p and log q, of step D, the power is a geometric sequence, e^{-aD} from node to node: nodes
-// and modes do not depend on the order, and the trapezoidal rule converges exponentially, by e^{-pi^2/D}.
+// (The first is the Beta integral of c_j. The second uses it twice, with 1 + q the geometric mean of both 1 +
+// p; F after a quadratic transformation.) The order enters only through a power of the node and through F. On
+// a grid that is uniform in log p and log q, with step D, the power is a geometric sequence with the ratio
+// e^{-aD}. Nodes and modes therefore do not depend on the order, and the trapezoidal rule converges
+// exponentially, by e^{-pi^2/D}.
 #ifndef FLTEA_MEMORY_NODES_HPP
 #define FLTEA_MEMORY_NODES_HPP
 
@@ -24,20 +25,20 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// What a user chooses: compressed_config().
+// The user's choice: compressed_config().
 struct CompressedConfig {
     std::size_t window;  // L in samples; 0: unlimited
-    int digits;          // of the weights
+    int digits;          // accuracy of the weights
 };
 
 constexpr int kDefaultDigits = 6;
 constexpr int kLeastDigits = 3;
 constexpr int kMostDigits = 11;
 
-// `digits`, 3 to 11 (0: the default, 6), is the accuracy: each weight c_j that a mode stands for has a
-// relative error below about 10^-digits for orders up to 1 (tables in host/docs/theory/filters.md); the first
+// `digits`, 3 to 11 (0: the default, 6), is the accuracy: each weight c_j that the modes approximate has a
+// relative error below about 10^-digits for orders up to 1 (tables in host/docs/theory/filters.md). The first
 // 15 weights and those of integer orders are exact. `window` is L in samples, 0 for no limit. Numbers out of
-// range count as the nearest.
+// range are replaced by the nearest allowed ones.
 inline CompressedConfig compressed_config(std::size_t window, int digits = kDefaultDigits) {
     if (digits == 0) digits = kDefaultDigits;
     if (digits < kLeastDigits) digits = kLeastDigits;
@@ -54,10 +55,11 @@ struct Bank {
 // Modes are evaluated in groups, as independent chains.
 constexpr std::size_t kGroup = 4;
 
-// The grid for one configuration. ::exp and the like are libm's, which is good enough at construction.
+// The grid for one configuration. ::exp and similar functions are libm's, which is accurate enough at
+// construction.
 struct Nodes {
-    // Samples that are weighed exactly; modes take over from sample kHead + 1 on, where every order is far
-    // below j and the fast modes have died away.
+    // Number of samples with exact weights. The modes take over from sample kHead + 1 on, where every order
+    // is far below j and the fast modes have decayed.
     static constexpr std::size_t kHead = 15;
     // An unlimited memory is accurate for the last 2^30 samples (124 days at 100 Hz).
     static constexpr double kHorizon = 1073741824.0;
@@ -65,13 +67,13 @@ struct Nodes {
     std::size_t window;
     double step;
     Bank state, variance;
-    // Groups of the variance's fast modes: F takes four terms in the first `four_terms` groups, two up to
-    // `two_terms` (less than all), one in the others.
+    // Number of groups of the variance's fast modes for which F needs more terms: four in the first
+    // `four_terms` groups, two up to `two_terms` (fewer than all), and one in the others.
     std::size_t four_terms, two_terms;
 
     explicit Nodes(const CompressedConfig& config)
         : window(config.window), step(1), state(), variance(), four_terms(0), two_terms(0) {
-        if (window > 0 && window <= kHead) return;  // nothing is left for modes
+        if (window > 0 && window <= kHead) return;  // no samples are left for the modes
         const double error = ::pow(10.0, -double(config.digits));
         while (trapezoidal_error(step) > error) step -= 0.005;
         // The integrands at b = 2, with their integrals B(2, n-2) and B(4, 2n-3) for c_n, n = kHead + 1.
@@ -79,9 +81,9 @@ struct Nodes {
         state.top = top(error, 2, n + 1, n * (n - 1));
         const double m = 2 * n;
         variance.top = top(error, 4, m + 1, m * (m - 1) * (m - 2) * (m - 3) / 6);
-        // Below the slowest node everything is a parabola (CompressedMemory::slow_end), wrong by a
-        // third-order term: about (j p)^3/6 of a weight that is itself no more than (j p)^b of those around
-        // it.
+        // Beyond the slowest node, everything is approximated by a parabola (CompressedMemory::slow_end). The
+        // error is a third-order term: about (j p)^3/6 of a weight that is itself at most (j p)^b of the
+        // neighbouring weights.
         const double slowest = ::log(0.8 * ::cbrt(error) / (window > 0 ? double(window) : kHorizon));
         state.count = count(state.top, slowest);
         variance.count = count(variance.top, slowest - 0.7);
@@ -99,14 +101,14 @@ struct Nodes {
     }
 
   private:
-    // Relative error of the trapezoidal rule of step D for p^b e^{-jp}: the first alias, at frequency 2 pi/D,
-    // is 2 |Gamma(b + 2 pi i/D)| / Gamma(b). At b = 2.
+    // Relative error of the trapezoidal rule with step D for p^b e^{-jp} at b = 2: the first alias, at
+    // frequency 2 pi/D, is 2 |Gamma(b + 2 pi i/D)| / Gamma(b).
     static double trapezoidal_error(double D) {
         const double pi = 3.14159265358979324, y = 2 * pi / D;
         return 2 * ::sqrt((1 + y * y) * 2 * pi * y) * ::exp(-pi * y / 2);
     }
 
-    // The first node that can do without a faster one: x^power (1+x)^-decay times `scale` is small there.
+    // First node that needs no faster node: x^power (1+x)^-decay times `scale` is small there.
     std::size_t top(double error, double power, double decay, double scale) const {
         std::size_t steps = 0;
         while (scale * ::pow(::exp(double(steps + 1) * step), power) *

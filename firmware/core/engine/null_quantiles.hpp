@@ -1,5 +1,5 @@
-// What the likelihood ratio of the null test exceeds by chance: the parabolas of
-// host/fltea/spectrum/null_constants.py, of which the device needs three.
+// Quantiles of the null test's likelihood ratio under white noise: the parabolas of
+// host/fltea/spectrum/null_constants.py. The device needs three of them.
 #ifndef FLTEA_NULL_QUANTILES_HPP
 #define FLTEA_NULL_QUANTILES_HPP
 
@@ -10,7 +10,7 @@ namespace whittle {
 
 enum NullLevel : int { kFivePercent, kOnePercent, kOneInThousand, kNullLevels };
 
-// The ratio that white noise exceeds with this probability, with so many ordinates.
+// The ratio that white noise exceeds with this probability, for this number of ordinates.
 inline float null_quantile(NullLevel level, float ordinates) {
     static const float coefficients[kNullLevels][3] = {
         {3.7125f, 1.0516f, -0.0805f},

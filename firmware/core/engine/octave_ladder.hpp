@@ -1,9 +1,10 @@
-// The spectrum of a stream in constant memory: octaves of Welch's sums, and the whole stream at a lower rate.
+// The spectrum of a stream in constant memory: octaves of Welch sums, and the complete stream at a reduced
+// rate.
 //
-// Level 0 is the stream, level l + 1 is level l through a half-band filter, every second sample kept. A level
-// keeps its samples while they fit (whole_stream.hpp); then they become Welch's sums, and the next level
-// keeps its own. So up to Kind::kCapacity samples all of the record is there, and afterwards all of its
-// lowest frequencies.
+// Level 0 is the stream. Level l + 1 is level l after a half-band filter, with every second sample kept. A
+// level keeps its samples while they fit (whole_stream.hpp). Then they become Welch sums, and the next level
+// keeps its samples. Up to Kind::kCapacity samples, the whole record is therefore available, and later all of
+// its lowest frequencies.
 #pragma once
 
 #include <cstdint>
@@ -16,7 +17,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// After Kind::kLevels the oldest samples of the last level go.
+// After Kind::kLevels levels, the last level drops its oldest samples.
 template <typename Kind>
 class OctaveLadder {
     typedef typename Kind::Value Value;
@@ -26,7 +27,7 @@ class OctaveLadder {
   public:
     typedef typename Kind::Input Input;
     enum { kLevels = Kind::kLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
-    typedef WelchLevel<Kind, kTopLines> Top;  // up to Nyquist's frequency
+    typedef WelchLevel<Kind, kTopLines> Top;  // up to the Nyquist frequency
     typedef WelchLevel<Kind, kLines> Deep;
     typedef WholeStream<Kind> Whole;
 
@@ -35,17 +36,17 @@ class OctaveLadder {
         for (int l = 1; l < kLevels - 1; ++l) deep_[l - 1].begin(memory, step(l));
     }
 
-    // Of the level that is whole.
+    // The level whose samples are kept.
     int depth() const { return depth_; }
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
     const typename Top::Cells& top_cells() const { return top_.cells(); }
-    // Of a level below the first.
+    // Time cells of a level below the first.
     const typename Deep::Cells& cells(int level) const { return deep_[level - 1].cells(); }
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
-    // Sums of a level above the whole one, as they stand at sample number `now`, in the squared unit of that
-    // level's values. effective: as many blocks of equal weight say as much.
+    // Sums of a Welch level at sample number `now`, in the squared unit of that level's values. `effective`:
+    // number of blocks of equal weight that give the same precision.
     void sums(int level, std::uint64_t now, Real* power, Real* blocks, Real* effective) const {
         if (level == 0) {
             top_.sums().read(memory_.part(now), power, blocks, effective);
@@ -54,25 +55,26 @@ class OctaveLadder {
         }
     }
 
-    // How far the level that is whole has become sums.
+    // Progress of turning the kept level into sums.
     struct Deepening {
         typename Whole::Table old;
-        int stretch, at, begin;  // of the old table: its stretch, the place in it, and where it begins
+        int stretch, at, begin;  // in the old table: stretch, index in it, and its beginning
         bool going;
         Deepening() : going(false) {}
     };
-    // A batch on its way down the levels.
+    // A batch of samples on its way down the levels.
     struct Passage {
         Deepening deepening;
         Value batch[kMostAtOnce];
         std::uint64_t first;
         int n, level, last_made_up;
-        bool cut;  // the stream has a break behind it
+        bool cut;  // a break follows the batch
         Passage() : first(0), n(0), level(0), last_made_up(-1), cut(false) {}
     };
 
-    // n <= kMostAtOnce samples that follow those before; made_up: the last place of one that was not
-    // measured, or -1 (places: those of all, to keep in mind while the level is whole).
+    // Adds n <= kMostAtOnce samples that follow the previous ones. `made_up`: index of the last sample that
+    // was not measured, or -1; as an array: flags of all samples, which are remembered while the level is
+    // kept.
     void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
         Passage passage;
         enter(y, n, first, made_up, passage);
@@ -80,7 +82,8 @@ class OctaveLadder {
         }
     }
 
-    // The same a level at a time: advance() until it is true, before anything else goes in.
+    // Begins the same, one level at a time: call advance() until it returns true before anything else is
+    // added.
     void enter(const Input* y, int n, std::uint64_t first, const unsigned char* made_up, Passage& p) {
         if (!started_) {
             origin_ = y[0];
@@ -100,7 +103,7 @@ class OctaveLadder {
         }
         settle(p);
     }
-    // True when the batch has come to its end.
+    // Returns true when the batch is finished.
     bool advance(Passage& p) {
         if (p.deepening.going) {
             go_deeper(p.deepening);
@@ -120,7 +123,7 @@ class OctaveLadder {
         p.cut = false;
         return true;
     }
-    // cut() behind a batch that may be on its way.
+    // Calls cut() after a batch that may be in progress.
     void cut_after(Passage& p) {
         if (p.n > 0) {
             p.cut = true;
@@ -129,7 +132,7 @@ class OctaveLadder {
         }
     }
 
-    // The stream has a break here; what comes has an offset of its own.
+    // Notes a break of the stream. The following samples have an offset of their own.
     void cut() {
         started_ = 0;
         top_.cut();
@@ -137,7 +140,7 @@ class OctaveLadder {
         whole_.cut();
     }
 
-    // Time has come to sample number `now`.
+    // Advances the time to sample number `now`.
     void age(std::uint64_t now) {
         if (!memory_.fades()) return;
         forget(now);
@@ -145,15 +148,15 @@ class OctaveLadder {
         for (int l = 1; l < depth_; ++l) deep_[l - 1].sums().age(memory_.generation(now));
     }
 
-    // The level that is whole becomes sums. Possible while depth() < kLevels - 1.
+    // Turns the kept level into sums. Only possible while depth() < kLevels - 1.
     void deepen() {
         Deepening d;
         begin_deepening(d);
         while (d.going) go_deeper(d);
     }
 
-    // Of a later stretch, whose sample 0 is our sample `shift`; it ends at our sample `now`. Both have had a
-    // break and have been aged.
+    // Merges a later stretch. Its sample 0 is our sample `shift`, and it ends at our sample `now`. Both need
+    // to have had a break and to be aged.
     void merge(OctaveLadder other, std::uint64_t shift, std::uint64_t now) {
         age(now);
         while (depth_ < other.depth_ && depth_ < kLevels - 1) deepen();
@@ -183,7 +186,7 @@ class OctaveLadder {
     }
 
   private:
-    // In place: no more comes out than has gone in.
+    // In place, because the output is never longer than the input.
     void begin_deepening(Deepening& d) {
         d.old = whole_.table();
         d.stretch = d.at = d.begin = 0;
@@ -191,7 +194,7 @@ class OctaveLadder {
         whole_.clear();
         ++depth_;
     }
-    // A batch on.
+    // Turns the next batch into sums.
     void go_deeper(Deepening& d) {
         const int level = depth_ - 1;
         const Stretch& one = d.old.stretch[d.stretch];
@@ -217,7 +220,7 @@ class OctaveLadder {
         }
     }
 
-    // Whether the level that is whole has room for a batch.
+    // Whether the kept level has room for a batch.
     bool fits(const Passage& p) {
         if (whole_.size() + p.n > Whole::kCapacity) forget(p.first);
         return whole_.size() + p.n <= Whole::kCapacity;
@@ -227,7 +230,7 @@ class OctaveLadder {
         p.n = 0;
     }
 
-    // In place: the batch becomes that of the next level.
+    // Replaces the batch by that of the next level, in place.
     int push(int level, Value* batch, int n, std::uint64_t* first, int made_up) {
         Value next[kMostAtOnce / 2 + 1];
         const int outputs =
@@ -245,12 +248,12 @@ class OctaveLadder {
         }
     }
 
-    // Of the whole level: what is older than two memories.
+    // Drops samples of the kept level that are older than two memory lengths.
     void forget(std::uint64_t now) {
         if (memory_.fades()) whole_.drop_before(memory_.oldest(now), step(depth_));
     }
 
-    // At least n of the whole level.
+    // Drops at least n samples of the kept level.
     void drop_oldest(int n) {
         int left = n;
         for (int i = 0; i < whole_.stretches() && left > 0; ++i) {
@@ -268,7 +271,7 @@ class OctaveLadder {
     int depth_, started_;
     Input origin_;
     Top top_;
-    Deep deep_[kLevels - 2];  // the last level is never but whole
+    Deep deep_[kLevels - 2];  // the last level is always kept as samples
     Whole whole_;
 };
 

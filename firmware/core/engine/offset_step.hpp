@@ -1,6 +1,6 @@
-// Whether the offset of white noise has stepped: a cumulative sum of the means of chunks on either side (Page
-// 1954), at one scale. It is made for steps of a deviation of such a mean, of 32 samples 0.18 of one
-// sample's; larger ones are found sooner.
+// Detects a step in the offset of white noise, with a cumulative sum of chunk means on either side (Page
+// 1954), at one scale. It is designed for steps of one deviation of a chunk mean; for 32 samples, this is
+// 0.18 of one sample's deviation. Larger steps are detected sooner.
 #ifndef FLTEA_OFFSET_STEP_HPP
 #define FLTEA_OFFSET_STEP_HPP
 
@@ -21,7 +21,8 @@ class OffsetStep {
         chunks_[0] = chunks_[1] = 0;
     }
 
-    // The mean of a chunk, and its deviation: so many chunks ago there was a step of that size, or 0.
+    // Adds the mean of a chunk and its deviation. Returns how many chunks ago a step began, with its `size`;
+    // 0: no step.
     std::uint16_t add(float mean, float deviation, float& size) {
         for (int side = 0; side < 2; ++side) {
             sums_[side] += (side == 0 ? mean : -mean) - kSlack * deviation;
@@ -40,12 +41,12 @@ class OffsetStep {
     }
 
   private:
-    // In deviations. A limit of 15 is passed by noise once in 1.3e7 chunks of 32 (Siegmund 1985, eq. 2.57):
-    // by one of three axes at 100 Hz, on either side, every 13 days.
+    // In deviations. Noise exceeds a limit of 15 once in 1.3e7 chunks of 32 (Siegmund 1985, eq. 2.57). For
+    // three axes at 100 Hz and both sides, that is once in 13 days.
     static constexpr float kSlack = 0.5f, kLimit = 15;
 
     float sums_[2];
-    std::uint16_t chunks_[2];  // since the sum was 0
+    std::uint16_t chunks_[2];  // chunks since the sum was 0
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

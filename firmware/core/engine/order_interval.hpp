@@ -14,8 +14,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Standard deviation by the curvature: by the information that the other coordinates leave; 0 if there is
-// none.
+// Standard deviation by the curvature: from the information that the other free parameters leave; 0 if there
+// is none.
 inline float order_std(const Point<float>& best) {
     Point<float> unit = best;
     float column[3] = {0, 0, 0};
@@ -25,24 +25,25 @@ inline float order_std(const Point<float>& best) {
     return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
 }
 
-// What is kept of it from fit to fit.
+// State that is kept between fits.
 struct OrderEnds {
     struct End {
         float order;
-        float theta[2];  // of the share and the weight that fit it best
+        float theta[2];  // share and weight that fit this order best
     };
     End ends[2];
     bool known;
-    unsigned char turn, look;  // what the next fit does, and where
+    unsigned char turn, look;  // what the next fit does, and which order it tests
 };
 
-// Begin a fit with forget(), note() where its searches ended, begin() at the best of all; then evaluate and
-// judge() what it proposes.
+// Begin a fit with forget(), note() the points where its searches ended, and begin() at the best of all
+// points. Then evaluate what propose() returns, and judge() it.
 class OrderInterval {
   public:
     void forget() { noted_ = 0; }
 
-    // A search has ended there: an end of the interval is beyond, if it does nearly as well as the best.
+    // Notes where a search ended. If that point is nearly as good as the best, an end of the interval lies
+    // beyond it.
     void note(const Point<float>& point) {
         if (noted_ == kNotes) return;
         notes_[noted_].nll = point.nll;
@@ -50,12 +51,12 @@ class OrderInterval {
         ++noted_;
     }
 
-    // half: of the interval by the curvature; 0 if it has none.
+    // `half`: half the interval by the curvature; 0 if it has none.
     void begin(const Point<float>& best, float half, OrderEnds& ends) {
         order_ = best.theta[0];
         best_nll_ = best.nll;
         ends_ = &ends;
-        // Around another maximum the old ends are worth nothing.
+        // Around another maximum the old ends are of no use.
         if (ends.known && !(ends.ends[0].order <= order_ && order_ <= ends.ends[1].order)) ends.known = false;
         most_ = ends.known ? 1 : int(kOrders);
         for (int side = 0; side < 2; ++side) {
@@ -73,7 +74,7 @@ class OrderInterval {
                     set(end, notes_[i].theta[0], notes_[i].theta);
             }
         }
-        // In turn: an end, an order elsewhere, the other end, an order elsewhere.
+        // In turn: one end, a further order, the other end, a further order.
         const int turn = ends.known ? ends.turn++ % 4 : -1;
         side_ = turn < 0 ? 0 : turn % 2 == 1 ? 2 : turn / 2;
         last_ = turn < 0 ? 1 : side_;
@@ -82,7 +83,7 @@ class OrderInterval {
         if (side_ == 2) begin_look();
     }
 
-    // What to evaluate next, and as which model; false at the end.
+    // Returns the next point to evaluate, and its model; false at the end.
     bool propose(Model<float>& model, Point<float>& next) {
         while (side_ <= last_) {
             OrderEnds::End& end = at();

@@ -1,6 +1,6 @@
-// Coordinates of the spectra that are fitted (host/native/sentence_kernel.hpp has the same): shares and poles are
-// logits, variances logarithms, so that only the order has bounds that matter. One number of the fractional
-// model may be held; the others move then so that it keeps its value.
+// Coordinates of the spectra that are fitted (host/native/sentence_kernel.hpp has the same): shares and poles
+// are logits, variances logarithms, so that only the order has bounds that matter. One number of the
+// fractional model may be held; the others move then so that it keeps its value.
 #ifndef FLTEA_WHITTLE_MODELS_HPP
 #define FLTEA_WHITTLE_MODELS_HPP
 
