@@ -19,7 +19,7 @@ inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
 // Sleeps until an interrupt is pending, also while interrupts are disabled (B1.5.19).
 inline void wait_for_interrupt() { asm volatile("dsb\n\twfi" ::: "memory"); }
 
-// No interrupt handler runs while it lives; may be nested.
+// Disables interrupts during its lifetime; may be nested.
 class InterruptLock {
   public:
     InterruptLock() { asm volatile("mrs %0, primask\n\tcpsid i" : "=r"(primask_)::"memory"); }

@@ -38,7 +38,7 @@ class SlicedFit;
 // repeated grid searches.
 class FitMemory {
   public:
-    // turn: which of twelve fits looks around, so that those of several axes need not be in the same round.
+    // `turn`: which of twelve fits repeats the grid search, so that several axes do so in different rounds.
     explicit FitMemory(int turn = 0) : figures_(), fitted_ordinates_(0), turn_(turn) {
         for (Answer& one : answers_) {
             one.known = false;

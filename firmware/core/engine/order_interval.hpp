@@ -1,9 +1,10 @@
-// The 95 % interval of the order by its likelihood, not by the curvature at the maximum alone: where noise is
-// weak a second maximum or a long slope stands beside it, of which the curvature knows nothing.
+// The 95 % interval of the order by its likelihood, not only by the curvature at the maximum. Where the noise
+// is weak, there may be a second maximum or a long slope, which the curvature does not show.
 //
-// An end is the order at which the best fit that has it is 3.84 in 2 log L below the best of all. Between
-// fits it moves little: each fit evaluates the ends of the one before, and moves them; and it looks at one
-// order elsewhere, each time another, in case the likelihood rises again beyond an end, or between them.
+// An end of the interval is the order at which the best fit with this order is 3.84 in 2 log L below the
+// overall best. The ends move little between fits: each fit evaluates the previous ends and corrects them. It
+// also tests one further order, a different one each time, in case the likelihood rises again beyond or
+// between the ends.
 #ifndef FLTEA_ORDER_INTERVAL_HPP
 #define FLTEA_ORDER_INTERVAL_HPP
 
@@ -116,7 +117,7 @@ class OrderInterval {
         }
     }
 
-    // The fit of the order that was looked at last is better than the best: a search from there is in place.
+    // Whether the order tested last fits better than the best. Then a search should start there.
     bool better(Point<float>& point) const {
         if (!begun_ || !(now_.nll < best_nll_ - kWorthASearch)) return false;
         point.theta[0] = side_ < 2 ? ends_->ends[side_].order : elsewhere_.order;
@@ -124,7 +125,7 @@ class OrderInterval {
         return true;
     }
 
-    // The longer side.
+    // The longer side of the interval.
     float half() const { return math::fmax(order_ - ends_->ends[0].order, ends_->ends[1].order - order_); }
 
   private:
@@ -146,8 +147,8 @@ class OrderInterval {
         tried_ = 0;
     }
 
-    // Along a parabola √(-log L) is straight: so the end is looked for between an order that is inside and
-    // one that is not, or beyond the former.
+    // On a parabola, √(-log L) is a straight line. The end is therefore estimated between an order inside and
+    // an order outside of the interval, or by extrapolation beyond the order inside.
     void concluded(OrderEnds::End& end) {
         for (int i = 0; i < 2; ++i) end.theta[i] = now_.theta[i];
         const float below = math::fmin(math::fmax(now_.nll - best_nll_, 0.0f), 20.0f);

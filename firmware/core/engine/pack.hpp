@@ -1,15 +1,15 @@
-// Numbers that the estimator is templated on: float, double, or Pack<double, W>, W lanes side by side in one
+// The number types of the estimator's templates: float, double, or Pack<double, W>, which is W lanes in one
 // vector register. Every operation works lane by lane and without branches, so a lane's result depends
-// neither on its neighbours nor on W. The free functions below exist for all three, so one source serves them
-// all.
+// neither on its neighbours nor on W. The free functions below exist for all three types, so one source
+// serves them all.
 //
 // Rounding: compile with -ffp-contract=off. Products and sums are fused only where the source says mul_add(),
-// which is one rounding where the instruction set has it and two elsewhere. Results differ between
-// instruction sets by that alone, and never between two uses of the same code.
+// which rounds once if the instruction set has a fused operation and twice otherwise. This is the only
+// difference between the results of different instruction sets; two uses of the same code never differ.
 //
-// The code is compiled once per instruction set and linked together, so everything lives in an inline
-// namespace named after the set: otherwise the linker would keep one copy of each inline function, and the
-// baseline could end up running AVX-512 instructions.
+// The code is compiled once per instruction set, and all versions are linked together. Everything is
+// therefore in an inline namespace named after the set. Otherwise the linker would keep one copy of each
+// inline function, and the baseline could end up running AVX-512 instructions.
 #ifndef FLTEA_PACK_HPP
 #define FLTEA_PACK_HPP
 
@@ -20,7 +20,7 @@
 #include "instruction_set.hpp"
 #include "soft_sqrt.hpp"
 
-// Arduino.h has macros of these names.
+// Arduino.h defines macros with these names.
 #undef abs
 #undef max
 #undef min
@@ -37,7 +37,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Doubles in one register of this instruction set. Wider vectors would compile, to code many times slower.
+// Number of doubles in one register of this instruction set. Wider vectors would compile to much slower code.
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
 constexpr int kWidth = 8;
 #elif defined(__AVX2__) && defined(__FMA__)
@@ -49,7 +49,7 @@ constexpr int kWidth = 2;
 template <class R, int W>
 struct Pack;
 
-// The type of one lane, and how many there are.
+// The type of one lane, and the number of lanes.
 template <class T>
 struct Lanes {
     typedef T Real;
@@ -63,9 +63,9 @@ struct Lanes<Pack<R, W>> {
 template <class T>
 using Real = typename Lanes<T>::Real;
 
-// The vector types of the compiler, one width each: gcc drops attributes that depend on a template parameter.
-// Bits are what comparisons give, Words what is computed with, since unsigned numbers overflow by rule.
-// may_alias: storage is handed over as packs, and tables of single numbers live in it too.
+// The compiler's vector types, one for each width, because gcc drops attributes that depend on a template
+// parameter. Bits: results of comparisons. Words: integers for arithmetic, unsigned because their overflow is
+// defined. may_alias: storage is passed as packs, but also contains tables of single numbers.
 template <int W>
 struct Vectors;
 template <>
@@ -87,7 +87,7 @@ struct Vectors<8> {
     typedef std::uint64_t Words __attribute__((vector_size(64), may_alias));
 };
 
-// One truth value a lane, all bits set or none; the counterpart for plain numbers is bool.
+// One truth value per lane: all bits set or none. For plain numbers, bool is used instead.
 template <int W>
 struct Mask {
     typedef typename Vectors<W>::Bits Bits;
@@ -108,7 +108,7 @@ struct Pack<double, W> {
     Vector v;
 
     Pack() = default;
-    Pack(double all) : v(all - Vector{}) {}  // implicit, so that constants read as in formulas
+    Pack(double all) : v(all - Vector{}) {}  // implicit, so that constants can be written as in formulas
     explicit Pack(Vector vector) : v(vector) {}
 
     double operator[](int lane) const { return v[lane]; }
@@ -130,7 +130,8 @@ struct Pack<double, W> {
     friend Mask<W> operator==(Pack a, Pack b) { return Mask<W>{(Bits)(a.v == b.v)}; }
     friend Mask<W> operator!=(Pack a, Pack b) { return Mask<W>{(Bits)(a.v != b.v)}; }
 
-    // Friends found by argument only, so that a constant among the arguments becomes a pack.
+    // Friends that are only found by argument-dependent lookup, so that a constant among the arguments
+    // becomes a pack.
     friend Pack select(Mask<W> mask, Pack yes, Pack no) { return Pack(mask.bits ? yes.v : no.v); }
     friend Pack min(Pack a, Pack b) { return select(b < a, b, a); }
     friend Pack max(Pack a, Pack b) { return select(a < b, b, a); }
@@ -139,7 +140,7 @@ struct Pack<double, W> {
     friend Pack mul_add(Pack a, Pack b, Pack c) { return Pack(fused(a.v, b.v, c.v)); }
 
   private:
-    // Chosen by overload among the vector types that the instruction set has.
+    // Chosen by overload among the vector types of the instruction set.
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
     static __m512d root(__m512d a) { return _mm512_maskz_sqrt_pd(0xff, a); }  // the plain one warns in gcc 12
     static __m512d fused(__m512d a, __m512d b, __m512d c) { return _mm512_fmadd_pd(a, b, c); }
@@ -163,7 +164,8 @@ struct Pack<double, W> {
 #endif
 };
 
-// The same for plain numbers. Overloads, not templates, so that mixed arguments convert as in a formula.
+// The same for plain numbers. Overloads instead of templates, so that mixed arguments convert as in a
+// formula.
 inline double select(bool mask, double yes, double no) { return mask ? yes : no; }
 inline float select(bool mask, float yes, float no) { return mask ? yes : no; }
 inline double min(double a, double b) { return b < a ? b : a; }
@@ -214,7 +216,7 @@ struct MaskOfType<Pack<double, W>> {
 template <class T>
 using MaskOf = typename MaskOfType<T>::Type;
 
-// Access to one lane, and to plain numbers as if they had one.
+// Access to one lane. A plain number counts as one lane.
 template <class T>
 inline Real<T> get_lane(T number, int lane) {
     return number[lane];

@@ -1,5 +1,5 @@
 // exp and sin(pi a) without libm and without branches, one source for float, double and Pack (pack.hpp): a
-// lane's result is the same whatever the width. Errors stay within 2 units in the last place.
+// lane's result is the same at any width. Errors are at most 2 units in the last place.
 #ifndef FLTEA_PACK_MATH_HPP
 #define FLTEA_PACK_MATH_HPP
 
@@ -10,7 +10,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Adding 1.5 * 2^(bits of the mantissa) rounds to the nearest integer and leaves that integer in the low bits
-// of the sum; kShift moves them up to the exponent, kSign to the sign.
+// of the sum. kShift moves these bits to the exponent, kSign to the sign.
 template <class R>
 struct Layout;
 template <>
@@ -19,8 +19,9 @@ struct Layout<double> {
     static constexpr double kRound = 6755399441055744.0;
     static constexpr int kShift = 52;
     static constexpr int kSign = 63;
-    static constexpr double kExpMax = 708;                   // e^±708 is finite and normal
-    static constexpr double kLn2High = 0.69314718055829871;  // with trailing zeros: its multiples are exact
+    static constexpr double kExpMax = 708;  // e^±708 is finite and normal
+    // has trailing zeros, so that its multiples are exact
+    static constexpr double kLn2High = 0.69314718055829871;
     static constexpr double kLn2Low = 1.6465949582897082e-12;
 };
 template <>
@@ -48,7 +49,8 @@ inline R from_bits(typename Layout<R>::Bits bits) {
     return number;
 }
 
-// y * 2^n and y * 2^-n, n the integer that `rounded` holds after the addition of kRound. Both results normal.
+// y * 2^n and y * 2^-n, where n is the integer in `rounded` after the addition of kRound. Both results are
+// normal.
 template <class R>
 inline R scale_up(R y, R rounded) {
     return from_bits<R>(to_bits(y) + (to_bits(rounded) << Layout<R>::kShift));
@@ -83,9 +85,9 @@ struct Powers {
     T up, down;
 };
 
-// e^x and e^-x together, at little more than the cost of one: with x = n ln 2 + r, the even and the odd part
-// of e^r serve both. Saturates at e^±708 (float: e^±87), so the result is positive and finite for every
-// finite x; NaN gives NaN.
+// e^x and e^-x together, at little more than the cost of one. With x = n ln 2 + r, the even and odd parts of
+// e^r serve both. Saturates at e^±708 (float: e^±87), so the result is positive and finite for every finite
+// x. NaN gives NaN.
 template <class T>
 inline Powers<T> exp_both(T x) {
     typedef Real<T> R;
@@ -96,8 +98,8 @@ inline Powers<T> exp_both(T x) {
     const T r = mul_add(n, T(-L::kLn2Low), mul_add(n, T(-L::kLn2High), x));
     const T s = r * r;
     const T ss = s * s;
-    // Taylor, |r| <= 0.35: cosh r - 1 and sinh r. The first terms left out are below 1e-17, of float 6e-9. In
-    // pairs of terms, which is a shorter way through the processor than term after term.
+    // Taylor series of cosh r - 1 and sinh r, |r| <= 0.35. The first omitted terms are below 1e-17, for float
+    // below 6e-9. Summed in pairs of terms, which gives a shorter dependency chain than term after term.
     const T even0 = mul_add(T(R(1.0 / 24)), s, T(R(0.5)));
     const T odd0 = mul_add(T(R(1.0 / 120)), s, T(R(1.0 / 6)));
     T even, odd;
@@ -123,17 +125,18 @@ inline T exp(T x) {
     return exp_both(x).up;
 }
 
-// sin(pi a) for |a| up to 2^51 (float: 2^22), exactly 0 at integers; beyond that bounded, but without
-// meaning.
+// sin(pi a) for |a| up to 2^51 (float: 2^22), exactly 0 at integers. Larger |a| give a bounded but
+// meaningless result.
 template <class T>
 inline T sin_pi(T a) {
     typedef Real<T> R;
     typedef Layout<R> L;
     const T rounded = a + T(L::kRound);
-    // Where a has no half-integers left, the difference is rounding: any remainder will do, if it is small.
+    // If a is too large to have half-integers, the difference is only rounding; it is limited to a small
+    // remainder.
     const T r = max(min(a - (rounded - T(L::kRound)), T(R(0.5))), T(R(-0.5)));
     const T s = r * r;
-    // Taylor in (pi r)^2; |r| <= 1/2, so the first term left out is 1e-18.
+    // Taylor series in (pi r)^2. |r| <= 1/2, so the first omitted term is 1e-18.
     T sum = T(R(5.3926646626081290e-10));
     sum = mul_add(sum, s, T(R(-2.2948428997269873e-08)));
     sum = mul_add(sum, s, T(R(7.9520540014755126e-07)));

@@ -1,5 +1,5 @@
-// Elementary functions of the fits' numbers: the library's for double; for float those of the engine, since
-// the board has no libm.
+// Elementary functions for the fits: the library's for double, the engine's own for float, because the board
+// has no libm.
 #ifndef FLTEA_REAL_MATH_HPP
 #define FLTEA_REAL_MATH_HPP
 
@@ -30,12 +30,12 @@ inline float log_of_ratio(float s) {
     const float sum = z * (0.6666666667f + z * (0.4f + z * (0.2857142857f + z * 0.2222222222f)));
     return s * sum + 2.0f * s;
 }
-// Of positive normal numbers; -87.3 of smaller ones.
+// For positive normal numbers; -87.3 for smaller ones.
 inline float log(float x) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &x, sizeof bits);
     if (bits < 0x800000 || bits >= 0x7F800000) return bits == 0x7F800000 ? x : -87.33655f;
-    // x = 2^n m with m between 1/√2 and √2.
+    // x = 2^n m, with m between 1/√2 and √2.
     bits += 0x3F800000 - 0x3F3504F3;
     const int n = static_cast<int>(bits >> 23) - 127;
     bits = (bits & 0x7FFFFF) + 0x3F3504F3;
@@ -45,8 +45,8 @@ inline float log(float x) {
     const float places = static_cast<float>(n);
     return places * 0.693115234f + (places * 3.19461833e-05f + rest);
 }
-// In integers, where the board is several times as fast; 0 beyond what float holds at its lower end, and
-// e^88 at its upper one.
+// Computed in integers, which is several times as fast on the board. 0 below the range of float, e^88 above
+// it.
 inline float exp2(float x) {
     if (!(x > -126.0f)) return 0.0f;
     if (x > 126.9f) x = 126.9f;
@@ -57,7 +57,7 @@ inline float exp2(float x) {
     return engine::fixed::to_float(power.m, power.n + n - 30);
 }
 inline float exp(float x) {
-    // Of x log2(e) the whole part exactly.
+    // The integer part of x log2(e) is computed exactly.
     const float turns = x * 1.442695041f;
     if (!(turns > -126.0f)) return 0.0f;
     if (turns > 126.9f) return exp2(126.9f);
@@ -68,14 +68,14 @@ inline float exp(float x) {
         engine::fixed::power_of_two(static_cast<std::int32_t>(rest * (1.442695041f * 67108864.0f)));
     return engine::fixed::to_float(power.m, power.n + n - 30);
 }
-// -2 < x < 2.
+// For -2 < x < 2.
 inline float sin_pi(float x) {
     return engine::fixed::to_float(engine::fixed::sin_pi(engine::fixed::from_float(x, -28)), -30);
 }
 inline float log2(float x) { return log(x) * 1.442695041f; }
 inline float log1p(float x) { return x < 0.4f && x > -0.29f ? log_of_ratio(x / (2.0f + x)) : log(1.0f + x); }
 inline float sqrt(float x) { return engine::soft_sqrt(x); }
-// Of numbers up to 2^24 times y.
+// For |x| up to 2^24 times y.
 inline float fmod(float x, float y) { return x - y * static_cast<float>(static_cast<std::int32_t>(x / y)); }
 inline float fabs(float x) { return x < 0 ? -x : x; }
 inline float fmax(float x, float y) { return x < y ? y : x; }

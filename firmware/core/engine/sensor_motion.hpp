@@ -1,9 +1,10 @@
-// Whether the sensor moves, by all of its axes: motion of one of them is motion of all. Then all predict, and
-// learn nothing: what the chunk in which motion was found and the one before have done to any axis is undone.
+// Decides whether the sensor moves, from all of its axes: motion of one axis is motion of all. During motion,
+// all axes only predict and learn nothing. When motion is detected, the effect of that chunk and of the
+// previous chunk on every axis is undone.
 //
-// Rest is back after two chunks that are none of any axis, and the bias is what it was before. Samples that
-// lie still elsewhere for some seconds are where the bias is now, if it can have stepped so far. Farther away
-// it is a turn, until the rate is back, or has lain still for much longer.
+// Rest begins after two chunks in which no axis moves, and the bias is then that of before. Samples that lie
+// still at another level for some seconds show the new bias, if the bias can have stepped so far. A level
+// farther away is a turn of the sensor, until the rate returns or has lain still for much longer.
 #ifndef FLTEA_SENSOR_MOTION_HPP
 #define FLTEA_SENSOR_MOTION_HPP
 
@@ -18,18 +19,19 @@ inline namespace FLTEA_INSTRUCTION_SET {
 class SensorMotion {
   public:
     struct Limits {
-        float far;                       // a bias steps by less, in counts
-        std::uint16_t still, still_far;  // chunks until what lies nearer, or farther, is the bias
+        float far;  // a bias steps by less than this [counts]
+        // chunks after which a nearer, or farther, level is accepted as the bias
+        std::uint16_t still, still_far;
     };
 
     bool moving() const { return moving_; }
-    // What the figures of the axes have to know of motion.
+    // How much the axes have not learned because of motion; their results depend on it.
     const Unlearned& unlearned() const { return unlearned_; }
 
-    // So many samples are lost.
+    // Notes lost samples.
     void skip(std::uint32_t lost) { pass(lost); }
 
-    // After a sample of all n axes, of which each has had it.
+    // Call this after a sample that all n axes have received.
     void next(TrackedState* const axes[], int n, const Limits& limits) {
         pass(1);
         if (++fill_ < AxisMotion::kChunk) return;
@@ -61,7 +63,8 @@ class SensorMotion {
     }
 
   private:
-    enum { kQuiet = 2, kForgotten = 1 << 14 };  // after so many samples no filter knows of motion
+    // kForgotten: after this number of samples, no filter is affected by earlier motion
+    enum { kQuiet = 2, kForgotten = 1 << 14 };
 
     void pass(std::uint32_t samples) {
         since_older_ += samples;
@@ -75,7 +78,7 @@ class SensorMotion {
     }
 
     void stop_learning(TrackedState* const axes[], int n) {
-        // Rest that was shorter than the motion before it counts as motion.
+        // If the rest was shorter than the motion before it, it counts as motion.
         if (unlearned_.ago >= unlearned_.samples + since_older_) unlearned_ = Unlearned();
         unlearned_.samples += unlearned_.ago > since_older_ ? unlearned_.ago : since_older_;
         unlearned_.ago = 0;
@@ -90,7 +93,7 @@ class SensorMotion {
     }
 
     Unlearned unlearned_ = {0, 0};
-    std::uint32_t since_older_ = 0, since_newer_ = 0;  // samples since what is kept
+    std::uint32_t since_older_ = 0, since_newer_ = 0;  // samples since the kept states
     int fill_ = 0, quiet_ = 0;
     bool moving_ = false;
 };

@@ -1,5 +1,5 @@
-// Whittle fits in float, a few bins at a time, so that sampling never waits for them: the device's. The
-// models, their slopes and the scoring are the host's (whittle_models.hpp, whittle_shapes.hpp,
+// The device's Whittle fits: in float, a few bins at a time, so that sampling never waits for them. The
+// models, their derivatives and the scoring are the host's (whittle_models.hpp, whittle_shapes.hpp,
 // whittle_scoring.hpp).
 #ifndef FLTEA_SLICED_FIT_HPP
 #define FLTEA_SLICED_FIT_HPP
@@ -14,7 +14,7 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A fit: begin(), then work() until it is done.
+// A fit: call begin(), then work() until it is done.
 template <class Bins>
 class SlicedFit {
   public:
@@ -23,13 +23,14 @@ class SlicedFit {
     SlicedFit() : memory_(nullptr), busy_(false), searched_(false) {}
 
     bool busy() const { return busy_; }
-    // Evaluations of the last fit.
+    // Number of evaluations in the last fit.
     int evaluations() const { return evaluations_; }
-    // It began on a grid.
+    // Whether the last fit began on a grid.
     bool searched() const { return searched_; }
 
-    // `level` of the null test. Neither the bins nor the memory may change until it is done; the figures are
-    // there then. Without ordinates, or without power in them, there is nothing to fit.
+    // Begins a fit. `level`: significance level of the null test. Neither the bins nor the memory may change
+    // until the fit is done; then the memory has the results. Without ordinates, or without power in them,
+    // there is nothing to fit.
     void begin(const Bins& bins, NullLevel level, FitMemory& memory) {
         memory_ = &memory;
         level_ = level;
@@ -41,7 +42,7 @@ class SlicedFit {
             return;
         }
         target_.begin(bins);
-        // Answers that have seen far less lead nowhere.
+        // Answers from far fewer ordinates are no useful starting points.
         if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
             for (Answer& one : memory.answers_) one.known = false;
             memory.ends_.known = false;
@@ -57,7 +58,7 @@ class SlicedFit {
         begin_model();
     }
 
-    // A slice. True when the fit is done.
+    // Does a slice. Returns true when the fit is done.
     bool work(const Bins& bins) {
         if (!busy_) return true;
         if (possible_ && !target_.add(bins, model_.family, at_.natural, kBinsAtOnce)) return false;
@@ -96,9 +97,9 @@ class SlicedFit {
         return model;
     }
 
-    // Without an answer from before a grid is looked at, roughly, of which the best are starts. With one the
-    // answer is the start; but every twelfth fit looks at some points of the grid, each time others, in case
-    // the maximum is elsewhere by now.
+    // Without a previous answer, all points of a grid are evaluated approximately, and the best ones are
+    // starting points. With a previous answer, that answer is the starting point. Every twelfth fit also
+    // tests some points of the grid, different ones each time, in case the maximum has moved.
     void begin_model() {
         model_ = model_of(which_);
         target_.begin_model();
@@ -107,7 +108,8 @@ class SlicedFit {
         as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        // An order that was below 1, and is, is that of the model before.
+        // If the order was below 1 and is still below 1, the fit of the model before gives the starting
+        // point.
         from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
                        up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {
@@ -142,8 +144,8 @@ class SlicedFit {
         canonical(model_, point.theta);
     }
 
-    // Orders above 1 are on the grid of the full model only, and no others; the best order up to 1 is one of
-    // its starts.
+    // The grid of the full model contains only orders above 1. The best order up to 1 is one of its starting
+    // points.
     void grid_point(int place, Point<float>& point) const {
         if (which_ == kRelaxation) {
             FitGrid::relaxation(place, point.theta);
@@ -166,8 +168,8 @@ class SlicedFit {
         again_ = false;
     }
 
-    // The start that comes now: of what was looked at, and the last answer; then, if there is better there,
-    // what the models before say, since each of them is one of this one, too.
+    // Chooses the next starting point: the best grid points and the last answer first; then the results of
+    // the simpler models, if these are better, because each of them is a special case of this model.
     bool next_start(Point<float>& point) {
         const int own = cold_ ? int(kKept) : 2;
         while (starts_ < own) {
@@ -187,7 +189,7 @@ class SlicedFit {
             }
         }
         if (from_before_ && starts_++ == own && looks_around()) {
-            // Where a relaxation does nearly as well, orders on both sides of 1 may.
+            // If a relaxation fits nearly as well, orders on both sides of 1 may fit, too.
             const Answer& relaxation = memory_->answers_[kRelaxation];
             if (relaxation.nll > best_.nll + kNearly) return false;
             start_at_relaxation(kAboveOne, point);
@@ -226,7 +228,7 @@ class SlicedFit {
         evaluate_next();
     }
 
-    // An evaluation is there.
+    // Handles a finished evaluation.
     void judged() {
         if (bounding_) {
             interval_.judge(next_);
@@ -269,8 +271,8 @@ class SlicedFit {
         begin_search();
     }
 
-    // The scale is so far from the reference that the two parts of -log L take each other's digits away.
-    // Where one looks roughly that does not matter.
+    // Whether the scale is so far from the reference that the difference of the two parts of -log L loses
+    // precision. This does not matter for approximate evaluations.
     bool far() const {
         const float apart = next_.scale / target_.reference() - 1.0f;
         return rough_ >= rough_size() && (apart > 0.1f || apart < -0.1f);
@@ -295,7 +297,8 @@ class SlicedFit {
 
     void end_model() {
         keep_answer(which_);
-        // What ends of the interval have led to may be one of these, too.
+        // The fit may have followed an end of the interval to an order below 1. Then it is also an answer for
+        // orders up to 1.
         if (which_ == kFull && best_.theta[0] < kBelowOne && best_.nll < up_to_one_.nll)
             keep_answer(kUpToOne);
         Answer& answer = memory_->answers_[which_];
@@ -303,7 +306,8 @@ class SlicedFit {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
-        // The curvature is less the means of the evaluation before, which may have been far away.
+        // The derivatives are computed relative to their means of the previous evaluation, which may have
+        // been far away.
         if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
             ++settled_;
             next_ = best_;
@@ -322,7 +326,7 @@ class SlicedFit {
         begin_model();
     }
 
-    // All but the interval; false if there is none.
+    // Writes all results except the interval. Returns false if there is no interval.
     bool report() {
         FitFigures& f = memory_->figures_;
         f = FitFigures();
@@ -330,7 +334,7 @@ class SlicedFit {
         f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
         f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
         memory_->note_relaxation(target_.unit());
-        // The best fractional model of white noise may give its power to the state.
+        // If white noise is not rejected, the best fractional model may have put its power into the state.
         if (f.ratio_white < null_quantile(level_, f.ordinates)) {
             f.verdict = Verdict::white;
             f.R = target_.unit();
@@ -354,7 +358,7 @@ class SlicedFit {
         bound();
     }
 
-    // The ends of the interval, one order after the other.
+    // Finds the ends of the interval, one order after the other.
     void bound() {
         if (!searches_again_ && interval_.better(next_)) {
             searches_again_ = true;
@@ -383,10 +387,10 @@ class SlicedFit {
     Point<float> next_, now_, best_, up_to_one_, kept_[kKept];
     Search<float> search_ = Search<float>(model_of(kUpToOne));
     OrderInterval interval_;
-    float curvature_std_;  // of α
+    float curvature_std_;  // standard deviation of α by the curvature
     NullLevel level_;
     Which which_;
-    float as_before_;  // -log L of the last answer, roughly
+    float as_before_;  // -log L of the last answer, approximate
     int rough_, starts_, settled_, evaluations_;
     bool busy_, cold_, from_before_, searching_, possible_, again_, searched_, bounding_, searches_again_;
 };

@@ -1,8 +1,8 @@
-// The sums of a fit in float over a few bins at a time: the device's.
+// The device's sums for a fit, in float, over a few bins at a time.
 //
-// -log L is kept as its excess over that of a spectrum that is the data themselves, Σ c (r - 1 - log r) with
-// r = I/S: a number like that of the bins, while -log L itself is like that of the ordinates, of which float
-// would lose the digits that count.
+// -log L is stored as its excess over that of a spectrum equal to the data: Σ c (r - 1 - log r) with r = I/S.
+// The excess is about as large as the number of bins. -log L itself is about as large as the number of
+// ordinates, and float would lose the significant digits.
 #ifndef FLTEA_SLICED_TARGET_HPP
 #define FLTEA_SLICED_TARGET_HPP
 
@@ -23,7 +23,7 @@ inline float excess(float u) {
     return s * (u - z * sum);
 }
 
-// What the bins (fit_bins.hpp) are for the shapes.
+// The columns that the shapes need, from the bins (fit_bins.hpp).
 template <class Bins>
 struct BinColumns {
     const Bins& bins;
@@ -34,7 +34,8 @@ struct BinColumns {
     float square(std::size_t i) const { return math::exp(2.0f * ln_size(i)); }
 };
 
-// Spectra over bins whose powers are divided by `unit`; S is told apart from `reference` S.
+// Spectra over bins whose powers are divided by `unit`. The excess is computed relative to a reference scale
+// `reference`.
 template <class Bins>
 class SlicedTarget {
   public:
@@ -53,8 +54,9 @@ class SlicedTarget {
     void begin_model() {
         for (float& one : mean_) one = 0;
     }
-    // An evaluation: begin it, then add bins from `at` on, up to so many, until none is left. together: so
-    // many neighbours are one, at the frequency of the one in the middle: rough, and that much faster.
+    // Begins an evaluation. Then add bins until none is left. `together`: number of neighbouring bins that
+    // are combined into one at the frequency of the middle bin, which is approximate and faster by this
+    // factor.
     void begin_sums(int together = 1) {
         at_ = 0;
         together_ = together;
@@ -99,7 +101,7 @@ class SlicedTarget {
 
   private:
     enum { kMostNumbers = 4 };
-    // As Sums has them.
+    // The sums in the order of Sums.
     struct PartSums {
         float excess, ratio, slope[kMostNumbers], weighted[kMostNumbers];
         float square[kMostNumbers * (kMostNumbers + 1) / 2];
@@ -154,12 +156,12 @@ class SlicedTarget {
         return at_ == bins.size();
     }
 
-    // Of r = I/S; of a bin without power the logarithm is that of a small number.
+    // The excess for r = I/S. For a bin without power, the logarithm of a small number is used.
     static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
 
     float over_unit_, reference_;
     int at_, together_;
-    float mean_[kMostNumbers];  // of the slopes
+    float mean_[kMostNumbers];  // means of the derivatives
     PartSums sums_;
 };
 

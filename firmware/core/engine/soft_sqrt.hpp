@@ -1,5 +1,5 @@
-// The square root of a float in integers, rounded to nearest as IEEE 754 demands: for a processor without
-// floating point, whose libm may be slow, or absent.
+// The square root of a float, computed in integers and rounded to nearest as IEEE 754 requires: for a
+// processor without floating point, whose libm may be slow or missing.
 #ifndef FLTEA_SOFT_SQRT_HPP
 #define FLTEA_SOFT_SQRT_HPP
 
@@ -9,14 +9,14 @@
 namespace fltea {
 namespace engine {
 
-// Of numbers below the smallest normal one, and of negative ones, 0.
+// Returns 0 for negative numbers and for numbers below the smallest normal one.
 inline float soft_sqrt(float a) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &a, sizeof bits);
     if (bits < 0x800000 || bits >= 0x80000000) return 0.0f;
     if (bits >= 0x7F800000) return a;
     const int exponent = static_cast<int>(bits >> 23) - 127, odd = exponent & 1;
-    // Bit by bit, the root of a number of 50 bits; the last bit is for rounding.
+    // Computes the root of a 50-bit number bit by bit. The last bit is for rounding.
     std::uint32_t rest = ((bits & 0x7FFFFF) | 0x800000) << (odd + 1);
     std::uint32_t root = 0, sum = 0;
     for (std::uint32_t bit = 1u << 24; bit != 0; bit >>= 1) {
@@ -28,7 +28,7 @@ inline float soft_sqrt(float a) {
         }
         rest <<= 1;
     }
-    // Never half way between two floats: such a number would have a square with too many bits.
+    // The root is never half way between two floats, because its square would have too many bits.
     root = (root + 1) >> 1;
     bits = root + (static_cast<std::uint32_t>((exponent - odd) / 2 + 126) << 23);
     std::memcpy(&a, &bits, sizeof a);

@@ -1,10 +1,11 @@
-// The filter of the noise that the device's fit has found: relaxations in white noise, and the steady gains
-// of their Kalman filter, a slice at a time. An order is a sum of relaxations with poles that are given.
+// Designs the filter for the noise that the device's fit has found: relaxations in white noise, with the
+// steady gains of their Kalman filter, one slice at a time. A fractional order is approximated by a sum of
+// relaxations with fixed poles.
 //
-// With relaxations only there is no Riccati equation to be solved: the spectrum
-// R + Σ q_i / |1 - a_i e^-iλ|² is a function of s = -|1 - e^-iλ|² whose poles and zeros are real, one zero b
-// beside each pole a, so that S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|² is found by bisection, and the gains
-// are residues of that.
+// With relaxations only, no Riccati equation has to be solved. The spectrum R + Σ q_i / |1 - a_i e^-iλ|² is a
+// function of s = -|1 - e^-iλ|² with real poles and zeros, one zero b next to each pole a. It therefore
+// equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|². The zeros are found by bisection, and the gains are its
+// residues.
 #ifndef FLTEA_STEADY_FILTER_HPP
 #define FLTEA_STEADY_FILTER_HPP
 
@@ -15,28 +16,28 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// x_i <- a_i x_i; e = y - Σ x_i; x_i <- x_i + K_i e.
+// Per sample: x_i <- a_i x_i; e = y - Σ x_i; x_i <- x_i + K_i e.
 struct SteadyFilter {
-    // The first place is that of a relaxation that was found; the others stand for orders.
+    // The first part is the fitted relaxation. The other parts approximate a fractional order.
     enum { kPlaces = 8 };
 
     float fall[kPlaces];      // 1 - a
-    float variance[kPlaces];  // of the part; 0: it is not there
+    float variance[kPlaces];  // of the part; 0: the part does not exist
     float gain[kPlaces];      // K
-    float R, S;               // of the white noise, and of the innovations
+    float R, S;               // variance of the white noise, and of the innovations
     float of_state;           // variance of the state, given all samples and the offset
-    float answer;             // of the innovations to a constant of 1, once all has settled
-    float weight[kPlaces];    // of the mean of a part over the samples ahead, in units of the part now
-    float of_bias;            // variance of the mean of the state over them, given the same
-    float offset_in_bias;     // how much of an error of the offset is in the bias, in answers
+    float answer;             // steady-state response of the innovations to a constant of 1
+    float weight[kPlaces];    // of a part's present value in its mean over the samples ahead
+    float of_bias;            // variance of the mean of the state over these samples, given the same
+    float offset_in_bias;     // share of an error of the offset that enters the bias, in units of `answer`
 };
 
 class FilterDesign {
   public:
     enum { kPlaces = SteadyFilter::kPlaces };
 
-    // Of a fit that has found something. The bias is the mean over `ahead` samples to come; 0: it is that of
-    // now.
+    // Begins the design for a fit that is not white. The bias is the mean over the next `ahead` samples; 0:
+    // the present bias.
     void begin(const FitFigures& figures, int ahead) {
         filter_ = SteadyFilter();
         ahead_ = ahead;
@@ -52,7 +53,7 @@ class FilterDesign {
         }
     }
 
-    // A slice. True when it is done.
+    // Does a slice. Returns true when the design is done.
     bool work() {
         if (step_ < kRows) {
             add_row();
@@ -76,17 +77,18 @@ class FilterDesign {
 
   private:
     enum {
-        kRows = 12,  // frequencies, at which relaxations have to be what an order is
+        kRows = 12,  // frequencies at which the relaxations have to match the order's spectrum
         kSweeps = 12,
         kZeros = kRows + kSweeps,
         kGains = kZeros + kPlaces,
         kWeights = kGains + kPlaces,
         kDone = kWeights + kPlaces,
-        kBisections = 8,  // a slice
+        kBisections = 8,  // per slice
         kSame = 8         // units of the last place
     };
-    static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;  // of the frequencies, in rad a sample
-    // Of white noise's power: what is weaker than that is made up less exactly.
+    // lowest frequency, and ratio of neighbouring frequencies [rad per sample]
+    static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;
+    // Share of the white noise's power. Parts of the spectrum below this are approximated less exactly.
     static constexpr float kMatters = 0.3f;
 
     static float fall_of(int place) {
@@ -95,7 +97,7 @@ class FilterDesign {
         return falls[place];
     }
 
-    // A frequency as the shapes of spectra want it.
+    // A frequency as the shapes of spectra need it.
     struct Frequency {
         explicit Frequency(float lam) : lam_(lam), size_(2.0f * math::sin_pi(lam * 0.1591549431f)) {}
         float ln_size(std::size_t) const { return math::log(size_); }
@@ -119,7 +121,7 @@ class FilterDesign {
         step_ = 0;
     }
 
-    // Least squares for the variances, of relative distances: another frequency.
+    // Adds another frequency to the least squares for the variances, in relative errors.
     void add_row() {
         const Frequency at(lam_);
         lam_ *= kRatio;
@@ -134,7 +136,7 @@ class FilterDesign {
         }
     }
 
-    // None of them is negative.
+    // One sweep of the least squares in which no variance becomes negative.
     void sweep() {
         for (int i = 1; i < kPlaces; ++i) {
             float rest = right_[i];
@@ -146,17 +148,17 @@ class FilterDesign {
     }
 
     bool there(int i) const { return filter_.variance[i] > 0; }
-    // White for the next sample, though it is part of the state.
+    // Whether a part is white for the next sample, although it belongs to the state.
     bool white(int i) const { return filter_.fall[i] == 1.0f; }
     bool coloured(int i) const { return there(i) && !white(i); }
     bool turns(int i) const { return filter_.fall[i] > 1.0f; }
     // |a| and 1 - |a|.
     float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
     float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
-    // Where the pole of a part is: |s| of it, or beyond -4.
+    // Position of a part's pole: |s|, or the distance beyond -4.
     float pole(int i) const { return short_of_one(i) * short_of_one(i) / size(i); }
 
-    // The zero beside a pole: by how much it is farther from 0.
+    // Finds the zero next to a pole, as its additional distance from 0.
     bool find_zero(int i) {
         if (!coloured(i)) return true;
         if (low_ == high_) begin_zero(i);
@@ -193,7 +195,7 @@ class FilterDesign {
         if (high_ < low_) high_ = low_ + 1;
     }
 
-    // The spectrum so far beyond the pole.
+    // The spectrum at distance d beyond the pole.
     float beyond(int i, float d) const {
         float sum = measured_;
         for (int j = 0; j < kPlaces; ++j) {
@@ -204,7 +206,7 @@ class FilterDesign {
         return sum;
     }
 
-    // The residue of Π(1 - b z) / Π(1 - a z) at a pole, over a.
+    // The residue of Π(1 - b z) / Π(1 - a z) at a pole, divided by a.
     void find_gain(int i) {
         if (!coloured(i)) return;
         float gain = apart_[i] * zero_[i] / between(size(i), short_of_one(i), i);
@@ -222,12 +224,13 @@ class FilterDesign {
         filter_.gain[i] = gain;
     }
 
-    // 1 - a b_j of a pole and a zero on the same side.
+    // 1 - a b_j for a pole and a zero on the same side.
     float between(float a, float short_of_one, int j) const {
         return short_of_one + a * zero_short_of_one_[j];
     }
 
-    // The mean of a part over the samples ahead: what is known of it by the part now, and what noise adds.
+    // The mean of a part over the samples ahead: the weight of its present value, and the variance that noise
+    // adds.
     void look_ahead(int i) {
         filter_.weight[i] = ahead_ == 0 ? 1.0f : 0.0f;
         if (!there(i) || ahead_ == 0) return;
@@ -243,7 +246,8 @@ class FilterDesign {
     }
 
     void conclude() {
-        // S over the white noise of the measurements is Π a/b; less 1, so that little is not lost.
+        // S over the white noise of the measurements is Π a/b. Computed as the difference from 1, to keep
+        // precision.
         float more = 0, slow = 0, now = 0;
         float measured = filter_.R;
         for (int i = 0; i < kPlaces; ++i) {
@@ -267,7 +271,8 @@ class FilterDesign {
         conclude_bias();
     }
 
-    // The covariance of parts i and j, given all samples, is variance_i [i = j] - S K_i K_j / (1 - a_i a_j).
+    // The covariance of the parts i and j, given all samples, is variance_i [i = j] - S K_i K_j / (1 - a_i
+    // a_j).
     void conclude_bias() {
         filter_.offset_in_bias = 1.0f / filter_.answer;
         for (int i = 0; i < kPlaces; ++i) {
@@ -276,7 +281,7 @@ class FilterDesign {
             float known = 0;
             for (int j = 0; j < kPlaces; ++j) {
                 if (!there(j)) continue;
-                // Of slow parts 1 - a_i a_j is small.
+                // For slow parts, 1 - a_i a_j is small.
                 const float fall = filter_.fall[i] + a * filter_.fall[j];
                 known += filter_.weight[j] * filter_.gain[j] / fall;
             }
@@ -301,7 +306,7 @@ class FilterDesign {
     int step_ = 0, ahead_ = 0;
     Natural<float> shape_;
     float s2_, lam_, gram_[kPlaces][kPlaces], right_[kPlaces];
-    std::uint32_t low_ = 0, high_ = 0;  // the bits of a zero's distance lie between them
+    std::uint32_t low_ = 0, high_ = 0;  // bounds for the bits of a zero's distance
     float measured_, poles_[kPlaces], strength_[kPlaces];
     float apart_[kPlaces], zero_[kPlaces], zero_short_of_one_[kPlaces];
 };

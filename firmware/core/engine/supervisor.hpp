@@ -1,12 +1,11 @@
-// Declares a lane lost or not to be trusted, and says why. The filters know nothing of it. Rules, judged
-// after each sample:
+// Declares a lane lost or unreliable, with the reason. The filters do not depend on the supervisor. It
+// applies these rules after each sample:
 //
-// - runaway: an estimate that is not finite, or an order beyond ±kLostOrder. The lane is invalid with this
-//   sample and begins again with the next: initial values, empty memory. Only without a guard can this
-//   happen.
-// - bound: the guard had to hold the state in more than kBoundMost of the last kBoundSamples samples. Then R
-//   does not fit the data (the sensor moves, an offset was left, R was given wrong). The lane is invalid for
-//   as long as that lasts, and begins again when they are half of that or less.
+// - runaway: an estimate is not finite, or an order is beyond ±kLostOrder. The lane is invalid at this sample
+// and restarts at the next, with initial values and empty memory. This only happens without a guard.
+// - bound: the guard had to limit the state in more than kBoundMost of the last kBoundSamples samples. Then R
+// does not fit the data (the sensor moves, an offset remains, or R is wrong). The lane is invalid while that
+// lasts, and restarts when the number has fallen to half of kBoundMost.
 #pragma once
 
 #include <stddef.h>
@@ -18,8 +17,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A diverged run can stay finite for ever, at orders of 10 to 60 with f up to 1e139. Noise has an order
-// between 0 and 2, and no run that stayed of use was seen beyond 3.5.
+// A diverged filter can stay finite forever, at orders of 10 to 60 with f up to 1e139. The order of noise is
+// between 0 and 2, and no useful estimate was seen beyond 3.5.
 constexpr int kLostOrder = 5;
 
 constexpr int kBoundSamples = 200;
@@ -28,7 +27,7 @@ constexpr int kBoundMost = kBoundSamples / 4;
 // Why a lane has just become invalid.
 enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
 
-// Overloads, not a template, for which clang-tidy would take the difference for a slip.
+// Overloads instead of a template, for which clang-tidy would report the difference as a mistake.
 inline bool finite(float a) { return a - a == 0; }
 inline bool finite(double a) { return a - a == 0; }
 
@@ -38,11 +37,11 @@ class Supervisor {
   public:
     struct Verdict {
         bool valid;    // the estimate may be published
-        bool restart;  // the lane has to begin again with the next sample, and its supervisor with it
+        bool restart;  // the lane and its supervisor have to restart at the next sample
         Loss news;
     };
 
-    // After each sample. held: the guard held the state in it.
+    // Call this after each sample. `held`: the guard limited the state at this sample.
     Verdict judge(T alpha, T f, T state, bool held) {
         if (!(alpha <= kLostOrder && alpha >= -kLostOrder) || !finite(f) || !finite(state)) {
             return Verdict{false, true, Loss::runaway};
@@ -59,11 +58,11 @@ class Supervisor {
         return Verdict{false, !distrusted_, news};
     }
 
-    // No sample of the last ones was held: a good one then changes nothing but the place in a ring of zeros,
-    // so judge() need not be called for it.
+    // Whether no recent sample was limited. A valid sample then changes only the index in a ring of zeros, so
+    // judge() need not be called for it.
     bool calm() const { return count_ == 0; }
 
-    // Whether this can have come of judge(), for one whose bytes were kept somewhere.
+    // Whether a restored supervisor has a state that judge() can produce.
     bool plausible() const {
         int held = 0;
         for (uint8_t eight : held_) {

@@ -1,5 +1,5 @@
-// What the device tracks of one axis by the noise that its own fit has found: the coloured part of a sample,
-// its state, and the bias, which is the offset and the mean of the state over the samples to come.
+// Tracks one axis with the noise model that the device's own fit has found: the coloured part of a sample
+// (the state), and the bias, which is the offset plus the mean of the state over the samples to come.
 #ifndef FLTEA_TRACKED_STATE_HPP
 #define FLTEA_TRACKED_STATE_HPP
 
@@ -11,12 +11,12 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// So many samples that were predicted only, and the samples since.
+// Number of samples that were only predicted, and number of samples since then.
 struct Unlearned {
     std::uint32_t samples, ago;
 };
 
-// In counts.
+// All values are in counts.
 class TrackedState {
   public:
     struct Figures {
@@ -25,10 +25,10 @@ class TrackedState {
 
     TrackedState() : filter_(), known_(false), there_(0), base_(0), offset_(0), offset_n_(0), learned_() {}
 
-    // A filter is there.
+    // Whether there is a filter.
     bool known() const { return known_; }
 
-    // From the next sample on the noise is this. The offset is the mean of all samples, and is known again.
+    // Sets the filter, from the next sample on. The offset is the mean of all samples, and is computed again.
     void set(const SteadyFilter& filter) {
         filter_ = filter;
         there_ = 0;
@@ -41,7 +41,7 @@ class TrackedState {
         known_ = true;
     }
 
-    // A sample. moving: the sensor is, so that nothing is learned.
+    // Processes a sample. `moving`: the sensor moves, so nothing is learned.
     void next(std::int16_t count, bool moving = false) {
         if (now().n == 0) base_ = count;
         std::int32_t apart = count - base_;
@@ -55,14 +55,14 @@ class TrackedState {
         motion_.add(e);
         if (moving) return;
         if (known_) {
-            // A knock moves neither the state nor the mean.
+            // A knock changes neither the state nor the mean.
             if (e * e > kClip * kClip * filter_.S) {
                 e = e < 0 ? -most() : most();
                 apart = static_cast<std::int32_t>(offset_ + predicted + e);
             }
             for (int k = 0; k < there_; ++k) now().x[places_[k]] += filter_.gain[places_[k]] * e;
         }
-        // In months.
+        // This happens only after months.
         if (now().n == kMost) {
             now().n /= 2;
             now().sum /= 2;
@@ -71,12 +71,12 @@ class TrackedState {
         now().sum += apart;
     }
 
-    // So many samples are lost.
+    // Notes lost samples.
     void skip(std::uint32_t lost) {
         for (int k = 0; k < there_; ++k) now().x[places_[k]] *= power(1.0f - filter_.fall[places_[k]], lost);
     }
 
-    // After each AxisMotion::kChunk samples.
+    // Call this after each AxisMotion::kChunk samples.
     AxisMotion::Verdict judge(const Unlearned& unlearned, bool moving) {
         float grown = 0;
         for (int k = 0; moving && k < there_; ++k) grown += grown_variance(places_[k], unlearned);
@@ -84,35 +84,36 @@ class TrackedState {
         if (moving || found.knock) {
             step_.clear();
         } else if (!known_) {
-            // Without a filter it is where the chunk before was.
+            // Without a filter, the offset follows the previous chunk.
             offset_ += found.mean;
         } else if (there_ == 0) {
-            // A state would follow a step.
+            // Without a state, the offset may step; a state would follow the step.
             float size = 0;
             const std::uint16_t chunks = step_.add(found.mean, math::sqrt(found.variance), size);
             if (chunks != 0) {
                 begin_at(offset_ + size, chunks);
             } else if (now().n - offset_n_ > offset_n_ / 4) {
-                // Soon after a step the mean is known better with each chunk.
+                // Soon after a step, each chunk makes the mean more precise.
                 take_offset();
             }
         }
         return found;
     }
 
-    // What is known now can be gone back to, as long as keep() has been called once more at most.
+    // Keeps the present state. undo() restores the state of the last keep() but one.
     void keep() {
         learned_[kOlder] = learned_[kNewer];
         learned_[kNewer] = learned_[kNow];
     }
-    // What was learned in so many samples, since the last keep() but one, is forgotten: they are predicted.
+    // Forgets what was learned in the last `samples` samples, since the last keep() but one: they are
+    // predicted instead.
     void undo(std::uint32_t samples) {
         learned_[kNow] = learned_[kOlder];
         if (known_) take_offset();
         skip(samples);
     }
 
-    // The bias is where the samples of the newest chunk were.
+    // Sets the bias to the level of the newest chunk.
     void settle() {
         float offset = offset_ + motion_.mean();
         for (float& one : now().x) {
@@ -122,7 +123,7 @@ class TrackedState {
         begin_at(offset, 1);
     }
 
-    // After the newest sample. Once a filter is known.
+    // Results after the newest sample. Only call this once there is a filter.
     Figures figures(const Unlearned& unlearned) const {
         float state = 0, bias = 0, variance = 0, grown = 0, bias_grown = 0;
         for (int i = 0; i < kPlaces; ++i) {
@@ -135,7 +136,8 @@ class TrackedState {
             grown += more;
             bias_grown += weight * weight * more;
         }
-        // An error of the offset, of which the mean of n samples has S / (n answer²), is found in the state.
+        // The offset, a mean of n samples, has the error variance S / (n answer²). Part of such an error
+        // appears in the state.
         const float offset = filter_.S / static_cast<float>(offset_n_ == 0 ? 1 : offset_n_);
         const float in_bias = filter_.offset_in_bias,
                     in_state = 1.0f / filter_.answer - filter_.R / filter_.S;
@@ -149,17 +151,17 @@ class TrackedState {
   private:
     enum { kPlaces = SteadyFilter::kPlaces };
     static constexpr std::uint32_t kMost = 0x7FFFFFFF;
-    // An innovation of more deviations counts as one of so many.
+    // A larger innovation is clipped to this number of deviations.
     static constexpr float kClip = 6;
 
-    // Of all samples at rest: their number, their sum less base_, and the parts of the state.
+    // Over all samples at rest: their number, their sum minus base_, and the parts of the state.
     struct Learned {
         std::int64_t sum;
         std::uint32_t n;
         float x[kPlaces];
     };
 
-    enum { kNow, kNewer, kOlder, kKept };  // what is known, and what was when keep() was called
+    enum { kNow, kNewer, kOlder, kKept };  // the present state, and the states at the last calls of keep()
 
     Learned& now() { return learned_[kNow]; }
     const Learned& now() const { return learned_[kNow]; }
@@ -175,19 +177,19 @@ class TrackedState {
 
     float most() const { return kClip * math::sqrt(filter_.S); }
 
-    // What noise has added to a part while nothing was learned, as far as it is left: the filter forgets by
-    // a(1 - K) or so a sample.
+    // Variance that noise has added to a part while nothing was learned, as far as it remains: the filter
+    // forgets by about a(1 - K) per sample.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *
                power(left * left, unlearned.ago);
     }
 
-    // The offset is the mean of the newest chunks, so many.
+    // The offset is the mean of the newest `chunks` chunks.
     void begin_at(float offset, std::uint16_t chunks) {
         offset_ = offset;
         offset_n_ = now().n = chunks * static_cast<std::uint32_t>(+AxisMotion::kChunk);
-        // In two parts, each of which an int32_t holds.
+        // Summed in two parts, each of which fits into int32_t.
         const std::int32_t whole = static_cast<std::int32_t>(offset);
         const float rest = offset - static_cast<float>(whole);
         now().sum = static_cast<std::int64_t>(whole) * offset_n_ +
@@ -196,7 +198,8 @@ class TrackedState {
         step_.clear();
     }
 
-    // The offset is the mean of all samples; the state as if all had been filtered with it.
+    // Sets the offset to the mean of all samples, and the state as if all samples had been filtered with that
+    // offset.
     void take_offset() {
         const float before = offset_;
         offset_ = now().n == 0 ? 0.0f : static_cast<float>(now().sum) / static_cast<float>(now().n);
@@ -210,7 +213,7 @@ class TrackedState {
         }
     }
 
-    // What the filter before knew of parts that are there no more, its others have.
+    // Moves the states of parts that no longer exist to the other parts.
     void hand_over(Learned& learned) const {
         float left = 0, variance = 0;
         for (int i = 0; i < kPlaces; ++i) {
@@ -229,7 +232,7 @@ class TrackedState {
 
     SteadyFilter filter_;
     bool known_;
-    unsigned char there_, places_[kPlaces];  // what has a gain: so many
+    unsigned char there_, places_[kPlaces];  // number and indexes of the parts that have a gain
     std::int32_t base_;
     float offset_;
     std::uint32_t offset_n_;

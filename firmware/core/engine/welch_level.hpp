@@ -1,4 +1,4 @@
-// One octave of the running spectrum: Welch's sums over a stream, and the stream of half its rate.
+// One octave of the running spectrum: Welch sums over a stream, and the stream at half its rate.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Sums of |FFT|^2 over blocks that overlap by half, over the lines kLowest ... kLowest + kLines - 1 of 128.
+// Sums of |FFT|^2 over blocks that overlap by half, for the spectral lines kLowest ... kLowest + kLines - 1
+// of 128.
 template <typename Kind, int kLines>
 class WelchLevel {
     typedef typename Kind::Value Value;
@@ -25,13 +26,13 @@ class WelchLevel {
     typedef typename Kind::template Cells<kLines> Cells;
     enum { kLowest = 45, kBlock = Fft::kBlock, kHop = kBlock / 2, kMostAtOnce = 128 };
 
-    // step: samples of the whole between two of this level.
+    // `step`: number of samples of the stream per value of this level.
     explicit WelchLevel(Memory memory = Memory(), std::uint64_t step = 1)
         : x_(), cells_(memory, step * kHop) {
         cut();
     }
 
-    // The stream has a break here.
+    // Notes a break of the stream.
     void cut() {
         fill_ = 0;
         made_up_ = -1;
@@ -39,9 +40,9 @@ class WelchLevel {
         base_ = typename Kind::Base();
     }
 
-    // Takes up to kMostAtOnce values; `first` is the sample number of the first one, `made_up` the place of
-    // the last one that was not measured, or -1. Writes the values of the next level, and the first one's
-    // sample number; returns how many there are.
+    // Adds up to kMostAtOnce values. `first`: sample number of the first value; `made_up`: index of the last
+    // value that was not measured, or -1. Writes the values of the next level to `out` and the sample number
+    // of the first of them to `first_out`. Returns their number.
     int push(const Value* in, int n, std::uint64_t first, int made_up, int level, Memory memory, Value* out,
              std::uint64_t* first_out) {
         const std::uint64_t step = std::uint64_t(1) << level;
@@ -65,14 +66,14 @@ class WelchLevel {
         return outputs;
     }
 
-    // Before the first value; as in the constructor.
+    // Call this before the first value; the arguments are those of the constructor.
     void begin(Memory memory, std::uint64_t step) { cells_ = Cells(memory, step * kHop); }
 
     Sums& sums() { return sums_; }
     const Sums& sums() const { return sums_; }
     const Cells& cells() const { return cells_; }
 
-    // Of a later stretch. Both have come to the same generation as far as their own clocks go.
+    // Merges a later stretch. Both have to be aged to the same generation.
     void merge(const WelchLevel& other, std::uint64_t shift) {
         sums_.merge(other.sums_);
         cells_.merge(other.cells_, shift);
@@ -90,7 +91,7 @@ class WelchLevel {
     }
 
   private:
-    // Not inlined, or its room would be on the stack while the filter's is, too.
+    // Not inlined: otherwise its local memory would be on the stack at the same time as the filter's.
     __attribute__((noinline)) void end_block(std::uint64_t step, Memory memory) {
         if (made_up_ < 0) {
             typename Fft::Work work;
@@ -107,8 +108,8 @@ class WelchLevel {
 
     Stored x_[kBlock];
     typename Kind::Base base_;
-    int fill_, made_up_;   // values of x_; the place of the last one that was not measured, or -1
-    std::uint64_t begin_;  // sample number of the first one
+    int fill_, made_up_;   // number of values in x_; index of the last one that was not measured, or -1
+    std::uint64_t begin_;  // sample number of the first value
     Sums sums_;
     Cells cells_;
 };

@@ -1,6 +1,6 @@
-// Coordinates of the spectra that are fitted (host/native/sentence_kernel.hpp has the same): shares and poles
-// are logits, variances logarithms, so that only the order has bounds that matter. One number of the
-// fractional model may be held; the others move then so that it keeps its value.
+// The free parameters of the fitted spectra (the same as in host/native/sentence_kernel.hpp). Shares and
+// poles are represented by logits, variances by logarithms, so that only the order has bounds that matter.
+// One number of the fractional model may be held fixed; the others then vary so that it keeps its value.
 #ifndef FLTEA_WHITTLE_MODELS_HPP
 #define FLTEA_WHITTLE_MODELS_HPP
 
@@ -10,7 +10,7 @@
 namespace fltea {
 namespace whittle {
 
-// What is held of the fractional model. F = g + α; f = h^-α g.
+// The number of the fractional model that is held. F = g + α; f = h^-α g.
 enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
 
 template <class R>
@@ -18,19 +18,19 @@ struct Model {
     Family family;
     R highest_order;  // of the fractional model
     Hold hold;
-    R held;       // its value
-    R log_h;      // with kHoldParameter
-    R log_power;  // about that of the data, with a variance held
+    R held;       // the held value
+    R log_h;      // only for kHoldParameter
+    R log_power;  // log of the approximate power of the data; used if a variance is held
 };
 
-const double kSmallest = 1e-7;  // shares are at least so far from 0 and 1
-const double kTop = 16.0;       // where their coordinates end
+const double kSmallest = 1e-7;  // smallest distance of a share from 0 and 1
+const double kTop = 16.0;       // largest magnitude of their parameters
 const double kBelowHighest = 1e-6;
-// Of a low-pass, log c: from a millionth of the sample rate to three times half of it, where only its skirt
-// is seen.
+// Limits of log c of a low-pass: from a millionth of the sample rate to three times the Nyquist frequency,
+// where only the low-pass's skirt is visible.
 const double kLowestCorner = -24.0, kHighestCorner = 4.5;
 const double kMostPolesOfFilter = 24.0;
-// Of ARFIMA's d: what is neither white noise nor a random walk.
+// Limits of ARFIMA's d. They exclude white noise and the random walk.
 const double kLeastDifference = 0.15, kMostDifference = 0.85;
 
 template <class R>
@@ -59,14 +59,15 @@ int free_of(const Model<R>& model) {
     }
 }
 
-// Whether the scale of the spectrum is free, and found in closed form.
+// Whether the scale of the spectrum is free. It is then found in closed form.
 template <class R>
 bool scaled(const Model<R>& model) {
     return model.hold != kHoldState && model.hold != kHoldNoise;
 }
 
-// Of orders that allow F: all above F, and if F is low, those above where α - 2^α is F. (Of an F between -1
-// and -0.914 some near 0 too; those are white noise or AR(1), and so are those with α near 1 and the same F.)
+// Lowest order that allows F: all orders above F are allowed, and for a low F those above the order at which
+// α - 2^α is F. (For an F between -1 and -0.914, some orders near 0 are allowed, too. They are white noise or
+// AR(1), and so are those with α near 1 and the same F.)
 template <class R>
 R lowest_order(R F) {
     if (F > R(-0.9139)) return math::fmax(F, R(0));
@@ -78,27 +79,27 @@ R lowest_order(R F) {
     return high + R(kBelowHighest);
 }
 
-// Whether the first coordinate is α: it is not if α is held, nor if F is, with which it is log -g: g may be
-// many times smaller than F.
+// Whether the first parameter is α. It is not if α is held. If F is held, it is log -g, because g may be much
+// smaller than F.
 template <class R>
 bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
 }
 
-// Where the tails of a coordinate begin, on both sides.
+// Where the tails of a parameter begin, on both sides.
 template <class R>
 R centre(const Model<R>& model, int i) {
     return i == 2 && !scaled(model) ? model.log_power : 0;
 }
 
-// Ends of the coordinates.
+// Bounds of the free parameters.
 template <class R>
 void bounds(const Model<R>& model, R* low, R* high) {
     for (int i = 0; i < Room<R>::kFree; ++i) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
-    // Of more than two all are relaxations: φ >= 0.
+    // With more than two poles, all are relaxations: φ >= 0.
     if (!low_pass(model.family) && poles(model.family) > 2)
         for (int i = 0; i < poles(model.family); ++i) low[i] = 0;
     if (low_pass(model.family)) {
@@ -112,7 +113,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
-    if (model.hold == kHoldWeight) {  // of log -g
+    if (model.hold == kHoldWeight) {  // bounds of log -g
         low[0] = math::log(math::fmax(lowest_order(model.held) - model.held, R(kSmallest)));
         high[0] = math::log(high[0] - model.held);
         return;
@@ -124,8 +125,8 @@ void bounds(const Model<R>& model, R* low, R* high) {
     low[0] = math::fmin(low[0], high[0]);
 }
 
-// The numbers of a spectrum, of scale 1 if the scale is free, and their slopes by the coordinates: rows are
-// shapes, logarithms of the variances, logarithm of R.
+// The numbers of a spectrum (of scale 1 if the scale is free), and their derivatives by the free parameters.
+// Rows: shapes, logarithms of the variances, logarithm of R.
 template <class R>
 struct Mapped {
     Natural<R> natural;
@@ -139,7 +140,7 @@ void map_pole(R coordinate, R& pole, R& slope) {
     slope = 2 * share.slope;
 }
 
-// One part and white noise of the scale 1: the last coordinate is the logit of the part's share.
+// One part and white noise, with the scale 1: the last parameter is the logit of the part's share.
 template <class R>
 void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     const Share<R> share(coordinate);
@@ -165,7 +166,7 @@ void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     out.natural.white = rest;
 }
 
-// False if there is no such spectrum.
+// Returns false if there is no such spectrum.
 template <class R>
 bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     R& alpha = out.natural.shape[0];
@@ -173,7 +174,7 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     const bool order_held = model.hold == kHoldOrder;
     alpha = order_held ? model.held : theta[0];
     if (!order_held) out.chain[0][0] = 1;
-    int next = 1;  // the coordinate that comes now
+    int next = 1;  // index of the next parameter
     switch (model.hold) {
         case kHoldFeedback:
             g = model.held;
@@ -200,7 +201,7 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     }
     const R most = math::exp2(alpha);
     if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
-    // 0 stands for any smaller than the record can tell from it.
+    // A g too small to be distinguished in the record is set to the smallest value.
     g = math::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
         map_weight(theta[next], 2, next, out);
@@ -270,7 +271,7 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
     return false;
 }
 
-// Coordinates from outside: the order folded into its range, the others within their ends.
+// Makes parameters from outside valid: folds the order into its range, and limits the others to their bounds.
 template <class R>
 void canonical(const Model<R>& model, R* theta) {
     R low[Room<R>::kFree], high[Room<R>::kFree];

@@ -1,32 +1,32 @@
-// What a spectrum that is fitted is made of, and the sums over its bins that a Whittle fit needs: plain data.
+// The numbers of a fitted spectrum, and the sums over its bins that a Whittle fit needs, as plain data.
 #ifndef FLTEA_WHITTLE_NUMBERS_HPP
 #define FLTEA_WHITTLE_NUMBERS_HPP
 
 namespace fltea {
 namespace whittle {
 
-// A spectrum is made of parts, each with a variance, and of white noise of variance R. Parts are of unit
-// innovations, but a low-pass has the gain 1 at frequency 0.
+// A spectrum consists of parts, each with a variance, and of white noise of variance R. The parts have unit
+// innovations, except a low-pass, which has the gain 1 at frequency 0.
 enum Family : int {
     kWhite,
     kFractional,
-    kAr1,  // sums of one to six AR(1), but for kAr2
+    kAr1,  // sums of one to six AR(1), except kAr2
     kAr2,
     kTwoAr1,
     kThreeAr1,
     kFourAr1,
     kFiveAr1,
     kSixAr1,
-    kLowPass,  // white noise through a low-pass, and none to two AR(1)
+    kLowPass,  // low-pass filtered white noise, and up to two AR(1)
     kLowPassAr1,
     kLowPassTwoAr1,
-    kArfima,  // AR(1) of which a difference of a fractional order, not of white noise, is the cause
-    kRising,  // |1 - e^{-iλ}|^2δ: differences of a fractional order
+    kArfima,  // AR(1) driven by fractionally differenced noise instead of white noise
+    kRising,  // |1 - e^{-iλ}|^2δ: fractional differences
     kFamilies
 };
 
-// How much room there is, by the type of the numbers: shapes (numbers that give the parts their shapes: α and
-// g, or the poles), parts besides white noise, coordinates.
+// Array sizes for each number type: shapes (the numbers that determine the shapes of the parts: α and g, or
+// the poles), parts in addition to white noise, and free parameters.
 template <class R>
 struct Room {
     enum { kShapes = 6, kParts = 6, kFree = 12 };
@@ -39,14 +39,15 @@ struct Room<float> {
     enum { kShapes = 2, kParts = 1, kFree = 3 };
     static constexpr float impossible() { return 1e30f; }
 };
-// All numbers of a spectrum.
+// Largest number of all numbers of a spectrum.
 template <class R>
 struct Most {
     enum { kNumbers = Room<R>::kShapes + Room<R>::kParts + 1 };
 };
 
-// Numbers of a spectrum: fractional α, g; ARFIMA d, φ; AR(2) φ1, φ2; sums of AR(1) their φ; a low-pass log c
-// and n of 1 / (1 + (λ²/c)^n), then the φ; rising δ. Then the variances of the parts, and R.
+// Numbers of a spectrum. Shapes: α, g of the fractional model; d, φ of ARFIMA; φ1, φ2 of AR(2); the φ of sums
+// of AR(1); log c and n of a low-pass 1 / (1 + (λ²/c)^n), followed by the φ; δ of kRising. Then the variances
+// of the parts, and R.
 template <class R>
 struct Natural {
     R shape[Room<R>::kShapes];
@@ -54,8 +55,8 @@ struct Natural {
     R white;
 };
 
-// With r = I/S and the slopes D of log S by the shapes, the logarithms of the variances and that of R, in
-// this order, (shapes + parts + 1) of them:
+// Sums over the bins. r = I/S, and D are the (shapes + parts + 1) derivatives of log S by the shapes, by the
+// logarithms of the variances, and by that of R, in this order:
 template <class R>
 struct Sums {
     enum { kMost = Most<R>::kNumbers };
@@ -64,11 +65,11 @@ struct Sums {
     R ratio;                 // Σ c r
     R slope[kMost];          // Σ c D
     R weighted[kMost];       // Σ c r D
-    R square[kMost][kMost];  // Σ c D Dᵀ, of which the lower triangle is filled
+    R square[kMost][kMost];  // Σ c D Dᵀ; only the lower triangle is filled
 };
 
 inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
-// AR(1) in it.
+// Number of AR(1) in a family.
 inline int poles(Family family) {
     switch (family) {
         case kAr1:

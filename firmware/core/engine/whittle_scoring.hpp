@@ -1,8 +1,9 @@
-// Fisher scoring with Levenberg's damping: the curvature of -log L is replaced by its expectation, which is
-// never negative, and which the slopes give without second derivatives.
+// Fisher scoring with Levenberg's damping. The curvature of -log L is replaced by its expectation, which is
+// never negative, and which needs no second derivatives.
 //
-// Where the scale is free it is taken out: at the best one -log L = Σ c log S + m log(Σ c I/S / m) + m, with
-// m ordinates, and of the information what belongs to the scale, whose slope is 1 in every bin, is left out.
+// If the scale is free, it is eliminated: at the best scale -log L = Σ c log S + m log(Σ c I/S / m) + m, with
+// m ordinates, and the scale's part is removed from the information. The derivative by the scale is 1 in
+// every bin.
 #ifndef FLTEA_WHITTLE_SCORING_HPP
 #define FLTEA_WHITTLE_SCORING_HPP
 
@@ -24,8 +25,8 @@ struct Point {
 
 const double kLeastCurvature = 1e-30;
 
-// -log L at point.theta, and its slopes, of the sums over the bins there. Target has `ordinates`, sums() and
-// nll().
+// Computes -log L at point.theta and its derivatives, from the sums over the bins. Target has `ordinates`,
+// sums() and nll().
 template <class Target, class R>
 void conclude(const Target& target, const Model<R>& model, const Mapped<R>& at, Sums<R>& sums,
               Point<R>& point) {
@@ -58,7 +59,7 @@ void conclude(const Target& target, const Model<R>& model, const Mapped<R>& at, 
     point.nll = nll;
 }
 
-// The same from the coordinates on; impossible() where there is no such spectrum.
+// Does the same, starting from the free parameters; impossible() where there is no such spectrum.
 template <class Target, class R>
 void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     Mapped<R> at;
@@ -69,8 +70,8 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     conclude(target, model, at, sums, point);
 }
 
-// Solves (A + damping diag A) x = -b for the coordinates that are not given; A is not negative but for
-// rounding, and where that is all there is of a coordinate, a step in it has no end.
+// Solves (A + damping diag A) x = -b for the parameters that are not `given`. A is not negative except by
+// rounding. If a parameter's element of A is only rounding, its step is unlimited.
 template <class R>
 void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
     R L[Room<R>::kFree][Room<R>::kFree];
@@ -98,9 +99,10 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
     }
 }
 
-// How far a coordinate may move up or down at once. Far steps leave what the slopes know about: the order
-// moves by 0.3, the others by 1, or by half of what they are already in their tails. There a coordinate is
-// the logarithm of a small number, and back to larger ones it may move as that number does (`applied`).
+// How far a parameter may move up or down in one step. The derivatives are not valid for long steps. The
+// order moves by up to 0.3; the others by up to 1, or in their tails by half of what they are. In its tail, a
+// parameter is the logarithm of a small number; back towards larger numbers, it may move as that number does
+// (`applied`).
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
@@ -118,8 +120,8 @@ R applied(const Model<R>& model, int i, R theta, R step) {
     return step > 0 ? math::log1p(step) : -math::log1p(-step);
 }
 
-// A step within what the coordinates may move: the decrease of -log L that it promises, and whether it is
-// what the slopes asked for.
+// A step within these limits: the decrease of -log L that it promises, and whether it is the full step of the
+// scoring.
 template <class R>
 struct Promise {
     R decrease;
@@ -167,9 +169,9 @@ Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, 
 // When to stop.
 template <class R>
 struct Patience {
-    int steps;    // evaluations at most
+    int steps;    // largest number of evaluations
     R tolerance;  // of -log L: a step that promises less is not taken
-    R inside;     // -log L below which nothing more is wanted
+    R inside;     // -log L that is small enough to stop
     R outside;    // -log L above which the search is given up, where whole steps promise far less than is
                   // missing
 };
@@ -179,8 +181,8 @@ Patience<R> patience(int steps) {
     return Patience<R>{steps, R(1e-6), -Room<R>::impossible(), Room<R>::impossible()};
 }
 
-// The way of a point to the minimum, step by step: whoever has proposed a point evaluates it, and has it
-// judged.
+// The search for the minimum, step by step: propose() returns a point, the caller evaluates it, and judge()
+// takes the result.
 template <class R>
 class Search {
   public:
@@ -188,10 +190,10 @@ class Search {
         bounds(model, low_, high_);
     }
 
-    // Evaluations that it took.
+    // Number of evaluations so far.
     int used() const { return used_; }
 
-    // The coordinates of the point to look at next; false at the end.
+    // Computes the parameters of the next point to evaluate; false at the end.
     bool propose(const Model<R>& model, const Patience<R>& until, const Point<R>& at, Point<R>& next) {
         if (over_ || !(used_ < until.steps && at.nll > until.inside && at.nll < Room<R>::impossible())) {
             return false;
@@ -227,7 +229,7 @@ class Search {
     bool over_;
 };
 
-// Moves a point that has been evaluated towards the minimum; returns the evaluations it took.
+// Moves an evaluated point to the minimum. Returns the number of evaluations.
 template <class Target, class R>
 int score(const Target& target, const Model<R>& model, const Patience<R>& until, Point<R>& at) {
     Search<R> search(model);

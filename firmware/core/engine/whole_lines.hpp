@@ -1,4 +1,4 @@
-// Ordinates of a stretch that is kept whole, one at a time, in integers: the device's.
+// The device's spectral ordinates of a stretch whose samples are kept, one at a time, in integers.
 #ifndef FLTEA_WHOLE_LINES_HPP
 #define FLTEA_WHOLE_LINES_HPP
 
@@ -18,8 +18,8 @@ class WholeLines {
 
     int size() const { return n_; }
 
-    // Takes a stretch, less its mean, or, if `slow`, less a cubic: drift that ends elsewhere than it began
-    // leaks into all frequencies.
+    // Takes a stretch minus its mean or, if `slow`, minus a cubic. A drift that ends at another level than it
+    // began leaks into all frequencies.
     void take(const std::int32_t* x, int n, bool slow) {
         n_ = n;
         std::int64_t sum = 0;
@@ -34,7 +34,7 @@ class WholeLines {
         lift_ = __builtin_clz(static_cast<unsigned>(largest)) - (32 - kBits);
         for (int i = 0; i < n; ++i) y_[i] = lift_ >= 0 ? y_[i] * (1 << lift_) : y_[i] >> -lift_;
         if (slow) take_cubic_off();
-        // Sums and differences of the two samples that are as far from the middle, from the middle on.
+        // Sums and differences of the two samples at equal distances from the middle, starting at the middle.
         for (int i = 0; i < n / 2; ++i) {
             const std::int32_t early = y_[i], late = y_[n - 1 - i];
             y_[i] = late + early;
@@ -44,7 +44,7 @@ class WholeLines {
 
     // |sum of x e^{-iλt}|² / n of the ordinate λ = 2π j / n, in the squared unit of x; 0 < 2j < n.
     float power(int j) const {
-        // The turn from sample to sample, as an angle over π in 2^-28, and cosines and sines in 2^-30.
+        // The angle per sample, divided by π, in 2^-28; cosines and sines in 2^-30.
         const std::int32_t angle =
             static_cast<std::int32_t>((static_cast<std::int64_t>(2 * j) * (1 << 28) + n_ / 2) / n_);
         const std::int32_t c = cosine(angle), s = fixed::sin_pi(angle);
@@ -77,9 +77,10 @@ class WholeLines {
         return static_cast<std::int64_t>(whole) * (INT64_C(1) << kFine) +
                static_cast<std::int32_t>(rest * static_cast<float>(1 << kFine));
     }
-    enum { kFine = 30 };  // differences of the cubic are in 2^-30: over 512 samples they make up 0.01
+    // differences of the cubic are in 2^-30: over 512 samples their rounding adds up to 0.01
+    enum { kFine = 30 };
 
-    // Of y, the best cubic in the places t = 2i - (n - 1), by polynomials that are orthogonal over them.
+    // Subtracts from y the best cubic in t = 2i - (n - 1), using orthogonal polynomials.
     void take_cubic_off() {
         std::int64_t by_t = 0, by_square = 0, by_cube = 0, sum = 0;
         for (int i = 0; i < n_; ++i) {
@@ -90,16 +91,16 @@ class WholeLines {
             by_square += along * t;
             by_cube += along * (static_cast<std::int64_t>(t) * t);
         }
-        // Mean squares of 1, t, ... over the places: n² - 1 over 3, and so on.
+        // Mean squares of 1, t, ... over the samples: (n² - 1) / 3, and so on.
         const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;
-        const float bend = (3 * nn - 7) / 5;  // of t⁴ over that of t²
+        const float bend = (3 * nn - 7) / 5;  // mean of t⁴ over that of t²
         const float square = 4.0f * (nn - 1) * (nn - 4) / 45;
         const float cube = 4.0f * (nn - 1) * (nn - 4) * (nn - 9) / 175;
         const float mean = fixed::to_float(sum, 0) / n;
         const float a = fixed::to_float(by_t, 0) / (n * level);
         const float b = (fixed::to_float(by_square, 0) / n - level * mean) / square;
         const float c = (fixed::to_float(by_cube, 0) - bend * fixed::to_float(by_t, 0)) / (n * cube);
-        // From the first place on by differences of the polynomial.
+        // Evaluates the polynomial by differences, from the first sample on.
         const float t = 1 - n, linear = a - c * bend;
         std::int64_t value = fine(mean - b * level + t * (linear + t * (b + t * c)));
         std::int64_t first = fine(2 * linear + b * (4 * t + 4) + c * (6 * t * t + 12 * t + 8));

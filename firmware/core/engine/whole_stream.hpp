@@ -1,4 +1,4 @@
-// The last stretches of a stream, sample by sample, as long as they are few.
+// The last stretches of a stream, sample by sample, while they are few.
 #pragma once
 
 #include <cstddef>
@@ -13,12 +13,12 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 // A run of samples without a break.
 struct Stretch {
-    std::uint64_t first;  // sample number of the first
+    std::uint64_t first;  // number of the first sample
     int length;
 };
 
-// Samples of all stretches stand one behind the other. A closed stretch of fewer than kShortest is dropped:
-// nothing is read from it, here or at half the rate.
+// The samples of all stretches are stored one after another. A closed stretch shorter than kShortest is
+// dropped, because nothing can be computed from it, here or at half the rate.
 template <typename Kind>
 class WholeStream {
     typedef typename Kind::Kept Kept;
@@ -31,13 +31,13 @@ class WholeStream {
         kMostMadeUp = Kind::kMostMadeUp
     };
 
-    // Where the stretches and the values that were not measured are.
+    // The positions of the stretches, and of the values that were not measured.
     struct Table {
         Stretch stretch[kMostStretches];
-        int stretches, open;  // open: the last stretch goes on
+        int stretches, open;  // `open`: the last stretch continues
         int place[kMostMadeUp], made_up;
 
-        // The place of the last value in [from, to) that was not measured, less from; or -1.
+        // Index of the last value in [from, to) that was not measured, relative to `from`; or -1.
         int last_made_up(int from, int to) const {
             int last = -1;
             for (int i = 0; i < made_up; ++i) {
@@ -57,7 +57,7 @@ class WholeStream {
 
     void clear() { size_ = table_.stretches = table_.open = table_.made_up = 0; }
 
-    // There is room for them.
+    // Adds values. There has to be room for them.
     template <typename Number>
     void add(const Number* values, int n, std::uint64_t first) {
         if (n == 0) return;
@@ -88,8 +88,8 @@ class WholeStream {
         while (table_.made_up > 0 && table_.place[table_.made_up - 1] >= size_) --table_.made_up;
     }
 
-    // Samples with numbers below `least` go, of which each stands for `step`, and stretches that are too
-    // short then.
+    // Drops samples with numbers below `least`, where each sample counts as `step`, and then the stretches
+    // that are too short.
     void drop_before(std::uint64_t least, std::uint64_t step) {
         int gone = 0, dropped = 0;
         while (dropped < table_.stretches && table_.stretch[dropped].first < least) {
@@ -119,7 +119,7 @@ class WholeStream {
         table_.made_up = kept;
     }
 
-    // All of another one behind this one, both with a break at the end; there is room for it.
+    // Appends all of another stream. Both need to have a break at their end, and there has to be room.
     void append(const WholeStream& other, std::uint64_t shift) {
         for (int i = 0; i < other.table_.made_up; ++i) note_made_up(size_ + other.table_.place[i]);
         const Kept* from = other.x_;
