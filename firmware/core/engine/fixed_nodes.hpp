@@ -9,14 +9,14 @@
 namespace fltea {
 namespace engine {
 
-// In a template, so that the header may be included more than once.
+// A template, so that the header may be included more than once.
 template <class Unused = void>
 struct FixedNodes {
-    static constexpr std::size_t head = 5;    // samples that are weighed exactly
+    static constexpr std::size_t head = 5;    // samples with exact weights
     static constexpr std::size_t count = 20;  // modes, from the fastest to the slowest
-    static const std::int32_t forget[count];  // of each 1 - e^-s, in 2^-31
-    static const std::int32_t weight[count];  // of each K / (1 - e^-s), in 2^-31
-    // (1 / ln 2) of the grid's step, and of the log of the fastest node, in 2^-29.
+    static const std::int32_t forget[count];  // 1 - e^-s of each mode, in 2^-31
+    static const std::int32_t weight[count];  // K / (1 - e^-s) of each mode, in 2^-31
+    // The grid's step and the log of the fastest node, each divided by ln 2, in 2^-29.
     static constexpr std::int32_t step = 662232557;
     static constexpr std::int32_t top = 1324465114;
     // e^-step in 2^-30, and K of the slowest mode in 2^-46.

@@ -5,8 +5,8 @@
 namespace fltea {
 namespace engine {
 
-// Orders that the compressed memory serves; others are taken for the nearest of these. Its variance sum
-// begins at kLowestVarianceOrder.
+// Range of orders that the compressed memory supports. Other orders are replaced by the nearest supported
+// one. For the variance sum, the range begins at kLowestVarianceOrder.
 constexpr double kLowestOrder = -1.95;
 constexpr double kLowestVarianceOrder = -1.3;
 constexpr double kHighestOrder = 4;

@@ -72,10 +72,10 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // Slopes of log S by the variance of the part and by R add up to 1, but each has sums of its own: where
-    // one of them is a small share, float has none of its digits in the difference.
-    // They are less their means of the evaluation before: with the scale free a constant in them changes
-    // nothing, and float has the digits of what is left.
+    // The derivatives of log S by the logarithms of the part's variance and of R add up to 1, but each has
+    // sums of its own: if one of them is a small share, 1 minus the other has no precision in float.
+    // The derivatives are stored relative to their means of the previous evaluation. With a free scale, a
+    // constant in them changes nothing, and float keeps the digits of the rest.
     void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;

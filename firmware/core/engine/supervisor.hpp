@@ -2,10 +2,10 @@
 // applies these rules after each sample:
 //
 // - runaway: an estimate is not finite, or an order is beyond ±kLostOrder. The lane is invalid at this sample
-// and restarts at the next, with initial values and empty memory. This only happens without a guard.
+//   and restarts at the next, with initial values and empty memory. This only happens without a guard.
 // - bound: the guard had to limit the state in more than kBoundMost of the last kBoundSamples samples. Then R
-// does not fit the data (the sensor moves, an offset remains, or R is wrong). The lane is invalid while that
-// lasts, and restarts when the number has fallen to half of kBoundMost.
+//   does not fit the data (the sensor moves, an offset remains, or R is wrong). The lane is invalid while
+//   that lasts, and restarts when the number has fallen to half of kBoundMost.
 #pragma once
 
 #include <stddef.h>

@@ -150,8 +150,8 @@ void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     out.chain[row + 1][column] = -share.value;
 }
 
-// Parts and white noise of the scale 1: each of the last coordinates is the logit of a part's share in what
-// the parts before have left, and white noise has the rest.
+// Several parts and white noise, with the scale 1: each of the last parameters is the logit of a part's share
+// in what the parts before have left; white noise has the rest.
 template <class R>
 void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     R rest = 1;
