@@ -35,9 +35,10 @@ struct TrackerRules : BiasLengths {
     // Largest step of the bias. A larger change is taken for motion.
     double largest_step = std::numeric_limits<double>::infinity();
     // Number of samples that have to lie still at another level until the tracker accepts that level as the
-    // new offset: `still` if the sensor cannot have turned, `patience` if it may turn.
+    // new offset. `still` applies if the level is nearer to 0, the caller reports rest, or `settles` is set;
+    // otherwise the sensor may turn, and `patience` applies.
     std::int64_t still = 1024, patience = 60000;
-    // Whether the tracker accepts another level that lies still as the new offset.
+    // Whether a level farther from 0 counts as a possible offset, too, although it may be a turn.
     bool settles = true;
 };
 
@@ -396,7 +397,7 @@ class AxisTracker {
             one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
     }
 
-    // A step smaller than the noise of one sample cannot be told from noise quickly.
+    // A step smaller than the noise of one sample cannot be distinguished from noise quickly.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }

@@ -13,7 +13,7 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 // Times after which a trouble is reported [ns].
 struct LineTimes {
     std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable
-    std::int64_t tick_ns;     // how long a port may deliver nothing
+    std::int64_t tick_ns;     // silence of a port after which a tick is given
     std::int64_t repeat_ns;   // until the same trouble is reported again
 };
 

@@ -206,7 +206,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // half of 2 kEven
+            if (square > kEven * beside) {  // a gain of kEven / 2
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {

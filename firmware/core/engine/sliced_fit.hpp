@@ -108,8 +108,7 @@ class SlicedFit {
         as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        // If the order was below 1 and is still below 1, the fit of the model before gives the starting
-        // point.
+        // If the order was below 1 and still is, the result of the model with orders up to 1 is reused.
         from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
                        up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {

@@ -29,7 +29,7 @@ struct SteadyFilter {
     float answer;             // steady-state response of the innovations to a constant of 1
     float weight[kPlaces];    // of a part's present value in its mean over the samples ahead
     float of_bias;            // variance of the mean of the state over these samples, given the same
-    float offset_in_bias;     // share of an error of the offset that enters the bias, in units of `answer`
+    float offset_in_bias;     // error of the bias that an offset error of 1 / answer causes
 };
 
 class FilterDesign {
@@ -271,8 +271,7 @@ class FilterDesign {
         conclude_bias();
     }
 
-    // The covariance of the parts i and j, given all samples, is variance_i [i = j] - S K_i K_j / (1 - a_i
-    // a_j).
+    // The covariance of parts i and j, given all samples: variance_i [i = j] - S K_i K_j / (1 - a_i a_j).
     void conclude_bias() {
         filter_.offset_in_bias = 1.0f / filter_.answer;
         for (int i = 0; i < kPlaces; ++i) {

@@ -172,8 +172,8 @@ struct Patience {
     int steps;    // largest number of evaluations
     R tolerance;  // of -log L: a step that promises less is not taken
     R inside;     // -log L that is small enough to stop
-    R outside;    // -log L above which the search is given up, where whole steps promise far less than is
-                  // missing
+    R outside;    // -log L above which the search is given up, if complete steps promise far too little to
+                  // get below it
 };
 
 template <class R>
