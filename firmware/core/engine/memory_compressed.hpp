@@ -19,7 +19,6 @@ inline namespace FLTEA_INSTRUCTION_SET {
 //
 // Below order -1 the weights grow with age and the integrals over the modes diverge. The sums are then their
 // analytic continuation, which the closed form of the slow end gives automatically (slow_end).
-// analytic continuation, which the closed form of the slow end is by itself (slow_end).
 template <class T>
 class CompressedMemory {
     typedef Real<T> R;
