@@ -68,7 +68,7 @@ void bind_port_reader(nb::module_& m) {
         }
     });
     m.def("shift_unix_clock", &fltea::shift_unix_clock, nb::arg("ns"));
-    nb::class_<fltea::WakeUp>(m, "Bell")
+    nb::class_<fltea::WakeUp>(m, "WakeUp")
         .def(nb::init<>())
         .def("fileno", &fltea::WakeUp::number)
         .def("ring", &fltea::WakeUp::ring)

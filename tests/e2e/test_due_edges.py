@@ -119,7 +119,7 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
             came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
             cpu.hang(takes_ps)
 
-    cpu.data_check(address, come)
+    cpu.trap(address, come)
     while end_s - run.board.now_s > 1e-6:
         run.board.run_until(min(end_s, run.board.now_s + 0.002))
     run.board.run_until(end_s + 0.001)
@@ -157,7 +157,7 @@ def test_an_interrupt_may_come_at_any_instruction(
         if not run.board.uart.registers["TCR"] and run.board.uart.field("SR", "TXEMPTY"):
             waiting = bytes(variable(run, symbols["written"])) != bytes(variable(run, symbols["sent"]))
             assert not waiting, f"0x{address:08X}: bytes wait, and the line is idle"
-    run.board.cpu.data_check(None)
+    run.board.cpu.trap(None)
     run.run_until(run.board.now_s + 1.5)
     assert came > 0, "nothing was interrupted"
     assert run.check() is None
@@ -218,9 +218,9 @@ def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
     def set_variables() -> None:
         for name, value in wrap.variables.items():
             variable(run, symbols[name])[:] = value.to_bytes(4, "little")
-        run.board.cpu.data_check(None)
+        run.board.cpu.trap(None)
 
-    run.board.cpu.data_check(symbols["main"].address, set_variables)
+    run.board.cpu.trap(symbols["main"].address, set_variables)
     if wrap.counter:
         run.run_until(0.4)
         left_us = WRAP - int.from_bytes(variable(run, symbols["tick_us"]), "little")

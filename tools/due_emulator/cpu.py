@@ -101,12 +101,12 @@ class Cpu:
         if not self._restart:
             self._hook_watcher()
 
-    def data_check(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
+    def trap(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
         """Call `action` whenever the instruction at `address` is to run next; None: never again.
 
         It may hang the program there (`hang`), set another trap, or write to memory.
         """
-        self._execution.data_check, self._on_trap = address if address is not None else NOWHERE, action
+        self._execution.trap, self._on_trap = address if address is not None else NOWHERE, action
         self._settle_speed()
 
     def _spring(self) -> None:
@@ -121,7 +121,7 @@ class Cpu:
         kind: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
         """
         self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
-        self.data_check(0)  # that the exact processor does all of it
+        self.trap(0)  # that the exact processor does all of it
         self._uc.ctl_flush_tb()
 
     @property
@@ -214,7 +214,7 @@ class Cpu:
         self._uc.ctl_flush_tb()
 
     def _settle_speed(self) -> None:
-        self._execution.may_be_fast = self._on_block is None and self._execution.data_check == NOWHERE
+        self._execution.may_be_fast = self._on_block is None and self._execution.trap == NOWHERE
 
     def _map(self, uc: unicorn.Uc) -> None:
         code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
@@ -367,7 +367,7 @@ class Cpu:
             self.instructions += slice_.done
             slice_.begin_again(now_ps)
             machine.check_interrupted()
-            if pc == slice_.data_check:
+            if pc == slice_.trap:
                 self._spring()
         except KeyboardInterrupt:
             slice_.until_ps = 0
@@ -385,13 +385,13 @@ class Cpu:
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         slice_.next_event_ps = machine.next_event_ps
         waiting = nvic.pending & nvic.enabled
-        data_checks = self._control.traps_division
-        state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked, data_checks)
+        traps = self._control.traps_division
+        state = (waiting, self._restart, self._halted_until_ps, machine.mck_hz, machine.clocked, traps)
         if waiting or state != self._handed_over:
             self._handed_over = state
             slice_.waiting = waiting != 0
             slice_.halted_until_ps = self._halted_until_ps
             machine.quick_reads.clocked = machine.clocked
             is_urgent = waiting != 0 and self._urgent() is not None
-            slice_.traps_division = data_checks
+            slice_.traps_division = traps
             slice_.stops = self._restart or machine.mck_hz != slice_.hz or is_urgent

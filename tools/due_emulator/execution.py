@@ -187,7 +187,7 @@ class Execution(ctypes.Structure):
         places = (ctypes.addressof(self._values) + 4 * i for i in range(MOST_AT_ONCE))
         self._values_at = (ctypes.c_void_p * MOST_AT_ONCE)(*places)
         self.may_be_quick = 1
-        self.data_check = NOWHERE
+        self.trap = NOWHERE
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
         """Run on these processors, both fresh and with the same memory; peripherals: base and size."""
