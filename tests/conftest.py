@@ -1,6 +1,7 @@
-"""What all tests share: hypothesis without chance, and the real recordings where they are at hand.
+"""Shared by all tests: hypothesis without randomness, and the real recordings if they are present.
 
-No test runs with a native module that was built from other sources: its part numbers may mean other parts.
+No test runs with a native module that was built from other sources, since its part numbers may mean other
+parts.
 """
 
 import os
@@ -16,12 +17,15 @@ from hypothesis import HealthCheck, settings
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = ROOT.parent / "shared/recordings"
 
-# Every test may use the stand-ins of tests/rig, `tools` as a package, and the generators within it.
+# Every test may use the helpers of tests/rig, the package `tools`, and the generators within it.
 sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
 
 
 def pytest_configure() -> None:
-    """Refuse a native module of other sources; set-up then builds it, whatever the files' times say."""
+    """Refuse a native module built from other sources.
+
+    Set-up then rebuilds it, whatever the files' times say.
+    """
     wanted = runpy.run_path(str(ROOT / "host/native/source_hash.py"))["source_hash"]()
     if getattr(_native, "SOURCE_HASH", "") != wanted and not os.environ.get("FLTEA_STALE_NATIVE"):
         (Path(sys.prefix) / ".dev").unlink(missing_ok=True)
@@ -31,12 +35,12 @@ def pytest_configure() -> None:
         )
 
 
-# A shell starts what is in its background with SIGINT ignored, and programs that tests start inherit that.
+# A shell starts background jobs with SIGINT ignored, and programs that tests start would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Every run tries the same examples; a slow machine fails nothing, nor does a busy one on which they are drawn
-# slowly. More of them, and others each time, in the hours before a release:
+# Every run tries the same examples. There is no deadline, so a slow or busy machine fails nothing.
+# To try more and other examples, as in the hours before a release:
 # make test ARGS=--hypothesis-profile=thorough
 ANY_PACE = {"database": None, "deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("fixed", derandomize=True, max_examples=50, **ANY_PACE)
@@ -46,7 +50,7 @@ settings.load_profile("fixed")
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:
-    """Folder of the recordings of real sensors, which are not part of the project."""
+    """Return the folder of the recordings of real sensors, which are not part of the project."""
     if not RECORDINGS.is_dir():
         pytest.skip(f"no real recordings: {RECORDINGS} does not exist")
     return RECORDINGS

@@ -1,4 +1,6 @@
-"""A device that does what is acted, and all that can happen to it, as the events of a source."""
+"""Simulate a device from a list of acts (samples, gaps, resets, …) and yield the events that its source would
+give.
+"""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -17,7 +19,11 @@ SECOND_NS = 10**9
 
 
 class Act(NamedTuple):
-    """Something happens, then some samples come. amount: how much of it, from 0 to 1. cuts: of the block."""
+    """One incident, followed by samples.
+
+    `amount`: size of the incident, from 0 to 1. `cuts`: sample indices at which the block of samples is
+    split.
+    """
 
     what: str = "goes on"
     amount: float = 0.0
@@ -41,28 +47,31 @@ SAID = (
     "trouble",
     "no accelerometer",
 )
-"""What comes between two blocks."""
+"""Acts that produce an event of their own, which ends the current block of samples."""
 ACTS = (
     *SAID,
     "goes on",
     "gap",
-    "longest gap",  # that an epoch survives with `walk_support.SMALL`, or one more
-    "odd gap",  # in which the device's clock runs off, up to more than is believed
-    "long gap",  # the number wraps once, twice, …
+    # the longest gap that an epoch survives with the settings of `walk_support.SMALL`, or one sample more
+    "longest gap",
+    "odd gap",  # a gap in which the device's clock drifts, up to more than the program accepts
+    "long gap",  # long enough for the sequence number to wrap once or more
     "twice",
-    "reset",  # whose HELLO is lost
-    "jump",  # of device time
-    "late",  # on the host's clock
-    "silence",  # about half an hour
+    "reset",  # a reset whose HELLO is lost
+    "jump",  # device time jumps
+    "late",  # the samples arrive late by the host's clock
+    "silence",  # nothing arrives for about half an hour
     "knock",
-    "step",  # of the bias
-    "turn",  # of the whole sensor, until the next one
-    "still",  # all the time, or hardly ever a count
+    "step",  # the bias steps
+    "turn",  # the whole sensor turns until the next "turn"
+    "still",  # the counts never change, or hardly ever
 )
 
 
 class Birth(NamedTuple):
-    """Number and time of the first sample, a seed of the noise, and whether HELLO comes before it."""
+    """How the device starts: number and time of its first sample, the noise's seed, whether it sends a HELLO
+    first.
+    """
 
     sequence: int
     device_us: int
@@ -71,7 +80,10 @@ class Birth(NamedTuple):
 
 
 class Device:
-    """Events as a source gives them. news: what its HELLO says other than that of `host_support`."""
+    """A simulated device that yields the events of its source.
+
+    `news`: fields in which its HELLO differs from the one of `host_support`.
+    """
 
     def __init__(self, source: Source, birth: Birth, **news: Any) -> None:
         self._source, self._greets, self._rng = source, birth.greets, np.random.default_rng(birth.seed)
@@ -83,10 +95,13 @@ class Device:
         self.hello = hello(**news)
         self._noise, self._accel = 8.0, True
         self._offset, self._turns = [3.0, -40.0, 0.0], 0.0
-        self._pace = 1.0001 if birth.seed % 2 else 0.9999  # of its clock
+        self._pace = 1.0001 if birth.seed % 2 else 0.9999  # true sampling period relative to the nominal one
 
     def does(self, acts: Iterable[Act]) -> Iterator[Event]:
-        """Samples are one block for as long as nothing is said between them, but for the acts' cuts."""
+        """Yield the events of the acts.
+
+        Samples form one block until another event or a cut of an act splits them.
+        """
         if self._greets:
             yield self._says()
         waiting: list[RawSample] = []
@@ -172,7 +187,7 @@ class Device:
                 self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
 
     def _pass(self, samples: int) -> None:
-        """Nothing is heard for so long."""
+        """Let time pass without any sample being sent."""
         period_us = 1e6 / self.hello.rate_hz
         self._sequence += samples
         self._device_us += round(samples * period_us * self._pace)

@@ -1,4 +1,4 @@
-"""Bags of ROS, made by the library `rosbags`."""
+"""Write ROS bags with the library `rosbags`, for tests."""
 
 import contextlib
 import json
@@ -38,7 +38,7 @@ int16[32] x
 int16[32] y
 int16[32] z
 """
-"""The definition of px4_msgs/SensorGyroFifo; that of SensorGyro takes more fields in its middle."""
+"""The definition of px4_msgs/SensorGyroFifo. SensorGyro has additional fields in its middle."""
 
 PX4_GYRO = """uint64 timestamp
 uint64 timestamp_sample
@@ -54,7 +54,11 @@ uint8 samples
 
 
 class Messages(NamedTuple):
-    """Of an Imu topic. arrival_ns: shortly after the stamps if it is not given. frame: or some by turns."""
+    """Messages of an Imu topic.
+
+    `arrival_ns`: arrival times; by default shortly after the stamps. `frame`: one frame id, or several that
+    messages use in turns.
+    """
 
     stamp_ns: Sequence[int]
     gyro_rads: ArrayLike
@@ -62,16 +66,16 @@ class Messages(NamedTuple):
     arrival_ns: Sequence[int] | None = None
     frame: str | Sequence[str] = "imu_link"
     unknown: tuple[str, ...] = ()
-    """"gyro" or "accel": not measured, as its covariance says."""
+    """Sensors, "gyro" or "accel", that are not measured, as their covariance says."""
 
     def rows(self, chosen: Any) -> "Messages":
-        """Some of them, or some of them again."""
+        """Return the chosen messages; an index may repeat."""
         columns = (None if column is None else np.asarray(column)[chosen] for column in self[:4])
         return Messages(*columns, *self[4:])  # type: ignore[arg-type]
 
 
 def even(n: int, rate_hz: float = 200.0, seed: int = 1) -> Messages:
-    """A sensor at rest, stamped evenly."""
+    """Return messages of a sensor at rest with evenly spaced stamps."""
     rng = np.random.default_rng(seed)
     stamps = START_NS + np.round(np.arange(n) * 1e9 / rate_hz).astype(np.int64)
     return Messages(stamps.tolist(), rng.normal(0, 1e-3, (n, 3)), rng.normal([0, 0, 9.81], 1e-2, (n, 3)))
@@ -83,7 +87,7 @@ def types(ros1: bool) -> Any:
 
 
 def serialised(m: Messages, ros1: bool, little_endian: bool = True) -> list[tuple[int, bytes]]:
-    """Arrivals and messages as they are in a bag."""
+    """Return the arrival time and the serialised bytes of each message, as a bag stores them."""
     store = types(ros1)
     known = store.types
     header, time = known["std_msgs/msg/Header"], known["builtin_interfaces/msg/Time"]
@@ -127,7 +131,8 @@ def write_bag(
 ) -> Path:
     """Write a bag: NAME.bag, or a folder NAME.db3 or NAME.mcap as `ros2 bag record` makes it.
 
-    words: topics of text, with a message each. packed: by what, or what is packed.
+    `words`: names of additional topics of text, with one message each. `packed`: the compression, or for ROS
+    2 the unit that is compressed.
     """
     ros1 = path.suffix == ".bag"
     store = types(ros1)
@@ -161,7 +166,7 @@ def write_bag(
 
 
 def write_publishers(path: Path, publishers: dict[str, Messages]) -> Path:
-    """Write the topic /imu of a bag of ROS 1, or of an MCAP file, by several programs."""
+    """Write a bag of ROS 1 or an MCAP file in which several programs publish the topic /imu."""
     known, ros1 = (
         {name: serialised(one, ros1=True) for name, one in publishers.items()},
         path.suffix == ".bag",
@@ -187,7 +192,10 @@ def write_publishers(path: Path, publishers: dict[str, Messages]) -> Path:
 
 
 def write_mcap(path: Path, messages: Messages, *, profile: str = "ros2", **how: Any) -> Path:
-    """Write the topic /imu as the library `mcap` does; how: of its writer."""
+    """Write the topic /imu with the library `mcap`.
+
+    `how`: options of the library's writer.
+    """
     ros1 = profile == "ros1"
     with path.open("wb") as file:
         writer = McapWriter(file, **how)
@@ -209,7 +217,10 @@ def write_objects(
     kind: str = "Imu",
     schema: dict[str, Any] | None = None,
 ) -> Path:
-    """Write the topic /imu as JSON in MCAP. schema: as JSON Schema; None: none at all."""
+    """Write the topic /imu as JSON messages in MCAP.
+
+    `schema`: the JSON Schema; None writes no schema.
+    """
     with path.open("wb") as file:
         writer = McapWriter(file)
         writer.start()
@@ -224,7 +235,10 @@ def write_objects(
 
 
 def write_protobuf(path: Path, gyro: ArrayLike, arrival_ns: Sequence[int], comments: dict[str, str]) -> Path:
-    """Write robot.Imu in MCAP, with its rates as `rate`. comments: on the message (`Imu`) and its fields."""
+    """Write the message robot.Imu in MCAP, with its rates in a field `rate`.
+
+    `comments`: comments in the schema, on the message (`Imu`) and on its fields.
+    """
     field = descriptor_pb2.FieldDescriptorProto
     files = descriptor_pb2.FileDescriptorSet()
     file = files.file.add(name="imu.proto", package="robot", syntax="proto3")
@@ -256,7 +270,10 @@ def write_protobuf(path: Path, gyro: ArrayLike, arrival_ns: Sequence[int], comme
 def write_types(
     path: Path, topics: dict[str, tuple[str, str, Sequence[dict[str, Any]]]], arrival_ns: Sequence[int]
 ) -> Path:
-    """Write a bag of types that ROS does not have. topics: by name type, definition, and messages."""
+    """Write a bag of message types that ROS does not define.
+
+    `topics`: name to type, definition and messages.
+    """
     ros1 = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     rows = {}
@@ -281,7 +298,8 @@ def write_types(
             connection = writer.add_connection(name, kind, typestore=store)
             for arrival, data in zip(arrival_ns, rows[name], strict=True):
                 writer.write(connection, int(arrival), data)
-    for store_file in path.glob("*.db3"):  # rosbags leaves out comments
+    # rosbags drops the comments of the definition, so they are put back
+    for store_file in path.glob("*.db3"):
         with contextlib.closing(sqlite3.connect(store_file)) as database, database:
             for kind, definition, _ in topics.values():
                 database.execute(
@@ -292,7 +310,7 @@ def write_types(
 
 
 def made(store: Any, kind: str, fields: dict[str, Any]) -> Any:
-    """A message, from the values of its fields; those of messages in it are dicts."""
+    """Make a message from the values of its fields; a nested message is given as a dict."""
     types = {name: node[1] for name, node in store.fielddefs[kind][1]}
     values = {}
     for name, value in fields.items():
@@ -301,10 +319,10 @@ def made(store: Any, kind: str, fields: dict[str, Any]) -> Any:
 
 
 def gathered(stored: Any) -> NDArray[np.float64]:
-    """Rates of a recording in rad/s, (n, 3)."""
+    """Return all rates of a recording [rad/s], shape (n, 3)."""
     return np.radians(stored.whole().gyro)
 
 
 def told(stored: Any) -> dict[str, str]:
-    """What a recording's notes say, by their kind."""
+    """Return the text of each note of a recording, by the note's kind."""
     return {note.kind: note.text for note in stored.notes}

@@ -1,4 +1,5 @@
-"""What tests of the bank share: the sample-by-sample oracle in the bank's own columns, and cuts of rows."""
+"""Shared by the tests of the bank: the sample-by-sample oracle with the bank's columns, and ways to cut
+rows."""
 
 import itertools
 import math
@@ -18,15 +19,15 @@ from sample_by_sample import LanesBySample, baseline, whiteness
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
-"""All of the columns."""
+"""Names of all columns that are compared."""
 
 
 class Walked(NamedTuple):
-    """What an estimator made of all rows: columns (n, axes) by name, and its counts at the end."""
+    """What an estimator returned for all rows: columns (n, axes) by name, and its counters at the end."""
 
     columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
     lost: list[Lost]
-    """rows count samples that were there"""
+    """Lost axes; their row numbers count only samples that were present."""
     restarts: dict[str, int]
     interventions: dict[str, dict[str, int]]
     lag1: dict[str, float | None]
@@ -38,13 +39,13 @@ class Walked(NamedTuple):
 
 
 Gaps = dict[int, int]
-"""So many samples are missing before that row."""
+"""Number of missing samples before each row that follows a gap."""
 
 
 def by_sample(
     y: Array, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
 ) -> Walked:
-    """The oracle's way."""
+    """Estimate with the sample-by-sample oracle."""
     (n, width), first = y.shape, config.startup_needed
     axes = AXES[:width]
     bias, R, constant = baseline(y[:first], config, lsb)
@@ -82,7 +83,7 @@ def by_sample(
 
 
 def blocks(n: int, cuts: Sequence[int]) -> list[range]:
-    """All rows in order, cut at `cuts`."""
+    """Split `n` rows, in order, at `cuts`."""
     edges = sorted({0, n, *(cut for cut in cuts if 0 < cut < n)})
     return [range(a, b) for a, b in itertools.pairwise(edges)]
 
@@ -95,7 +96,8 @@ def by_bank(
     cuts: Sequence[int] = (),
     bank: Bank | None = None,
 ) -> Walked:
-    """The bank's way, in blocks that end at the cuts, at the gaps and with the start-up window."""
+    """Estimate with the bank, in blocks that end at the cuts, at the gaps and at the end of the start-up
+    window."""
     axes = AXES[: y.shape[1]]
     bank = bank or Bank(axes, config, H, lsb)
     parts, lost = [], []
@@ -120,7 +122,9 @@ def by_bank(
 
 
 def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str, dict[str, object]]]:
-    """Estimates after each sample behind the start-up window, by axis, as an `estimate` record names them."""
+    """Return the estimates after each sample behind the start-up window, by axis, named as in an `estimate`
+    record.
+    """
     columns = by_bank(y, config, lsb).columns
     names = {"alpha": "alpha", "alpha_std": "alpha_std", "f": "f", "f_std": "f_std"}
     names |= {"state": "x", "innovation": "innovation", "valid": "valid"}
@@ -137,7 +141,7 @@ def fed_directly(y: Array, config: EstimatorConfig, lsb: float) -> list[dict[str
 def assert_published(
     records: Sequence[dict[str, Any]], expected: Sequence[dict[str, dict[str, object]]]
 ) -> None:
-    """Every number of these `estimate` records, to the bit."""
+    """Check that every number of these `estimate` records equals the expected one to the bit."""
     for record, of_axes in zip(records, expected, strict=True):
         assert record["axes"].keys() == of_axes.keys()
         for axis, numbers in of_axes.items():
@@ -152,7 +156,7 @@ def assert_same(found: Walked, expected: Walked) -> None:
 
 
 def assert_close(found: Walked, expected: Walked, tolerance: float = 1e-9) -> None:
-    """To the rounding of the start-up window's mean."""
+    """Check that the results agree up to rounding in the mean of the start-up window."""
     np.testing.assert_allclose(found.bias, expected.bias, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(found.R, expected.R, rtol=1e-12)
     assert found.constant == expected.constant

@@ -1,4 +1,4 @@
-"""Samples and blocks, from one to the other: tests write samples, the program walks in blocks."""
+"""Convert between samples and blocks: tests write single samples, the program processes blocks."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 def of(kind: type[T], found: Iterable[object]) -> list[T]:
-    """Those of one kind among records, events or frames."""
+    """Return the items of one kind among records, events or frames."""
     return [one for one in found if isinstance(one, kind)]
 
 
@@ -27,12 +27,12 @@ def as_block(*samples: RawSample) -> RawBlock:
 
 
 def records_of(items: Iterable[AnyRecord | Block]) -> list[AnyRecord]:
-    """What a sink that prints all makes of what a pipeline gives."""
+    """Return the records in the output of a pipeline, with each block expanded into its records."""
     return [r for item in items for r in (item.records() if isinstance(item, Block) else [item])]
 
 
 def as_items(records: Iterable[AnyRecord | Block]) -> Iterator[AnyRecord | Block]:
-    """The other way: each sample, with the estimates that follow it, as the block that a sink is given."""
+    """Undo `records_of`: make each sample, with the estimate that follows it, a block of one row."""
     waiting: Sample | None = None
     for record in records:
         if waiting is not None:
@@ -88,7 +88,7 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
 
 
 def tracked_columns(unit: str, found: dict[str, AxisEstimate]) -> TrackedColumns:
-    """What one sample's estimates say of biases."""
+    """Return the bias columns of one sample's estimates."""
     axes = found.values()
     return TrackedColumns(
         tuple(found),
@@ -106,7 +106,7 @@ NUMBERS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
 
 
 def ndjson(items: Iterable[AnyRecord | Block]) -> list[bytes]:
-    """The same as lines; a difference shows as one line."""
+    """Encode all records as JSON lines, so that a difference between two outputs shows as one line."""
     return [msgspec.json.encode(record) for record in records_of(items)]
 
 
@@ -115,17 +115,17 @@ def samples_of(events: Iterable[object]) -> list[RawSample]:
 
 
 def in_samples(events: Iterable[object]) -> list[Any]:
-    """The same events, the samples of a block one by one in its place."""
+    """Replace each block among the events by its samples."""
     return [one for event in events for one in (event.samples() if isinstance(event, RawBlock) else [event])]
 
 
 def of_samples(events: Iterable[object]) -> list[Any]:
-    """The other way: each sample a block."""
+    """Replace each sample among the events by a block of one row."""
     return [as_block(event) if isinstance(event, RawSample) else event for event in events]
 
 
 def one_by_one(events: Iterable[object]) -> Iterator[object]:
-    """The same events, each sample a block of its own."""
+    """Split each block among the events into blocks of one row."""
     for event in events:
         if isinstance(event, RawBlock):
             yield from (event.rows(k, k + 1) for k in range(len(event.sequence)))
@@ -134,14 +134,14 @@ def one_by_one(events: Iterable[object]) -> Iterator[object]:
 
 
 def in_blocks(block: RawBlock, cuts: Sequence[int]) -> Iterator[RawBlock]:
-    """The same samples, cut before the rows `cuts`; what lies outside cuts nothing."""
+    """Split a block before the rows `cuts`; cuts outside the block have no effect."""
     n = len(block.sequence)
     places = sorted({0, n, *(cut for cut in cuts if 0 < cut < n)})
     return (block.rows(begin, end) for begin, end in pairwise(places))
 
 
 def cuts(n: int) -> st.SearchStrategy[list[int]]:
-    """Any places to cut n rows, bytes or chunks: none, few, or many."""
+    """Draw positions at which to cut `n` rows, bytes or chunks: none, few, or many."""
     return st.lists(st.integers(0, n), max_size=12) | st.sets(st.integers(0, n)).map(sorted)
 
 
@@ -160,7 +160,10 @@ raw_samples = st.builds(
 
 
 class Placed(NamedTuple):
-    """A sample with its place; missing, new_epoch: what was lost or broke just before it."""
+    """A sample with its number.
+
+    `missing`, `new_epoch`: samples lost just before it, and why it begins an epoch.
+    """
 
     raw: RawSample
     seq: int
@@ -170,7 +173,7 @@ class Placed(NamedTuple):
 
 
 def place_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Placed | None]:
-    """Where each sample of a block stands; None for one that was left out."""
+    """Return the sequence position of each sample of a block; None for a sample that was rejected."""
     numbered = block_of(samples)._replace(temperature=np.arange(float(len(samples))))
     found: list[Placed | None] = [None] * len(samples)
     for piece in of(Decoded, decoder.feed(numbered)):
@@ -183,7 +186,7 @@ def place_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Placed | N
 
 
 def place_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
-    """Where the samples of a source stand: the counts after all of its events, and their pieces."""
+    """Return the counts after all events of a source, and the placed pieces of its blocks."""
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]
     return decoder.counts, found

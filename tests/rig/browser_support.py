@@ -1,4 +1,4 @@
-"""A real browser on the live page: Chromium as Debian ships it."""
+"""A real browser that shows the live page: Chromium as Debian packages it."""
 
 import functools
 import shutil
@@ -36,7 +36,7 @@ def browsers() -> Iterator[Browser]:
 
 
 class Watched:
-    """A page with what it asked for and complained of."""
+    """A page in the browser, with its requests and the errors that the browser reported."""
 
     def __init__(self, browser: Browser, url: str, **context: Any) -> None:
         self.page: Page = browser.new_context(**context).new_page()
@@ -53,14 +53,17 @@ class Watched:
         self.page.goto(url)
 
     def wait(self, condition: str) -> None:
-        """Wait for an expression; the library's own way is a script that the page forbids."""
+        """Wait until a JavaScript expression is true.
+
+        The library's own way injects a script, which the page forbids.
+        """
         wait_until(lambda: self.page.evaluate(condition), condition)
 
     def wait_for_seq(self, least: int) -> None:
         self.wait(f"Number({SEQ}) >= {least}")
 
     def violations(self) -> list[str]:
-        """What axe finds wrong: the rule, and where."""
+        """Return what axe finds wrong: the rule and the element."""
         self.page.evaluate(axe())
         found = self.page.evaluate("axe.run({resultTypes: ['violations']})")["violations"]
         return [
@@ -72,5 +75,5 @@ class Watched:
 
 @functools.cache
 def axe() -> str:
-    """The script of axe-core, which judges how accessible a page is."""
+    """Return the script of axe-core, which checks the accessibility of a page."""
     return resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What tests need compiled is compiled once, though several processes run tests."""
+"""Compile what tests need once, even if several processes run tests."""
 
 import ctypes
 import fcntl
@@ -14,11 +14,14 @@ BUILD = NATIVE.parents[1] / "build"
 DOUBLES, COUNTS, BYTES = (
     np.ctypeslib.ndpointer(kind, flags="C") for kind in (np.float64, np.int16, np.uint8)
 )
-"""Arguments of the probes' functions."""
+"""Argument types that functions of the probes share."""
 
 
 def make(folder: Path, build: Path, *goals: str | Path) -> None:
-    """Run `make BUILD=build goals` in a folder; who comes while another one does waits, and finds it made."""
+    """Run `make BUILD=build goals` in a folder.
+
+    A process that calls this while another one builds waits, and then finds everything built.
+    """
     build.mkdir(parents=True, exist_ok=True)
     with (build / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -28,7 +31,10 @@ def make(folder: Path, build: Path, *goals: str | Path) -> None:
 
 
 def probe(name: str, *functions: tuple[Any, ...]) -> ctypes.CDLL:
-    """Load a library of tests/native, built if out of date. functions: name, type of result, of arguments."""
+    """Load a library of tests/native; build it first if it is out of date.
+
+    `functions`: for each function its name, its result type and its argument types.
+    """
     file = BUILD / "tests-native" / f"{name}.so"
     make(NATIVE, file.parent, file)
     library = ctypes.CDLL(str(file))

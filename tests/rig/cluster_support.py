@@ -1,4 +1,4 @@
-"""What the tests of tables of verdicts share: recordings in no folder's order, and what a table holds."""
+"""Shared by the tests of verdict tables: recordings in several folders, and reading a table's rows."""
 
 import contextlib
 import os
@@ -22,11 +22,13 @@ from pyarrow import parquet
 from toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
-"""Quick."""
+"""Questions without shuffled copies, to be quick."""
 
 
 def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:
-    """`fltea identify`, quickly, in this process, which has loaded everything; its exit code."""
+    """Run `fltea identify` with quick settings in this process, which has loaded all modules; return its exit
+    code.
+    """
     quick = "--shuffles", "0", "--window", "100", "--startup", "100"
     patch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *quick])
     with pytest.raises(SystemExit) as ended:
@@ -36,7 +38,7 @@ def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:
 
 @contextlib.contextmanager
 def web_server(handler: Callable[..., BaseHTTPRequestHandler]) -> Iterator[ThreadingHTTPServer]:
-    """A server on the loopback, as long as it is used."""
+    """Run a web server on the loopback for the length of the block."""
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         server.daemon_threads = True
         thread = threading.Thread(target=server.serve_forever, args=(0.02,))
@@ -62,17 +64,17 @@ def open_table(folder: Path, digest: str = ASK.digest()) -> Iterator[VerdictTabl
 
 
 def rows_in(folder: Path) -> list[dict[str, Any]]:
-    """As pandas and others read it."""
+    """Return the rows of a table, read with pyarrow as other programs would, in order of file and axis."""
     return sorted(parquet.read_table(folder).to_pylist(), key=lambda row: (row["file"], row["axis"] or ""))
 
 
 def values(folder: Path) -> list[dict[str, Any]]:
-    """What does not depend on who was how fast."""
+    """Return the rows without the times that the computation took."""
     return [{**row, "seconds": None} for row in rows_in(folder)]
 
 
 def identified(pattern: str, how: Ask, out: Path, workers: Workers, **options: Any) -> Progress:
-    """All files of a pattern to a table; the workers are closed."""
+    """Identify all files that match a pattern into a table, then close the workers."""
     try:
         with open_table(out, how.digest()) as table:
             return run(files_of([pattern]), how, workers, table, **options)
@@ -82,24 +84,27 @@ def identified(pattern: str, how: Ask, out: Path, workers: Workers, **options: A
 
 @contextlib.contextmanager
 def two_workers() -> Iterator[Any]:
-    """A Dask cluster with two workers, in processes of their own; one that dies stays dead."""
+    """Start a Dask cluster with two worker processes; a worker that dies is not replaced."""
     try:
         from distributed import LocalCluster
     except ModuleNotFoundError:
         missing("distributed is not installed: pip install -e '.[dask]'")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        warnings.simplefilter("ignore")  # Dask warns about its own ports and files
         with LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
         ) as found:
             for nanny in found.workers.values():
-                nanny.close_gracefully()  # says that it shall not start another
+                nanny.close_gracefully()  # the nanny then starts no replacement for a dead worker
             yield found
 
 
 @contextlib.contextmanager
 def s3_server() -> Iterator[Any]:
-    """An S3 server on the loopback with the bucket `lab`; its file system. The environment names it."""
+    """Start an S3 server on the loopback with the bucket `lab`, and yield a file system for it.
+
+    Environment variables make the program use this server.
+    """
     import logging
 
     from fltea.cluster.listing import file_system
@@ -121,7 +126,7 @@ def s3_server() -> Iterator[Any]:
     os.environ.update(known)
     try:
         urlopen(Request(f"{known['AWS_ENDPOINT_URL']}/moto-api/reset", method="POST")).close()
-        S3FileSystem.clear_instance_cache()  # of a server before this one
+        S3FileSystem.clear_instance_cache()  # drop cached connections to an earlier server
         system = file_system("s3")
         system.mkdir("lab")
         yield system

@@ -1,7 +1,7 @@
-"""Run as a program: fltea's command lines, one after the other, in one process whose memory can be looked at.
+"""Run fltea command lines one after the other in one process, to measure its memory.
 
-stdin: a JSON list of command lines. stdout: a JSON object with, of each, the exit code and what it said on
-stderr, and with the largest resident size [MB] before the first and after the last.
+stdin: a JSON list of command lines. stdout: a JSON object with the exit code and the stderr text of each
+command, and with the largest resident size [MB] before the first and after the last command.
 """
 
 import contextlib

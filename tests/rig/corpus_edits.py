@@ -1,4 +1,4 @@
-"""Files of the corpus with one fact taken away or falsified, as text, and the figures that come of one."""
+"""Remove or falsify one fact in a text file of the corpus, and compare the figures that are read from it."""
 
 import io
 import math
@@ -24,7 +24,10 @@ from fltea.records.records import ACCEL_AXES, AXES
 
 
 class Figures(NamedTuple):
-    """What is computed of a reading, and what is shown of it. gravity_ms2: None without an accelerometer."""
+    """The figures computed and shown for one reading.
+
+    `gravity_ms2`: None without an accelerometer.
+    """
 
     rate_hz: float
     noise: np.ndarray
@@ -35,7 +38,7 @@ class Figures(NamedTuple):
     marks: frozenset[str]
 
     def is_like(self, other: "Figures") -> bool:
-        """Whether no figure is another by more than 5 %; a mean may differ by a part of the noise."""
+        """Whether all figures agree within 5 %; a mean may also differ by a fraction of the noise."""
         if self.noise.shape != other.noise.shape or not _near(self.rate_hz, other.rate_hz):
             return False
         return (
@@ -45,7 +48,8 @@ class Figures(NamedTuple):
         )
 
     def has_gravity_of(self, other: "Figures") -> bool:
-        """Whether the accelerometer is as long, or is said not to be read, or is marked as wrong."""
+        """Whether the specific force has the same length, or is reported as not read, or is marked as
+        wrong."""
         if None not in (self.gravity_ms2, other.gravity_ms2):
             return (
                 _near(float(self.gravity_ms2 or 0), float(other.gravity_ms2 or 0)) or "gravity" in self.marks
@@ -53,7 +57,7 @@ class Figures(NamedTuple):
         return self.gravity_ms2 is other.gravity_ms2 or self.says("accelerometer", "missing")
 
     def says(self, question: str, evidence: str, value: str = "") -> bool:
-        """Whether an answer has this evidence, and a value or reason with some text in it."""
+        """Whether an answer cites this evidence, with the given text in its value or reason."""
         answer = self.answers.get(question)
         return answer is not None and answer.evidence == evidence and value in f"{answer.value}; {answer.why}"
 
@@ -63,7 +67,7 @@ def _near(a: float, b: float) -> bool:
 
 
 def figures(stored: Stored) -> Figures:
-    """Return the figures of a recording, and the marks of the judges."""
+    """Return the figures of a recording, and the kinds of its data checks that fired."""
     whole = stored.whole()
     gyro = whole.gyro / (stored.lsb_per_dps or 1.0)
     columns = dict(zip(AXES, gyro.T, strict=False))
@@ -82,7 +86,10 @@ def figures(stored: Stored) -> Figures:
 
 
 class Text(NamedTuple):
-    """A file of text, taken apart. begin: its first row; header, units: their lines, -1 without one."""
+    """A text file in parts.
+
+    `begin`: number of its first row. `header`, `units`: line numbers of names and units, -1 if absent.
+    """
 
     name: str
     options: str
@@ -103,14 +110,17 @@ class Text(NamedTuple):
 
     @property
     def clocks(self) -> list[int]:
-        """Places of all columns of times: rows without names show only the one that is read."""
+        """Columns of all times. Rows without names show only the column that is read."""
         chosen = self.layout.chosen
         named = [k for k, name in enumerate(self.names) if is_time(name)] if self.header >= 0 else []
         return sorted({*named, *(place for place in (chosen.time, chosen.fine) if place is not None)})
 
 
 class Case(NamedTuple):
-    """One falsification of one file. kind: of the test's table. name, options: to read it."""
+    """One falsification of one file.
+
+    `kind`: its kind in the test's table. `name`, `options`: file name and options with which it is read.
+    """
 
     of: Text
     kind: str
@@ -120,10 +130,10 @@ class Case(NamedTuple):
     options: str
 
     def read(self) -> Figures:
-        """Read it as the program does.
+        """Read the falsified file as the program does.
 
         Raises:
-            UsageError: it is refused.
+            UsageError: The file is refused.
         """
         return read_text(self.name, self.text, self.options)
 
@@ -133,7 +143,7 @@ def read_text(name: str, text: str, options: str) -> Figures:
 
 
 def text_of(name: str) -> Text:
-    """Take a file apart, by what the reader says of it."""
+    """Split a file of the corpus into its parts, as the reader understands it."""
     data = (HERE / name).read_bytes()
     text = data.decode("utf-16" if data.startswith(b"\xff\xfe") else "utf-8-sig")
     options = OPTIONS[name]
@@ -155,13 +165,13 @@ UNITS = {
     "deg/s": r"deg/s|°/s|(?<![m\w])dps|(?<=_)dps|DPS|(?<=\()d/s|degrees/second",
     "mdeg/s": r"mdps",
 }
-"""How the files of the corpus write units of rates."""
+"""How the files of the corpus write units of angular rate."""
 OTHER = {"rad/s": "deg/s", "deg/s": "rad/s", "mdeg/s": "mrad/s"}
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.:])")
 
 
 def falsified(one: Text) -> Iterator[Case]:
-    """Yield each falsification of a file of text."""
+    """Yield each falsification of a text file."""
     for edit in (_head, _columns, _marks, _clocks, _units, _sensors, _claims):
         yield from edit(one)
 
@@ -296,7 +306,7 @@ def _each_row(
     *,
     twice: bool = False,
 ) -> str:
-    """Edit the fields of each row; of the names and units those of some columns go."""
+    """Edit the fields of each row, and drop the columns `gone` from the lines of names and units."""
     separator, lines = one.layout.separator, list(one.lines)
     for k in (one.header, one.units) if gone else ():
         if k >= 0:
@@ -319,7 +329,7 @@ def _times(field: str, factor: int) -> str:
 
 
 def _scaled(which: list[int], factor: int, first: dict[int, Decimal], fields: list[str]) -> list[str]:
-    """Make the time since the first row longer; a date stays what it is."""
+    """Stretch the time since the first row by `factor`; a date stays as it is."""
     fields = list(fields)
     for k in which:
         try:

@@ -1,7 +1,7 @@
-"""Makes the binary files of tests/recording/corpus: one rest of 60 samples at 100 Hz.
+"""Write the binary files of tests/recording/corpus: the same 60 samples at rest, at 100 Hz, in each format.
 
-The libraries of their programs write them. Text files are there as loggers print them (README.md there). Run
-it by `.venv/bin/python` in the clone.
+The libraries of each format write them. The text files are kept as loggers print them (see README.md there).
+Run this with `.venv/bin/python` in the clone.
 """
 
 import bz2
@@ -34,7 +34,7 @@ N, RATE_HZ = 60, 100.0
 TIMES_S = np.arange(N) / RATE_HZ
 _random = np.random.default_rng(20231114)
 GYRO_DPS = np.round(0.2 * _random.normal(size=(N, 3)) + [0.5, -0.3, 0.1], 3)
-"""What every file says, as precisely as its logger does."""
+"""The rates [deg/s] that every file holds, as precisely as its logger writes them."""
 ACCEL_MS2 = np.round(0.02 * _random.normal(size=(N, 3)) + [0.1, -0.2, 9.81], 3)
 RADS = np.radians(GYRO_DPS)
 
@@ -44,7 +44,7 @@ RATES_HZ = {
     "coarse_clock.csv": 7500.0,
     "xsens_dot.csv": 60.0,
 }
-"""Of loggers that have a rate of their own."""
+"""Sampling rates of loggers that have a fixed rate other than 100 Hz."""
 COARSE_DPS = {
     **dict.fromkeys(("mavlink_bare_raw.csv", "mavlink_bare_scaled.csv"), 0.03),
     **dict.fromkeys(("mavlink_raw_imu.csv", "mavlink_scaled_imu2.csv"), 0.03),
@@ -53,7 +53,7 @@ COARSE_DPS = {
     "gyroflow.gcsv": 0.002,
     "i2cdevlib_raw.txt": 0.5 / 131,
 }
-"""Half a step of loggers that round coarsely."""
+"""Half a quantisation step [deg/s] of loggers that round coarsely."""
 
 
 def text(name: str) -> bytes:
@@ -79,7 +79,7 @@ def timeless(book: io.BytesIO) -> bytes:
 
 
 def packed() -> dict[str, bytes]:
-    """Text files in wrappings, and beginnings of files that only their names are told of."""
+    """Return compressed and archived text files, and file beginnings that only tests of refusals use."""
     plain = text("plain.csv")
     phone = {"Accelerometer.csv": b"time,seconds_elapsed,z,y,x\n", "Gyroscope.csv": text("Gyroscope.csv")}
     blackbox = b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"
@@ -95,10 +95,10 @@ def packed() -> dict[str, bytes]:
 
 
 def ulog(forms: dict[str, str], topics: Iterable[tuple[str, int]], rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """A log of PX4: docs.px4.io, "ULog File Format": head, flag bits, formats, subscriptions, data.
+    """Return a log of PX4 (docs.px4.io, "ULog File Format"): head, flag bits, formats, subscriptions, data.
 
-    forms: fields by the name of a message. topics: message and number of a sensor. rows: the place of a
-    topic, the letters of its fields for `struct`, and their values.
+    `forms`: fields by message name. `topics`: message name and sensor number. `rows`: topic index, field
+    types as letters of `struct`, and values.
     """
 
     def message(kind: str, body: bytes) -> bytes:
@@ -123,7 +123,10 @@ DATAFLASH_LETTERS = {"a": "32h", "n": "4s", "N": "16s", "Z": "64s", "M": "B", "c
 
 
 def dataflash(forms: dict[str, tuple[str, str]], rows: Iterable[tuple[Any, ...]]) -> bytes:
-    """A log of ArduPilot: formats and columns by the messages' names, and rows that begin with a name."""
+    """Return a log of ArduPilot.
+
+    `forms`: format and columns by message name. `rows`: each begins with the message name.
+    """
     kinds = {"FMT": (0x80, "BBnNZ", "Type,Length,Name,Format,Columns")}
     kinds |= {name: (0x81 + k, *form) for k, (name, form) in enumerate(forms.items())}
     codes = {
@@ -147,7 +150,7 @@ def ardupilot() -> bytes:
 
 
 def write_measurements() -> None:
-    """Of LabVIEW and of vehicles."""
+    """Write the measurement files of LabVIEW and of vehicles."""
     with nptdms.TdmsWriter(HERE / "labview.tdms") as out:
         properties = {"wf_increment": 1 / RATE_HZ, "wf_start_offset": 0.0, "unit_string": "rad/s"}
         out.write_segment(
@@ -174,7 +177,7 @@ def write_measurements() -> None:
 
 
 def write_mcap() -> None:
-    """Foxglove's own encodings: the library of the format, with a schema of JSON and one of protobuf."""
+    """Write MCAP files in Foxglove's encodings, JSON and protobuf, with the format's own library."""
     pool, field = descriptor_pb2.FileDescriptorSet(), descriptor_pb2.FieldDescriptorProto
     file = pool.file.add(name="imu.proto", package="robot", syntax="proto3")
     vector = file.message_type.add(name="Vector3")
@@ -220,7 +223,7 @@ def write_mcap() -> None:
 
 
 def printed() -> bytes:
-    """What `fltea run --samples` prints of the rest, but for the estimates."""
+    """Return what `fltea run --samples` prints for the same rest, without the estimates."""
     hello = {"class": "hello", "source": "rest", "host_ns": 0, "rate_hz": RATE_HZ, "sampling_mode": "timer"}
     samples = (
         {
@@ -237,7 +240,7 @@ def printed() -> bytes:
 
 
 def write_libraries() -> None:
-    """The files of binary kinds."""
+    """Write all files of binary formats."""
     axes = {f"gyro_{axis}_dps": GYRO_DPS[:, i] for i, axis in enumerate("xyz")}
     stamps = {"when": pa.array([10_000_000 * k for k in range(N)], pa.timestamp("ns"))}
     parquet.write_table(pa.table({**stamps, **axes}), HERE / "pandas.parquet")
@@ -245,7 +248,8 @@ def write_libraries() -> None:
     with h5py.File(HERE / "h5py.h5", "w", track_order=True) as file:
         file["imu/gyro"], file["imu/t"] = RADS, TIMES_S
         file["imu/gyro"].attrs["units"] = "rad/s"
-    with h5py.File(HERE / "ronin.h5", "w", track_order=True) as file:  # as RoNIN's README says it
+    # the layout that RoNIN's README describes
+    with h5py.File(HERE / "ronin.h5", "w", track_order=True) as file:
         file["synced/time"], file["synced/gyro"], file["synced/acce"] = TIMES_S + 25_000.5, RADS, ACCEL_MS2
         file["synced/gyro_uncalib"] = np.add(RADS, [0.01, -0.02, 0.03])
         file["pose/tango_pos"] = np.zeros((N, 3))
@@ -255,7 +259,7 @@ def write_libraries() -> None:
     with (HERE / "matlab.mat").open("r+b") as raw:
         raw.write(
             b"MATLAB 5.0 MAT-file Platform: posix".ljust(116)
-        )  # without the time at which it was written
+        )  # leave out the time of writing, so that the file is always the same
     with h5py.File(HERE / "matlab73.mat", "w", userblock_size=512, track_order=True) as file:
         file["gyro_dps"], file["t"] = GYRO_DPS.T, TIMES_S[np.newaxis]
     with (HERE / "matlab73.mat").open("r+b") as raw:

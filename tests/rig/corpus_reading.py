@@ -1,4 +1,6 @@
-"""The files of the corpus with the options that read each, as the tables of formats and dialects say it."""
+"""The files of the corpus, with the options with which each is read according to the tables of formats and
+dialects.
+"""
 
 import shlex
 
@@ -13,24 +15,24 @@ for _one in FORMATS.values():
     OPTIONS.update(_one.corpus)
 for _dialect in dialects():
     OPTIONS.update(_dialect.corpus)
-"""By the name of a file of `tests/recording/corpus`."""
+"""Options by file name in `tests/recording/corpus`."""
 
 UNREAD_DIALECTS = {name: one.unread for one in dialects() if one.unread for name in one.corpus}
-"""Why files of loggers that are known are not read."""
+"""Reasons why files of known loggers are not read, by file name."""
 
 BY_NAME = {name for one in dialects() if one.file for name in one.corpus}
-"""Files whose names say what they are."""
+"""Files whose logger is recognised by the file name."""
 
 FIELDS = {flag: one.name for one in declared(AS_IT_SAYS) for flag in one.setting.flags}
 
 
 def pairs(options: str) -> dict[str, str]:
-    """Return options with their values, as they are typed."""
+    """Return options with their values, as a user types them."""
     words = shlex.split(options)
     return dict(zip(words[::2], words[1::2], strict=True))
 
 
 def how_of(options: str) -> How:
-    """Return what options of the command line say."""
+    """Return the reading settings that command-line options give."""
     said = {f"replay.{FIELDS[flag]}": value for flag, value in pairs(options).items()}
     return How(**{path.removeprefix("replay."): value for path, value in of_flags(said).items()})

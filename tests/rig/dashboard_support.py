@@ -1,4 +1,7 @@
-"""Records as a running pipeline gives them, for the tests of the page; fits are made up (fit_support)."""
+"""Records as a running pipeline publishes them, for the tests of the live page.
+
+Fits are made up (fit_support).
+"""
 
 import functools
 import json
@@ -56,7 +59,7 @@ OWN = DeviceEstimatorStats(
 
 
 def remembered(make: Callable[P, list[AnyRecord]]) -> Callable[P, list[AnyRecord]]:
-    """Make records of the same arguments once; each caller gets a list of its own."""
+    """Cache the records made from the same arguments; each caller gets its own list."""
     made: dict[str, list[AnyRecord]] = {}
 
     @functools.wraps(make)
@@ -71,7 +74,7 @@ def remembered(make: Callable[P, list[AnyRecord]]) -> Callable[P, list[AnyRecord
 
 @remembered
 def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
-    """What the pipeline makes of synthetic noise."""
+    """Return what the pipeline publishes for synthetic noise."""
     source = SyntheticSource(query, realtime=False)
     pipeline = Pipeline(source, Config(name="due", estimator=config, live=WITHOUT))
     found = records_of(item for event in source.events() for item in pipeline.feed(event))
@@ -82,7 +85,10 @@ def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
 def with_breaks(
     lengths: list[int], reason: str = "restart", config: EstimatorConfig = QUICK, accel: bool = False
 ) -> list[AnyRecord]:
-    """Stretches of samples, each an epoch of its own; the noise is a counter's last bits, with an offset."""
+    """Return records of several stretches of samples, each an epoch.
+
+    The noise is a counter's low bits plus an offset.
+    """
     events: list[Event] = [hello()]
     k = 0
     for length in lengths:
@@ -100,7 +106,10 @@ def with_breaks(
 
 
 def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
-    """A history that has heard them all. who: estimates the gyroscope."""
+    """Return a history that has received all records.
+
+    `who`: where the gyroscope's estimates are computed.
+    """
     history = DeviceHistory("due", who)
     for group in groups:
         for record in group:
@@ -109,13 +118,16 @@ def told(*groups: list[AnyRecord], who: EstimateOn = "host") -> DeviceHistory:
 
 
 def columns(history: DeviceHistory, axis: str, window: int = 0) -> dict[str, np.ndarray]:
-    """The columns of an axis as the figures of one window get them."""
+    """Return the columns of an axis that the figures of one window use."""
     values = history.course.read(window, Cursor()).values
     return {name: values[:, place] for name, place in history.course.columns(axis).items()}
 
 
 class Reader:
-    """A page, which has what it was sent. parts: content by name."""
+    """A browser page as far as it has received updates.
+
+    `parts`: content by the part's name.
+    """
 
     def __init__(self, *histories: DeviceHistory, recorder: Recorder | None = None) -> None:
         self.state = State({history.name: history for history in histories}, recorder)
@@ -126,7 +138,10 @@ class Reader:
     def read(
         self, device: str = "", axis: str = "", window: int = 0, parts: str = "now axes axis curves own"
     ) -> dict[str, Any]:
-        """What the page is sent, and now has too; a second after it was sent something before."""
+        """Return the next update that the page is sent, and apply it.
+
+        It comes a second after the last update.
+        """
         self.state._kept.clear()
         had = {name: self._checksums.get(name, "") for name in parts.split()}
         view = self.state.view(device, axis, window)
@@ -138,7 +153,8 @@ class Reader:
 
 
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
-    """The same records with every tenth estimate a device's, which comes `late` samples after its sample."""
+    """Return the same records, with every tenth estimate made by the device, `late` samples after its
+    sample."""
     made: list[AnyRecord] = []
     waiting: list[Estimate] = []
     for record in found:
@@ -160,9 +176,10 @@ def both(
     why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
-    """The same records with a device's own estimates beside, α and f off by `apart` of the sample's number.
+    """Return the same records with a device's estimates in addition, where α and f differ by `apart(sequence
+    number)`.
 
-    apart: None where they cannot be compared. why_not: what is said there.
+    `apart`: returns None where the two cannot be compared; `why_not` is the reason given there.
     """
     made: list[AnyRecord] = []
     first: int | None = None

@@ -1,4 +1,5 @@
-"""The device's estimator from Python: tests/native/device_probe.cpp, one shared library for each variant."""
+"""Run the device's estimator from Python: tests/native/device_probe.cpp, one shared library for each
+variant."""
 
 import ctypes
 import weakref
@@ -16,11 +17,11 @@ from numpy.typing import ArrayLike
 
 VARIANTS = ("joint", "triple")
 FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
-"""What the estimator says; the tracker is that of the fits (spectrum_probe)."""
+"""Fields of the estimator. The tracker's fields belong to the fits (see spectrum_probe)."""
 
 
 class Baseline(NamedTuple):
-    """What the device found in its start-up window, and how often the axis had to begin again."""
+    """What the device found in its start-up window, and how often the axis had to start over."""
 
     bias_dps: float
     R: float
@@ -29,7 +30,7 @@ class Baseline(NamedTuple):
 
 @lru_cache
 def library(variant: str) -> ctypes.CDLL:
-    """Build, if out of date, and load the probe of one variant."""
+    """Load the probe of one variant; build it first if it is out of date."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     return probe(
         f"device_probe-{variant}",
@@ -47,7 +48,7 @@ LSB_PER_DPS = library("joint").device_lsb_per_dps()
 
 
 class Device:
-    """One axis as the device estimates it."""
+    """One axis, estimated by the device's code."""
 
     def __init__(self, variant: str) -> None:
         self._library = library(variant)
@@ -55,7 +56,9 @@ class Device:
         weakref.finalize(self, self._library.device_free, self._device)
 
     def run(self, counts: ArrayLike, missing: ArrayLike | None = None) -> dict[str, Array]:
-        """Take samples, oldest first; the fields of ESTIMATE after each beyond the start-up window."""
+        """Process samples, oldest first; return the ESTIMATE fields after each sample beyond the start-up
+        window.
+        """
         counts = np.ascontiguousarray(counts, dtype=np.int16)
         lost = np.zeros(len(counts), np.uint8) if missing is None else np.asarray(missing, dtype=np.uint8)
         rows = np.empty((len(counts), len(FIELDS)))
@@ -70,7 +73,8 @@ class Device:
 
 
 def host_engine(variant: str, R: float) -> Engine:
-    """One lane in double with the device's settings, over a memory of nine digits without an end."""
+    """Return one lane in double precision with the device's settings and an unlimited memory of nine
+    digits."""
     return Engine(
         1,
         LaneSettings(
@@ -83,6 +87,6 @@ def host_engine(variant: str, R: float) -> Engine:
 
 
 def host_baseline(counts: ArrayLike) -> tuple[float, float]:
-    """Bias and R of a start-up window, in double, with the quantisation's variance as the least."""
+    """Return bias and R of a start-up window in double precision; R is at least the quantisation variance."""
     window = np.asarray(counts) / LSB_PER_DPS
     return float(window.mean()), max(float(window.var(ddof=1)), 1 / LSB_PER_DPS**2 / 12)

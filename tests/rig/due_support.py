@@ -1,4 +1,4 @@
-"""The emulated Due for the tests of the whole chain: the committed image, and runs that tests share."""
+"""The emulated Due for tests of the whole chain: the committed firmware image, and runs that tests share."""
 
 import os
 import sys
@@ -15,7 +15,7 @@ from tools.due_run import DueRun
 from tools.faults.board import DUE_CASES, Measured, measure
 
 IMAGE = Path(os.environ.get("FLTEA_DUE_IMAGE", COMMITTED))
-"""Which image is looked at: `make mutants` names others."""
+"""The image under test; `make mutants` sets other images."""
 NOISE = "alpha=0.5&f=-1&seed=7"
 PERIOD_US = 10_000
 
@@ -26,7 +26,7 @@ def image() -> bytes:
 
 
 def after_a_reading(run: DueRun) -> DueRun:
-    """Run on until the sensor has just been read: in the middle of a step, wherever it stands in time."""
+    """Run on until the sensor has just been read, which is in the middle of a sampling step."""
     bursts, twi = run.boots[-1].bursts, run.board.twi
     seen = len(bursts)
     while len(bursts) == seen or not twi.field("SR", "TXCOMP"):
@@ -40,9 +40,9 @@ def with_fault(name: str) -> tuple[DueRun, Measured]:
 
 
 def build(mode: str, folder: Path, *defines: str) -> bytes:
-    """An image of the present sources, where the compiler is there; CI has it.
+    """Compile an image from the present sources, if the compiler is installed (as it is in CI).
 
-    defines: of firmware/core/settings.h.
+    `defines`: overrides of firmware/core/settings.h.
     """
     arm_compiler()
     sys.path.insert(0, str(ROOT / "tools"))

@@ -1,8 +1,8 @@
-"""The emulated twin of every chip that is read on an I²C bus, with facts that tests hold the driver against.
+"""The emulated twin of every chip that is read on an I²C bus, and facts to check the driver against.
 
-Register facts: RM-MPU-9250A-00, for the MPU-6050 RM-MPU-6000A-00, for the ICM-20948 DS-000189 (revision 1.3);
-all numbers are typed by hand, none is taken from the driver. A register of a bank has 256 times the bank
-above its number.
+Register facts come from RM-MPU-9250A-00, for the MPU-6050 from RM-MPU-6000A-00, for the ICM-20948 from
+DS-000189 (revision 1.3). All numbers are typed by hand, none is taken from the driver. The address of a
+banked register here is its number plus 256 times the bank.
 """
 
 from collections.abc import Mapping
@@ -16,10 +16,13 @@ from tools.due_emulator.mpu9250 import Mpu9250
 class Emulated(NamedTuple):
     """One kind of chip.
 
-    model: takes the world that it is in, and `options`. period_ms: the time between samples. holds: samples
-    that fit its FIFO; keeps_oldest: whether an overflow leaves those whole. at_25_c: counts of its
-    thermometer at 25 °C; counts_a_c: how many more for each °C. kept: values of registers once the chip is
-    set up. lost: registers of which the driver has to notice that the bit `lost_bit` has changed.
+    `model`: makes the chip, given its world and `options`.
+    `period_ms`: sampling period.
+    `holds`: number of samples that fit into its FIFO.
+    `keeps_oldest`: whether an overflow leaves the oldest samples whole.
+    `at_25_c`, `counts_a_c`: counts of its thermometer at 25 °C, and counts per °C.
+    `kept`: register values once the chip is set up.
+    `lost`: registers in which the driver has to notice a change of the bit `lost_bit`.
     """
 
     model: type[Any]
@@ -115,11 +118,11 @@ EMULATED = {
             0x214: 0x01,  # ACCEL_DLPFCFG 0: 246 Hz; ±2 g; filter on
             0x067: 0x1E,  # acceleration and the rate of three axes
             0x069: 0x01,
-            0x068: 0x00,  # as long as it is set, the FIFO stays empty
+            0x068: 0x00,  # as long as this bit is set, the FIFO stays empty
             0x003: 0x40,
         },
         lost=(0x006, 0x007, 0x200, 0x201, 0x210, 0x211, 0x214, 0x067, 0x069),
         lost_bit=0x01,
     ),
 }
-"""By WHO_AM_I: every one of `fltea.wire.sensors.SENSORS`."""
+"""By WHO_AM_I: one entry for each of `fltea.wire.sensors.SENSORS`."""

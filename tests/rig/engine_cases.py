@@ -35,7 +35,7 @@ EXAMPLE = LaneSettings(
 
 
 def with_(settings: LaneSettings, **changes: Any) -> LaneSettings:
-    """The same with other settings; `state__Q` is the number of lanes in place of state.Q."""
+    """Return the settings with changes; `state__Q` stands for state.Q and sets the number of lanes."""
     numbers = {name.replace("__", "."): changes.pop(name) for name in [*changes] if "__" in name}
     own = {name: changes.pop(name) for name in [*changes] if name in ("h", "R", "accuracy")}
     config = msgspec.structs.replace(settings.config, **changes)
@@ -51,7 +51,7 @@ def white(n: int, lanes: int, seed: int, variance: float = 0.0235) -> Array:
 
 
 def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
-    """y and u, each (n,), of example 1, 2 or 3 with a saw-tooth of ±1 and 1 Hz."""
+    """Return y and u, each (n,), of the paper's example 1, 2 or 3, with a saw-tooth input of ±1 and 1 Hz."""
     rng = np.random.default_rng(seed)
     u = saw_tooth(n) if number < 3 else rng.normal(0, 0.1**0.5, n)
     alpha = 0.6 if number == 1 else 0.2 + 0.1 * 0.001 * np.arange(1, n + 1)
@@ -59,7 +59,7 @@ def example(number: int, n: int, seed: int) -> tuple[Array, Array]:
 
 
 def driven(alpha: Any, u: Array, seed: int | np.random.Generator) -> tuple[Array, Array]:
-    """States and measurements, each (n,), of a system of section 6.1 that the input u (n,) drives."""
+    """Return states and measurements, each (n,), of the system of section 6.1 driven by the input u (n,)."""
     system = FractionalNoise(alpha, -0.3, 1e-5, 1e-3, 0.001, len(u) + 1, seed)
     y, x = np.array([system.step(one) for one in u.tolist()]).T
     return x, y
@@ -72,9 +72,9 @@ def reference_run(
     missing: NDArray[np.bool_],
     changes: Mapping[int, tuple[float, float]] | None = None,
 ) -> Array:
-    """The reference's answer, (n, len(ESTIMATES)); settings with plain numbers only.
+    """Return the estimates of the reference, (n, len(ESTIMATES)). The settings must be plain numbers.
 
-    changes: Q and R from those samples on.
+    `changes`: Q and R that take effect at the given samples.
     """
     config, R = settings.config, settings.R
     state, order, parameter = config.state, config.order, config.parameter
@@ -100,19 +100,22 @@ def reference_run(
 
 
 def run(settings: LaneSettings, y: Array, u: Array | None = None, **options: Any) -> Estimates:
-    """One engine for all columns of y (n, lanes)."""
+    """Run one engine over all columns of y (n, lanes)."""
     return Engine(y.shape[1], settings, **options).run(y, u)
 
 
 def columns(estimates: Estimates) -> Array:
-    """The estimates of one lane, (n, len(ESTIMATES))."""
+    """Return the estimates of one lane, (n, len(ESTIMATES))."""
     return np.column_stack([getattr(estimates, name)[:, 0] for name in ESTIMATES])
 
 
 def run_changing(
     settings: LaneSettings, y: Array, u: Array, changes: Mapping[int, tuple[float, float]], **options: Any
 ) -> Array:
-    """The same of one lane for y and u (n,); changes: Q and R from those samples on."""
+    """Run one lane over y and u (n,) and return its estimates.
+
+    `changes`: Q and R that take effect at the given samples.
+    """
     engine, parts = Engine(1, settings, **options), []
     for begin, end in pairwise([0, *changes, len(y)]):
         if begin:
@@ -123,7 +126,7 @@ def run_changing(
 
 
 def same(a: Estimates, b: Estimates) -> bool:
-    """Equal to the bit, interventions too."""
+    """Whether all estimates and interventions are equal to the bit."""
     return all(np.array_equal(p, q, equal_nan=True) for p, q in zip(a, b, strict=True))
 
 

@@ -1,4 +1,6 @@
-"""A made-up board that estimates by itself: what it sends, in its order, and what a wire makes of it."""
+"""A simulated board that computes estimates: the messages that it sends, in order, and the events read from
+them.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
@@ -21,7 +23,7 @@ from walk_support import Source
 from tools.board_voice import Voice
 
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
-"""Settings that are not the host's own: another start-up window, and a gate of its own."""
+"""Settings that differ from the host's: another start-up window, and another gate."""
 STARTUP = ESTIMATOR.startup
 
 LSB_PER_DPS = 16.4
@@ -31,7 +33,10 @@ AXES = ("gyro_x", "gyro_y", "gyro_z")
 
 
 class Sent(NamedTuple):
-    """One frame. at: number of the sampling period in which it is sent."""
+    """One frame.
+
+    `at`: number of the sampling period in which the frame is sent.
+    """
 
     at: int
     message: wire.Message
@@ -39,15 +44,16 @@ class Sent(NamedTuple):
 
 
 def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
-    """Counts of three axes at rest, with offsets."""
+    """Return counts of three axes at rest, with offsets."""
     counts = np.rint(np.random.default_rng(seed).normal((3, -40, 0), 2.5, (n, 3)))
     return [tuple(map(int, row)) for row in counts]
 
 
 class Board:
-    """Sends HELLO and ESTIMATOR every 100 samples, SAMPLE, and `late` samples after it ESTIMATE of each axis.
+    """Sends HELLO and ESTIMATOR every 100 samples, SAMPLE, and an ESTIMATE of each axis `late` samples later.
 
-    stated: None does not estimate. first: sequence of the first sample.
+    `stated`: the settings it states; None: it does not estimate. `first`: sequence number of the first
+    sample.
     """
 
     def __init__(
@@ -64,7 +70,7 @@ class Board:
         self._at = 0
 
     def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
-        """Take samples, None for those that the board itself misses; yield what it sends."""
+        """Process samples and yield the messages sent; None is a sample that the board itself misses."""
         waiting: list[tuple[int, list[wire.Estimate]]] = []
         for at, row in enumerate(counts):
             self._at, number = at, (self._first + at) % 65536
@@ -85,13 +91,16 @@ class Board:
 
 
 def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:
-    """Each frame as it arrives. start: number of the first sampling period."""
+    """Yield each frame as a chunk of bytes.
+
+    `start`: number of the first sampling period.
+    """
     for at, message, sequence in sent:
         yield Chunk(encode(message, sequence, at * PERIOD_US), START_NS + (start + at) * PERIOD_US * 1000, 0)
 
 
 def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0) -> Iterator[Event]:
-    """What a wire makes of it."""
+    """Yield the events that the host reads from these frames."""
     if link is None:
         link = WireEvents("board")
         yield from link.feed(Opened(START_NS, 0), START_NS)
@@ -100,7 +109,7 @@ def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0)
 
 
 def exact(sent: Iterable[Sent]) -> Iterator[Event]:
-    """The same as events without the rounding to single precision on the wire."""
+    """Yield the same events without rounding the estimates to single precision."""
     for at, message, sequence in sent:
         host_ns = at * 10_000_000
         match message:
@@ -120,20 +129,21 @@ def changed(
     which: Callable[[Sent], bool] = lambda one: True,
     **changes: object,
 ) -> Iterator[Sent]:
-    """The same with some fields replaced in all messages of one kind, or in some of them."""
+    """Replace fields in all messages of one kind, or in those for which `which` is true."""
     for one in sent:
         is_meant = isinstance(one.message, kind) and which(one)
         yield one._replace(message=one.message._replace(**changes)) if is_meant else one
 
 
 def pipeline(who: str, **settings: object) -> Pipeline:
-    """A host that estimates itself, leaves it to the device, or both; `estimator__R` for estimator.R."""
+    """Return a pipeline where the host, the device, or both estimate; `estimator__R` stands for
+    estimator.R."""
     changes = {"estimator__estimate_on": who} | settings
     return Pipeline(Source(), load_config(None, {k.replace("__", "."): v for k, v in changes.items()}))
 
 
 def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
-    """What is published of events: valid JSON, and the same after it."""
+    """Return the records published for these events, after a check that they survive a JSON round trip."""
     records = records_of(item for event in found for item in walk.feed(event))
     text = msgspec.json.encode(records)
     assert b"NaN" not in text
@@ -142,15 +152,15 @@ def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
 
 
 def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
-    """What is published of the device: its estimates alone, or beside the host's."""
+    """Return the device's published estimates, whether alone or in addition to the host's."""
     return of(Estimate if who == "device" else DeviceEstimates, records)
 
 
 def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
-    """The board's own estimates of a sample, whichever record they are in."""
+    """Return the board's estimates for one sample, from either kind of record."""
     return [a.fltea for a in e.axes.values()]
 
 
 def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
-    """Why axes, by default all, are not compared."""
+    """Return why axes (by default all of them) are not compared."""
     return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}

@@ -1,4 +1,4 @@
-"""Records in which every field has a value of its own, for the tests of what outputs make of them."""
+"""Records in which every field has a distinct value, for the tests of outputs."""
 
 from typing import Any
 
@@ -8,7 +8,10 @@ from fltea.records.stats import AxisStats, BiasCheck, DeviceStatus, LinkStats, S
 
 
 def axis_estimate(*of_filters: Any, unit: str = GYRO_UNIT, **known: Any) -> AxisEstimate:
-    """An estimate of these figures of the paper's filters; known: other fields of it."""
+    """Return an axis's estimate with these figures of the paper's filters.
+
+    `known`: values of other fields.
+    """
     given = {
         "verdict": "fractional",
         "alpha": Interval(0.51, 0.42, 0.6),

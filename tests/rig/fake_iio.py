@@ -1,4 +1,4 @@
-"""A tree of files like the kernel's IIO devices; a FIFO stands for the node in /dev."""
+"""A folder that imitates the kernel's IIO devices; a FIFO takes the place of the node in /dev."""
 
 import os
 import struct
@@ -18,13 +18,16 @@ IMU = {
     "buffer/watermark": "1",
     "trigger/current_trigger": "",
 }
-"""What a BMI160 at ±2000 deg/s and ±2 g shows."""
+"""Attributes that a BMI160 shows at ±2000 deg/s and ±2 g."""
 
 SCAN = struct.Struct("<6hxxxxq")
 
 
 class FakeIio:
-    """One device. root: the folder that stands for /."""
+    """One imitated device.
+
+    `root`: the folder that takes the place of /.
+    """
 
     def __init__(self, root: Path, name: str = "bmi160", number: int = 0) -> None:
         self.root, self.id = root, f"iio:device{number}"
@@ -60,12 +63,12 @@ class FakeIio:
 
     @property
     def url(self) -> str:
-        """Its folder, which says the tree too."""
+        """The source URL of the device, with the folder `root` in it."""
         return f"iio:{self.folder}"
 
 
 def imu(root: Path) -> FakeIio:
-    """A BMI160 with its own trigger, and a channel that nobody asks for left on."""
+    """Return a BMI160 with its own trigger, and with one unused channel left enabled."""
     device = FakeIio(root)
     for name, text in IMU.items():
         device.put(name, text)
@@ -80,5 +83,5 @@ def imu(root: Path) -> FakeIio:
 
 
 def scan(k: int, time_ns: int) -> bytes:
-    """Scan k of that one: small numbers that are its own."""
+    """Return scan `k` of that BMI160: small numbers that are unique to the scan."""
     return SCAN.pack(k % 50, -k % 50, 3, 100, -200, 16000 + k % 3, time_ns)

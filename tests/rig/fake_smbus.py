@@ -1,7 +1,8 @@
-"""A Raspberry Pi with the chip model on its bus, in virtual time, behind the interface of smbus2.
+"""A simulated Raspberry Pi with the chip model on its bus, in virtual time, behind the interface of smbus2.
 
-The bus takes real `smbus2.i2c_msg` objects, lasts as long as 400 kHz needs, and refuses what the controller
-of the Raspberry Pi 1 to 4 does: its Linux driver (i2c-bcm2835) answers EOPNOTSUPP if anything follows a read.
+The bus takes real `smbus2.i2c_msg` objects, takes as long as a transfer at 400 kHz, and refuses what the
+controller of the Raspberry Pi 1 to 4 refuses: its Linux driver (i2c-bcm2835) answers EOPNOTSUPP if any
+message follows a read.
 """
 
 import ctypes
@@ -28,10 +29,10 @@ S = 1_000_000_000
 MS = 1_000_000
 UNIX_OFFSET_NS = 1_700_000_000 * S
 READ = 1
-"""I2C_M_RD of Linux."""
+"""Linux's flag I2C_M_RD."""
 SYSTEM_CALL_NS = 50_000
 LONGEST_MESSAGE = 255
-"""Of some adapters; those of the Raspberry Pi take more."""
+"""Longest message of some adapters [bytes]; those of the Raspberry Pi accept more."""
 TICK_NS = 100_000
 WRAP = 16_384
 NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000, "live.on": False}
@@ -39,7 +40,7 @@ Injection = Callable[[tuple[i2c_msg, ...]], int | None]
 
 
 class TellsTime:
-    """A world whose values tell when they were taken, and whether they belong together."""
+    """A world whose values tell when they were measured, and whether they were measured together."""
 
     def at(self, now_ns: int) -> Motion:
         n = now_ns // TICK_NS
@@ -49,7 +50,9 @@ class TellsTime:
 
 
 def taken_ns(gyro: tuple[float, ...], accel: tuple[float, ...] | None) -> int:
-    """When a sample of `TellsTime` was taken, to 0.1 ms; refuses a torn one."""
+    """Return when a sample of `TellsTime` was measured, to 0.1 ms; refuse one whose values are of different
+    moments.
+    """
     low, high, check = (round(value) for value in gyro)
     assert low ^ high == check, f"a torn sample: {gyro}"
     assert accel == (low, high, check), f"a torn sample: {gyro}, {accel}"
@@ -57,9 +60,9 @@ def taken_ns(gyro: tuple[float, ...], accel: tuple[float, ...] | None) -> int:
 
 
 class FakeHost:
-    """The machine: its clock goes on with every use of it, and `stall` holds the program up.
+    """The machine: its clock advances with every use, and `stall` makes the program wait.
 
-    at(ns, do): do something once that time is reached.
+    `at(ns, do)`: call `do` once when that time is reached.
     """
 
     def __init__(self, start_ns: int = 0) -> None:
@@ -74,7 +77,7 @@ class FakeHost:
         return UNIX_OFFSET_NS
 
     def sleep(self, seconds: float) -> None:
-        self.let_pass(round(seconds * 1e9) + 60_000)  # nobody wakes in time
+        self.let_pass(round(seconds * 1e9) + 60_000)  # a sleeping process always wakes somewhat late
 
     def at(self, at_ns: int, do: Callable[[], None]) -> None:
         self._due.append((at_ns, do))
@@ -90,7 +93,10 @@ class FakeHost:
 
 
 class FakeBus:
-    """`smbus2.SMBus` with one chip. inject: errno that a transaction fails with, or None."""
+    """An `smbus2.SMBus` with one chip.
+
+    `inject`: errno with which a transaction fails, or None.
+    """
 
     def __init__(self, host: FakeHost, chip: Chip, baud: int = 400_000) -> None:
         self.host = host
@@ -155,7 +161,8 @@ class FakeBus:
         ctypes.memmove(message.buf, data, n)
 
     def _read(self, n: int, *, last: bool) -> bytes:
-        if self._register == self.chip.fifo_register:  # what `read` comes to, without its way for every byte
+        # the same result as `read`, without its slow path for every byte
+        if self._register == self.chip.fifo_register:
             return bytes(self.chip.fifo.pop() for _ in range(n))
         return bytes(self.chip.read(ack=not last or i < n - 1) for i in range(n))
 
@@ -165,7 +172,7 @@ class FakeBus:
 
 
 class Pi:
-    """`fltea run --source i2c:…` on that machine: events and records of all that happened."""
+    """`fltea run --source i2c:…` on that machine, with all events and records that it produced."""
 
     def __init__(
         self,
@@ -188,7 +195,7 @@ class Pi:
         self._running: Iterator[Event] = self.source.events()
 
     def at(self, at_s: float, do: Callable[[], None]) -> "Pi":
-        """Do something to the chip, in its own time."""
+        """Do something to the chip at a moment of the chip's time."""
 
         def do_now() -> None:
             self.chip.advance(self.host.now_ns)
@@ -198,7 +205,7 @@ class Pi:
         return self
 
     def run_until(self, at_s: float) -> "Pi":
-        """Run, and to the last sample of a burst."""
+        """Run until a time, and on to the last sample of a burst."""
         for event in self._running:
             self.events += in_samples([event])
             self.records += records_of(self.pipeline.feed(event))
@@ -220,7 +227,7 @@ class Pi:
 
     @property
     def missing(self) -> list[int]:
-        """Length of each gap [samples]."""
+        """Return the length of each gap [samples]."""
         return [gap.missing for gap in self.of(Gap)]
 
     @property
@@ -237,14 +244,15 @@ class Pi:
 
     @property
     def status(self):
-        """As of now, not as of the last that was sent."""
+        """Return the status at this moment, not the last one that was sent."""
         return self.source._status()
 
     def check(self, ppm: float = 0.0) -> list[int]:
-        """Hold every sample against the moment at which it was taken; return those of the last epoch [ns].
+        """Compare every sample with the moment at which it was measured; return the moments of the last epoch
+        [ns].
 
-        Numbers and moments of one epoch agree to the sample, no sample arrived before it was taken, and what
-        was not delivered was counted.
+        Numbers and moments of one epoch agree to the sample, no sample arrived before it was measured, and
+        every sample that was not delivered was counted.
         """
         period_ns = S / self.hello.rate_hz / (1 + ppm * 1e-6)
         epoch, first, arrived_ns = -1, (0, 0), 0

@@ -1,4 +1,4 @@
-"""A machine of our own making: a folder for its root, and set answers to what cannot be put into a folder."""
+"""A simulated machine: a folder for its file system, and fixed answers to what a folder cannot hold."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +12,9 @@ from fltea.wire.transport import DUE_PROGRAMMING_PORT
 
 
 class FakeSystem(System):
-    """Everything may be used, nothing runs and nothing is plugged in, unless a test says so."""
+    """A system where everything is permitted, nothing runs and nothing is plugged in, unless a test changes
+    that.
+    """
 
     def __init__(self, root: Path) -> None:
         super().__init__(root)
@@ -96,5 +98,5 @@ def finding_of(findings: list[Finding], check: str) -> Finding:
 
 
 def levels(findings: list[Finding]) -> dict[str, str]:
-    """Check to level; of several of one name the last."""
+    """Return the level of each check by its name; of several checks with one name the last counts."""
     return {finding.check: finding.level for finding in findings}

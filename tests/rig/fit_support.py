@@ -1,4 +1,4 @@
-"""Made-up fits as the live fit publishes them, for the tests of the page."""
+"""Made-up fits as the live fit publishes them, for the tests of the live page."""
 
 import numpy as np
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval, Until
@@ -42,7 +42,7 @@ UNDECIDED = AxisFit(
 
 
 def curves(scale: float = 1.0, points: int = 110) -> tuple[FitSpectrum, FitAllan]:
-    """A spectrum and an Allan deviation of much the same noise, with the scatter that they would have."""
+    """Return a spectrum and an Allan deviation of roughly the same noise, with realistic scatter."""
     rng = np.random.default_rng(5)
     hz = np.geomspace(0.02, 49, points)
     model = scale * np.sqrt(1e-5 + 3e-5 / (1 + (hz / 0.3) ** 1.6))
@@ -70,7 +70,7 @@ def fit_after(sample: Sample, axes: dict[str, AxisFit], samples: int | None = No
 
 
 def with_fits(found: list[AnyRecord], axes: dict[str, AxisFit], every: int = 100) -> list[AnyRecord]:
-    """The same records with a fit after every so many samples."""
+    """Return the same records with a fit after every `every` estimates."""
     made: list[AnyRecord] = []
     for record in found:
         made.append(record)

@@ -1,4 +1,4 @@
-"""What boards publish: a second of frames a message."""
+"""Messages that boards publish: one second of frames per message."""
 
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
@@ -7,7 +7,7 @@ from tools.board_voice import HELLO
 
 
 def second_of(k: int, second: int) -> bytes:
-    """HELLO and a hundred samples of device `k`."""
+    """Return HELLO and a hundred samples of device `k`."""
     hello = HELLO._replace(boot_id=k + 1, device_id=bytes([k]) * 16)
     frames = [encode(hello, second, second * 10**6)]
     for at in range(100 * second, 100 * second + 100):

@@ -1,4 +1,4 @@
-"""Fits for a history of the fleet, and what is found in it."""
+"""Put fits into a history of the fleet, and read what the history holds."""
 
 import math
 from pathlib import Path
@@ -19,7 +19,7 @@ def axis(verdict: str = "white", value: float = 1.0) -> Axis:
 
 
 def add(history: History, *unix_s: float, device: str = "a") -> None:
-    """Let a device have a fit at each of these times."""
+    """Add a fit of a device at each of these times [Unix s]."""
     for second in unix_s:
         history.add(second, device, {"gyro_x": axis()})
 
@@ -29,7 +29,7 @@ def times_of(history: History, device: str) -> list[float]:
 
 
 def write_out(history: History, before_unix_s: float = -math.inf) -> int:
-    """Let it write and prune; how many rows were pruned."""
+    """Let the history write and prune; return how many rows were pruned."""
     before = history.pruned
     history.work(before_unix_s)
     history.settle()

@@ -1,4 +1,5 @@
-"""What the tests of the host share: the stand-in and the real command, strict reading, and requests."""
+"""Shared by the tests of the host: the simulated board and the real command, strict reading, and HTTP
+requests."""
 
 import contextlib
 import http.client
@@ -27,16 +28,16 @@ T = TypeVar("T")
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
-"""An estimator that is fast rather than good."""
+"""Settings of an estimator that is quick rather than accurate."""
 
 WIRE_HELLO = HELLO
-"""The made-up boards' own, as the tests of the host expect it."""
+"""The HELLO of the simulated boards, as the tests of the host expect it."""
 
 _decoder = msgspec.json.Decoder(AnyRecord)
 
 
 def closed(hub: Hub) -> bool:
-    """Close all outputs; whether each has ended."""
+    """Close all outputs; return whether each has ended."""
     return all(one.done(PATIENCE_S) for outputs in (hub.close, hub.close_log) for one in outputs())
 
 
@@ -52,9 +53,9 @@ def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedPro
 
 
 def fltea_here(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:
-    """The same within this process, without the start of Python and the imports.
+    """Run fltea in this process, without the start of Python and the imports.
 
-    For what ends by itself: the command's output is the interest, not the process.
+    For commands that end on their own, where only their output matters.
     """
     command = ["__main__.py", *map(str, arguments)]
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -81,7 +82,10 @@ def fltea_here(*arguments: str | Path, columns: int = 200) -> subprocess.Complet
 
 
 def strict_records(output: str | bytes) -> list[AnyRecord]:
-    """Records of an NDJSON output, each one whole line that says what its struct says and nothing else."""
+    """Return the records of an NDJSON output.
+
+    Each must be one whole line that has exactly its struct's fields.
+    """
     data = output.encode() if isinstance(output, str) else output
     assert not data or data.endswith(b"\n"), f"the last line is cut: {data[-80:]!r}"
     found = []
@@ -94,7 +98,7 @@ def strict_records(output: str | bytes) -> list[AnyRecord]:
 
 
 def hello(**changes: object) -> Hello:
-    """A HELLO as an MPU-9250 at ±2000 deg/s and 100 Hz gives it."""
+    """Return a HELLO as an MPU-9250 at ±2000 deg/s and 100 Hz gives it."""
     usual = Hello(
         source="test:",
         host_ns=0,
@@ -111,7 +115,7 @@ def hello(**changes: object) -> Hello:
 
 
 def each_ended(make: Callable[..., T], end: Callable[[T], object]) -> Iterator[Callable[..., T]]:
-    """For a fixture: make as many as a test asks for, and end each with the test."""
+    """Write a fixture that makes as many objects as a test asks for, and ends each after the test."""
     with contextlib.ExitStack() as stack:
 
         def one(*arguments: Any, **options: Any) -> T:
@@ -123,11 +127,13 @@ def each_ended(make: Callable[..., T], end: Callable[[T], object]) -> Iterator[C
 
 
 HEARS_HANGUPS = ("env", "--default-signal=HUP")
-"""Tests may run under nohup, which whoever they start would inherit."""
+"""Command prefix that restores the default hang-up signal: under nohup, programs that tests start inherit its
+neglect.
+"""
 
 
 class StandIn:
-    """tools/standin.py under a name of our own, so that it can go and come back."""
+    """The program tools/standin.py, reached by a fixed name, so that it can go away and come back."""
 
     def __init__(self, link: Path, *arguments: str) -> None:
         self.process = subprocess.Popen(
@@ -150,24 +156,29 @@ class StandIn:
 
 
 class Daemon(Program):
-    """`fltea run`, or another command, and its records as they come. program: what runs in place of fltea."""
+    """A running `fltea run` or other command, with its records as they come.
+
+    `program`: a program to run in place of fltea.
+    """
 
     def __init__(self, *arguments: str | Path, program: Sequence[str] = (), command: str = "run") -> None:
         super().__init__([command, *arguments], before=HEARS_HANGUPS, program=program)
 
     def end(self, number: signal.Signals | None = signal.SIGINT) -> tuple[int, str]:
-        """Exit code and stderr, after a signal or by itself."""
+        """Return exit code and stderr, after sending a signal, or after the program ends on its own (`number`
+        None).
+        """
         return super().end(number)
 
     def end_well(self, number: signal.Signals | None = signal.SIGINT) -> str:
-        """What it said on stderr, after it has ended with 0."""
+        """Check that the program ends with exit code 0, and return its stderr."""
         code, said = self.end(number)
         assert code == 0, said
         return said
 
 
 class Processes:
-    """Starts both kinds, and leaves none behind when a test fails."""
+    """Starts both kinds of program, and stops them all even if a test fails."""
 
     def __init__(self) -> None:
         self._started: list[StandIn | Daemon] = []
@@ -198,7 +209,7 @@ def port_of(url: str) -> int:
 
 
 def ask(port: int, path: str = "/", method: str = "GET", skip_host: bool = False, **headers: str) -> Answer:
-    """Send a request without a body; underscores in the names of headers stand for hyphens."""
+    """Send a request without a body; underscores in header names are sent as hyphens."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=PATIENCE_S)
     try:
         connection.putrequest(method, path, skip_host=skip_host or "Host" in headers)

@@ -1,4 +1,4 @@
-"""Recordings that lie about their size, or are made to fill the memory of whoever opens them."""
+"""Recordings that state a false size, or are made to fill the memory of the program that opens them."""
 
 import io
 import struct
@@ -19,14 +19,14 @@ MB = 1_000_000
 
 
 class Files(dict[str, bytes]):
-    """By name or kind; hypothesis prints what it was given, and these are long."""
+    """A dict of files by name or kind whose short repr keeps hypothesis's output readable."""
 
     def __repr__(self) -> str:
         return "the files"
 
 
 def mcap_with(*records: bytes) -> bytes:
-    """The head of a recording of ours, then these records, then nothing."""
+    """Return the head of a recording of ours, then these records, then no end."""
     builder = RecordBuilder()
     Header("", "hostile").write(builder)
     info = PartInfo("1f0c2b3a", 0, "due", "1.0", 0, 0)
@@ -41,7 +41,7 @@ def chunk(compression: str, data: bytes, declared_bytes: int) -> bytes:
 
 
 def zeros(compression: str, size_bytes: int) -> bytes:
-    """So many packed: no record that anybody knows, each of 9 bytes."""
+    """Return `size_bytes` zero bytes, compressed: a series of unknown records of 9 bytes each."""
     if compression == "lz4":
         return bytes(lz4.frame.compress(bytes(size_bytes)))
     return zstandard.compress(bytes(size_bytes))
@@ -55,7 +55,7 @@ MCAP_BOMBS: dict[str, Callable[[], bytes]] = {
     "lz4": lambda: mcap_with(chunk("lz4", zeros("lz4", LARGE), LARGE)),
     "many": lambda: mcap_with(*[chunk("zstd", zeros("zstd", LARGE), LARGE)] * 20),
 }
-"""By name; each is refused, and takes little to refuse."""
+"""Recordings by name. Each is refused, and refusing it needs little memory."""
 
 MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "declares 4.2 GB": lambda: chunk("zstd", zeros("zstd", 900), 4_200 * MB),
@@ -66,7 +66,7 @@ MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "a frame that declares 4 GB": lambda: chunk("zstd", _frame_declaring(4_200 * MB), 900),
     "an unknown packer": lambda: chunk("\x1b[31mrar", b"", 9),
 }
-"""By name: chunks that are damaged, not large; what comes after them is read."""
+"""Recordings by name whose chunks are damaged but not large; what follows them is still read."""
 
 
 def _streamed_zeros(size_bytes: int) -> bytes:
@@ -75,12 +75,14 @@ def _streamed_zeros(size_bytes: int) -> bytes:
 
 
 def _frame_declaring(size_bytes: int) -> bytes:
-    """A zstd frame of one empty block: magic, single segment with 8 bytes of size, a last raw block."""
+    """Return a zstd frame of one empty block: magic, single segment with 8 bytes of size, a last raw
+    block."""
     return struct.pack("<IBQ", 0xFD2FB528, 0b11100000, size_bytes) + b"\x01\x00\x00"
 
 
 def sparse(path: Path, head: bytes, kind: int, length: int) -> Path:
-    """A file whose last record really is that long, all zeros, which takes no room on the disk."""
+    """Write a sparse file whose last record really is `length` bytes of zeros but takes no room on the
+    disk."""
     with path.open("wb") as file:
         file.write(head + struct.pack("<BQ", kind, length))
         file.truncate(len(head) + 9 + length)
@@ -98,13 +100,13 @@ SPARSE_KINDS = (
 
 
 def npy(shape: object, dtype: str, data: bytes, header: bytes | None = None) -> bytes:
-    """An array that may say of itself what is not so."""
+    """Return the bytes of an npy file, whose header may be false."""
     text = header or f"{{'descr': '{dtype}', 'fortran_order': False, 'shape': {shape}}}\n".encode()
     return b"\x93NUMPY\x02\x00" + struct.pack("<I", len(text)) + text + data
 
 
 def npz(path: Path, packing: int = zipfile.ZIP_DEFLATED, **arrays: bytes | object) -> Path:
-    """Bytes go in as they are; all else is an array of numpy's."""
+    """Write an npz file. Members given as bytes are stored as they are, all others as numpy arrays."""
     with zipfile.ZipFile(path, "w", packing) as archive:
         for name, content in arrays.items():
             if not isinstance(content, bytes):
@@ -116,7 +118,7 @@ def npz(path: Path, packing: int = zipfile.ZIP_DEFLATED, **arrays: bytes | objec
 
 
 def npz_bombs(folder: Path) -> dict[str, tuple[Path, str]]:
-    """By name: the file, and a word of why it is refused."""
+    """Return, by name, an npz file and a word of the reason for which it is refused."""
     good = {"fs_hz": 100.0, "lsb_per_dps": 16.4}
     rows = 60 * MB
     small = npy((4, 3), "<i2", bytes(24))

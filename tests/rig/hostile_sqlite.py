@@ -1,4 +1,4 @@
-"""Files of SQLite that are small, pass for bags of ROS 2, and compute without end once a row is asked for."""
+"""Small SQLite files that pass for bags of ROS 2, and in which asking for a row would compute without end."""
 
 import contextlib
 import sqlite3
@@ -25,7 +25,7 @@ def _made_by(script: str) -> Callable[[Path], None]:
 
 
 def _disguised(name: str, view: str) -> str:
-    """A view that the schema calls a table."""
+    """Return statements that make a view which the schema calls a table."""
     text = view.replace("'", "''")
     return (
         f"CREATE VIEW {name} AS {view}; PRAGMA writable_schema=ON;"
@@ -35,7 +35,7 @@ def _disguised(name: str, view: str) -> str:
 
 
 def _without_end(path: Path) -> None:
-    """A tree whose inner pages name one and the same page, over and over: 2 kB, and 100^12 rows."""
+    """Write a tree whose inner pages all name the same page: 2 kB, and 100^12 rows."""
     page_bytes, depth, children = 1024, 12, 100
     with contextlib.closing(sqlite3.connect(path)) as connection:
         connection.executescript(f"PRAGMA page_size={page_bytes};" + TOPICS + PLAIN)
@@ -84,4 +84,4 @@ HOSTILE: dict[str, Callable[[Path], None]] = {
     ),
     ENDLESS_TREE: _without_end,
 }
-"""By name, what makes one."""
+"""By name, the function that makes such a file."""

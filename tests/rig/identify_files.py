@@ -1,4 +1,4 @@
-"""What the tests of `fltea identify` share: recordings of white noise, and settings that are fast."""
+"""Shared by the tests of `fltea identify`: recordings of white noise, and settings that are quick."""
 
 import os
 from pathlib import Path
@@ -22,7 +22,7 @@ def settings(shuffles: int = 4, figures: bool = False) -> Settings:
 
 
 def counts(n: int, axes: int = 3, seed: int = 1) -> np.ndarray:
-    """White noise of 16 LSB and an offset, (n, axes)."""
+    """Return white noise of 16 LSB and an offset, (n, axes)."""
     return np.rint(16 * white(n, axes, seed).T + 40).astype(np.int32)
 
 
@@ -32,9 +32,9 @@ def npz(path: Path, raw: np.ndarray, **extra: object) -> Path:
 
 
 class Deadly:
-    """In place of a path: whoever reads it dies, the first `times` times.
+    """Takes the place of a path and kills the process that reads it, the first `times` times.
 
-    Only a process that it is sent to does, for it does so when it is unpickled.
+    Only a process that receives this object dies, because unpickling kills it.
     """
 
     def __init__(self, path: Path, mark: Path, times: int) -> None:
@@ -62,5 +62,5 @@ def identify_axis(
     options: IdentifyOptions | None = None,
     gaps: Gaps | None = None,
 ) -> AxisResult:
-    """All that is found out about one axis, but for its shuffled copies."""
+    """Return all that is identified about one axis, except its shuffled copies."""
     return identified(look(y, h, options, gaps), lsb, options)

@@ -1,4 +1,4 @@
-"""One axis through all that `fltea identify` does with it, without a recording around it."""
+"""Run one axis through all steps of `fltea identify`, without a recording."""
 
 import contextlib
 from collections.abc import Sequence
@@ -25,19 +25,20 @@ def identify_series(
     known: Sequence[DataCheck] = (),
     live: LiveConfig | None = None,
 ) -> AxisReport:
-    """Return all that is found out about one axis by itself, but for its shuffled copies.
+    """Return all that is identified about one axis alone, except its shuffled copies.
 
-    known: what is wrong with it already by the recording as a whole.
+    `known`: faults that are already known from the recording as a whole.
 
     Raises:
-        ValueError: it is too short or constant.
+        ValueError: The series is too short or constant.
     """
     found = examine(series, h, options, figures, known)
     for _ in range(1, MOST_LOOKS):
         events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
         if events.left_out.is_like(found.left_out):
             break
-        with contextlib.suppress(ValueError):  # too little is left between steps: the look before counts
+        # too few samples are left between the steps, so the first examination stands
+        with contextlib.suppress(ValueError):
             found = examine(series, h, options, figures, known, events.left_out)
     if found.tracked is not None:
         rest, K = without(series, found.left_out), found.result.level.K

@@ -1,4 +1,4 @@
-"""Noises with known answers, made without the code under test."""
+"""Noises with known answers, generated without the code under test."""
 
 from typing import NamedTuple
 
@@ -12,13 +12,14 @@ H = 0.01
 
 
 def recursion(alpha: float, f: float, n: int, series: int, seed: int, warmup: int = 2000) -> Array:
-    """States of the fractional recursion with unit innovations, (series, n), after a warm-up."""
+    """Return states of the fractional recursion with unit innovations, (series, n), after a warm-up."""
     drive = np.random.default_rng(seed).standard_normal((n + warmup, series)) / H**alpha
     return fractional_states(np.full(n + warmup, alpha), f, drive, H)[warmup:].T
 
 
 def long_recursion(alpha: float, g: float, n: int, seed: int) -> Array:
-    """The same, (n,), of its transfer function on a circle four times as long: fast for long series."""
+    """Return states (n,) of the same recursion by FFT on a circle four times as long, which is faster for
+    long series."""
     lam = 2 * np.pi * np.arange(1, 2 * n + 1) / (4 * n)
     z = np.exp(-1j * lam)
     transfer = np.concatenate([[0], 1 / ((1 - z) ** alpha - g * z)])
@@ -27,7 +28,7 @@ def long_recursion(alpha: float, g: float, n: int, seed: int) -> Array:
 
 
 def ar(phi: tuple[float, ...], n: int, series: int, seed: int, warmup: int = 1000) -> Array:
-    """AR process with unit innovations, (series, n)."""
+    """Return an AR process with unit innovations, (series, n)."""
     noise = np.random.default_rng(seed).standard_normal((n + warmup, series))
     x = np.zeros((n + warmup + len(phi), series))
     for k in range(n + warmup):
@@ -41,13 +42,13 @@ def white(n: int, series: int, seed: int) -> Array:
 
 
 def drawn(spectrum: Array, lam: Array, n: int, seed: int, series: int = 1) -> Periodogram:
-    """A periodogram as theory has it: independent exponentials with the spectrum for their means."""
+    """Draw a periodogram as theory predicts it: independent exponentials whose means are the spectrum."""
     power = np.random.default_rng(seed).exponential(size=(series, len(lam))) * spectrum
     return Periodogram(lam, power[0] if series == 1 else power, H, n)
 
 
 class Truth(NamedTuple):
-    """N, K and Q as filters have them, and (σ, τ) of each Gauss–Markov part, the slowest first."""
+    """N, K and Q as filters use them, and (σ, τ) of each Gauss–Markov part, the slowest first."""
 
     N: float
     gauss_markov: tuple[tuple[float, float], ...] = ()
@@ -56,7 +57,7 @@ class Truth(NamedTuple):
 
 
 def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
-    """One series (n,), by recursions in time."""
+    """Return one series (n,) of this noise, computed recursively in time."""
     rng = np.random.default_rng((77, seed))
     y = rng.standard_normal(n) * truth.N / np.sqrt(h)
     for sigma, tau in truth.gauss_markov:
@@ -66,7 +67,7 @@ def composite(truth: Truth, n: int, h: float, seed: int) -> Array:
 
 
 def gauss_markov(rng: np.random.Generator, n: int, h: float, sigma: float, tau: float) -> Array:
-    """One part, stationary from the start."""
+    """Return one Gauss–Markov part that is stationary from the start."""
     phi, before = np.exp(-h / tau), int(20 * tau / h)
     drive = rng.standard_normal(n + before) * sigma * np.sqrt(1 - phi * phi)
     return np.asarray(lfilter([1], [1, -phi], drive)[before:])

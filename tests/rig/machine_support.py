@@ -1,4 +1,5 @@
-"""Boards that run small programs, written in assembly and built when needed, and the way to 84 MHz."""
+"""Boards that run small programs, written in assembly and built when needed, and the register values for 84
+MHz."""
 
 import subprocess
 import tempfile
@@ -30,16 +31,20 @@ PRELUDE = (FOLDER / "prelude.S").read_text(encoding="utf-8")
 
 TICK_EACH_MS = "systick 3999, 7\n"
 COUNT = "\n count_ticks\n"
-"""A tick every millisecond, before the clock is changed, and a handler that counts in slot 0."""
+"""Assembly that makes SysTick fire every millisecond at the clock after reset, with a handler that counts in
+slot 0."""
 
 
 def program(text, handlers=None):
-    """Image of a program that begins with the text; handlers: exception number to its handler's label."""
+    """Return the image of a program that begins with `text`.
+
+    `handlers`: label of the handler by exception number.
+    """
     return _build(_source(text, handlers), ".S")
 
 
 def linked_program(folder, text, handlers=None):
-    """The same as an ELF file in the folder, and its image."""
+    """Write the same program as an ELF file into the folder; return its path and image."""
     return _link(folder, _source(text, handlers), ".S")
 
 
@@ -72,7 +77,7 @@ def _link(folder, source, suffix):
 
 
 class Bench:
-    """A board with a program, what it sent, and the RAM slots in which it keeps results."""
+    """A board with a program, the bytes it sent, and the RAM slots in which the program keeps results."""
 
     def __init__(self, image, **options):
         self.received = bytearray()
@@ -88,13 +93,13 @@ class Bench:
         return self
 
     def fault(self, seconds=1.0):
-        """Run and return the reason that ends it."""
+        """Run and return the reason that ends the run."""
         with pytest.raises(EmulationFault) as caught:
             self.board.run_until(seconds)
         return caught.value.reason
 
     def slot(self, n):
-        """A word of RAM, counted from its beginning."""
+        """Return word `n` of RAM."""
         return int.from_bytes(self.board.memory.read(RAM_BASE + 4 * n, 4), "little")
 
 
@@ -103,12 +108,12 @@ def run(text, seconds=0.01, handlers=None, **options):
 
 
 def peripheral(board, name):
-    """One of the chip's peripherals, by its name in the vendor's description."""
+    """Return one of the chip's peripherals by its name in the vendor's description."""
     return next(one for one in board.peripherals if one.name == name)
 
 
 def reason(action, *arguments):
-    """Why this ends the run."""
+    """Return the reason with which this call ends the run."""
     with pytest.raises(EmulationFault) as caught:
         action(*arguments)
     return caught.value.reason

@@ -1,4 +1,4 @@
-"""What the tests of recordings share: what came over a wire, recorded as the daemon does, and read back."""
+"""Shared by the tests of recordings: simulate a transport, record it as the daemon does, and read it back."""
 
 import random
 from collections.abc import Callable, Iterable
@@ -29,7 +29,10 @@ PERIOD_NS = 10_000_000
 
 
 def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[TransportEvent]:
-    """A device on a line: chunks cut anywhere, arrivals late, frames lost; between boots the port is away."""
+    """Return what arrives from a device on a serial port: chunks cut anywhere, late arrivals, lost frames.
+
+    Between two boots the port is unplugged.
+    """
     rng = random.Random(seed)
     now_ns, found = MONOTONIC_NS, list[TransportEvent]()
 
@@ -56,7 +59,7 @@ def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[Transpo
 
 
 def recording_to(folder: Path, **settings: Any) -> RecordConfig:
-    """The settings of a recording of one device."""
+    """Return settings for the recording of one device."""
     return RecordConfig(folder=str(folder), **settings).for_devices(1)
 
 
@@ -69,7 +72,7 @@ def record(
     estimate_on: str = "host",
     **settings: object,
 ) -> tuple[list[AnyRecord], RecordSink]:
-    """Walk and record what came, as the daemon does; without `end` the file stays open."""
+    """Process and record what came, as the daemon does; with `end` false the file stays open."""
     sink = RecordSink(recording_to(folder, **settings), device, report)
     source = FedSource("/dev/due")
     pipeline = Pipeline(
@@ -90,7 +93,7 @@ def record(
 
 
 def kill(sink: RecordSink) -> None:
-    """What the end of a process leaves of a recorder: its file closed by the system, nothing written."""
+    """Leave a recorder as a killed process does: the system closes its file, and nothing more is written."""
     assert sink._part is not None
     sink._part.writer._file.close()
 
@@ -103,7 +106,7 @@ def replay(path: Path, **overrides: object) -> list[AnyRecord]:
 
 
 def without(records: Iterable[AnyRecord], *fields: str) -> list[AnyRecord]:
-    """The same without fields that differ by nature."""
+    """Return the same records with these fields blanked, as they always differ."""
     return [msgspec.structs.replace(one, **dict.fromkeys(fields, "")) for one in records]
 
 
@@ -123,7 +126,7 @@ def metadata_of(path: Path) -> list[tuple[str, dict[str, str]]]:
 
 
 def wire_entries(path: Path) -> list[Entry]:
-    """What came over the wire, also of a file that is cut."""
+    """Return the wire entries of a recording, even if its file is cut off."""
     entries = read_entries(Part(path, read_info(path)))
     return [entry for entry in entries if entry.topic == WIRE]
 
@@ -142,7 +145,7 @@ def sink_in(folder: Path, told: list[tuple[str, str]] | None = None, **settings:
 
 
 def written(sink: RecordSink, *items: Any) -> None:
-    """Write all items, and finish."""
+    """Write all items, and close the sink."""
     for item in items:
         sink.write(item)
     sink.close()

@@ -1,4 +1,5 @@
-"""The native memories from Python: tests/native/probe.cpp, one shared library for each instruction set."""
+"""Run the native memories from Python: tests/native/probe.cpp, one shared library for each instruction
+set."""
 
 import ctypes
 import weakref
@@ -11,14 +12,14 @@ from fltea.records.arrays import Array
 from numpy.typing import ArrayLike
 
 SETS = instruction_sets()
-"""Instruction sets that this processor can run."""
+"""Instruction sets that this processor supports."""
 DIRECT = -1
-"""In place of a number of digits: the exact memory."""
+"""Given as the number of digits, this selects the exact memory."""
 
 
 @lru_cache
 def library(instruction_set: str) -> ctypes.CDLL:
-    """Build, if out of date, and load the probe of one instruction set."""
+    """Load the probe of one instruction set; build it first if it is out of date."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     return probe(
         f"probe-{instruction_set}",
@@ -38,9 +39,9 @@ def library(instruction_set: str) -> ctypes.CDLL:
 
 
 class Memory:
-    """One memory of `digits` (or DIRECT) and window L (0: unlimited); numbers are (lanes,), results too.
+    """One memory of `digits` (or DIRECT) and window L (0: unlimited); inputs and results are (lanes,).
 
-    kind: of its numbers, f: float, d: double, w: a pack as wide as the registers.
+    `kind`: number type, f: float, d: double, w: a SIMD pack as wide as the registers.
     """
 
     def __init__(
@@ -65,18 +66,18 @@ class Memory:
         self._library.probe_push(self._probe, n, None, None)
 
     def stir(self, n: int, seed: int) -> None:
-        """Push n random samples of about unit variance, P about 1."""
+        """Push n random samples of about unit variance, with P about 1."""
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
-        """S and V of one order for all lanes."""
+        """Return S and V of one order for all lanes."""
         S, V = np.empty(self.lanes), np.empty(self.lanes)
         orders = np.full(self.lanes, order, dtype=np.float64)
         self._library.probe_sums(self._probe, orders, S, V)
         return S, V
 
     def evaluate(self, orders: ArrayLike) -> tuple[Array, Array]:
-        """S of three orders in one call, (3, lanes), and V of the first by itself, (lanes,)."""
+        """Return S of three orders from one call, (3, lanes), and V of the first order alone, (lanes,)."""
         S, V = np.empty((3, self.lanes)), np.empty(self.lanes)
         self._library.probe_evaluate(self._probe, self._rows(orders, 3), S, V)
         return S, V
@@ -86,14 +87,14 @@ class Memory:
 
     @property
     def modes(self) -> tuple[int, int]:
-        """Modes of the sums of states and of variances that window and digits led to."""
+        """Return the modes that the window and digits selected for the sums of states and of variances."""
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
         return int(out[0]), int(out[1])
 
 
 def math(kind: str, x: Array, instruction_set: str | None = None) -> tuple[Array, Array, Array]:
-    """e^x, e^-x and sin(pi x) of pack_math.hpp."""
+    """Return e^x, e^-x and sin(pi x) as pack_math.hpp computes them."""
     native = library(instruction_set or SETS[0])
     padded = np.concatenate((x, np.zeros(-len(x) % 8)))
     up, down, sine = (np.empty_like(padded) for _ in range(3))

@@ -1,4 +1,5 @@
-"""Debian's mosquitto on a port of our own, certificates for it, and somebody who listens to it."""
+"""Debian's mosquitto on a port of its own, certificates for it, and a client that records all its
+messages."""
 
 import contextlib
 import json
@@ -29,7 +30,7 @@ def openssl(*arguments: str | Path) -> None:
 
 
 def make_authority(folder: Path) -> Path:
-    """A certificate authority, and below it one for localhost; returns the authority's certificate."""
+    """Make a certificate authority and a certificate for localhost; return the authority's certificate."""
     folder.mkdir()
     key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
     ca, ca_key = folder / "ca.pem", folder / "ca.key"
@@ -46,10 +47,10 @@ def make_authority(folder: Path) -> Path:
 
 
 class Mosquitto(Server):
-    """A broker that can go and come back on the same port, with what it retained.
+    """A broker that can stop and come back on the same port with its retained messages.
 
-    authority: folder of `make_authority`; it then speaks TLS. secure: a password file and an access list.
-    usual_limits: it drops what a subscriber is too slow for, as it does unless it is told otherwise.
+    `authority`: folder of `make_authority`; the broker then uses TLS. `secure`: use a password file and an
+    access list. `usual_limits`: keep mosquitto's default limits, which drop messages for slow subscribers.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class Heard(NamedTuple):
 
 
 class Watcher:
-    """Hears all that is published below `fltea/`, across restarts of the broker: it has a lasting session."""
+    """Records all that is published below `fltea/`. Its session outlives restarts of the broker."""
 
     def __init__(self, port: int, ca: Path | None = None, login: tuple[str, str] | None = None) -> None:
         self.heard: list[Heard] = []
@@ -171,7 +172,7 @@ class Connected(Driven):
 
 
 class Stage(contextlib.ExitStack):
-    """Starts brokers, watchers and sinks, and leaves none behind."""
+    """Starts brokers, watchers and sinks, and stops them all after the test."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
@@ -185,7 +186,10 @@ class Stage(contextlib.ExitStack):
         return one
 
     def client(self, port: int, name: str = "", **settings: Any) -> Client:
-        """A client that is connected. settings: version, login, ca; else what to do at an event."""
+        """Return a connected client.
+
+        `settings`: version, login, ca; any other is a function that handles an event.
+        """
         version = settings.pop("version", MQTTProtocolVersion.MQTTv5)
         client = Client(CallbackAPIVersion.VERSION2, name, protocol=version)
         if (login := settings.pop("login", None)) is not None:

@@ -1,4 +1,4 @@
-"""A broker that is none, and a sink of MQTT with a clock that the test turns."""
+"""A fake broker, and an MQTT sink with a clock that the test advances."""
 
 import json
 from collections import deque
@@ -37,7 +37,10 @@ def gap(seq: int = 0) -> Gap:
 
 
 class FakeConnection:
-    """Takes everything and acknowledges what the test says. full: it can send nothing now."""
+    """Accepts every message, and acknowledges only what the test says.
+
+    `full`: it can send nothing at present.
+    """
 
     made: ClassVar[list["FakeConnection"]] = []
 
@@ -59,7 +62,7 @@ class FakeConnection:
         self.events.append(Down("broker_lost", "closed"))
 
     def acknowledge(self, *topics: str, refusal: str | None = None) -> None:
-        """The broker acknowledges what was sent on these topics; on all, if none is named."""
+        """Let the broker acknowledge what was sent on these topics; on all topics if none is named."""
         for mid, (topic, *_) in enumerate(self.sent, 1):
             if not topics or topic in topics:
                 self.events.append(Acknowledged(mid, refusal))
@@ -69,7 +72,7 @@ class FakeConnection:
 
 
 class Driven:
-    """A sink in the hands of the test, which is its outlet."""
+    """A sink that the test drives directly, in place of a sink queue."""
 
     def __init__(self, broker: str, **settings: Any) -> None:
         self.told: list[tuple[str, str]] = []
@@ -83,7 +86,7 @@ class Driven:
 
 
 class Bench(Driven):
-    """A sink, a broker that is none, and a clock that the test turns."""
+    """A sink, a fake broker, and a clock that the test advances."""
 
     def __init__(self, **settings: Any) -> None:
         super().__init__("broker.example", **settings)

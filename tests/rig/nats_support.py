@@ -1,4 +1,5 @@
-"""Debian's nats-server on ports of our own: alone, or three nodes with the settings that are handed out."""
+"""Debian's nats-server on ports of its own: one server, or three nodes with the settings files that the
+project ships."""
 
 import os
 import shutil
@@ -14,19 +15,22 @@ DEPLOYED = ROOT / "tools/deploy/nats"
 
 
 def started(folder: Path, settings: Path, port: int, environment: dict[str, str]) -> Server:
-    """One process, which listens once this is made."""
+    """Start one server process, and return once it listens."""
     command, log = [needed("nats-server"), "-c", settings], folder / f"{settings.stem}-{port}.log"
     return Server(command, [port], log, env={**os.environ, **environment}, cwd=folder)
 
 
 def mapping(partitions: int = PARTITIONS) -> str:
-    """The settings' line that makes partitions."""
+    """Return the line of the settings that maps subjects to partitions."""
     mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 
 
 def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str = "") -> Server:
-    """A server without TLS and accounts. maps: its mapping; store: size of JetStream's, "": it has none."""
+    """Start a server without TLS and accounts.
+
+    `maps`: its mapping. `store`: size of JetStream's store; "" disables JetStream.
+    """
     folder.mkdir()
     port = free_port()
     settings = folder / "nats.conf"
@@ -43,7 +47,7 @@ def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str 
 
 
 def three_nodes(folder: Path, authority: Path) -> list[Server]:
-    """The nodes of tools/deploy/nats, with certificates of `make_authority`, all on the loopback."""
+    """Start the nodes of tools/deploy/nats on the loopback, with certificates of `make_authority`."""
     for file in (
         *DEPLOYED.glob("*.conf"),
         *(authority / name for name in ("server.pem", "server.key", "ca.pem")),

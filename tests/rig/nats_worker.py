@@ -1,4 +1,4 @@
-"""The part of a worker that talks to a NATS server, and what a client of that server does."""
+"""The part of a worker that talks to a NATS server, and helpers that act as a client of that server."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -37,7 +37,7 @@ class Worker:
 
 
 def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed | Left]:
-    """All that waits, in its order."""
+    """Take all that waits in the inbox, in order."""
     found: list[Message | Served | Resumed | Left] = []
     messages, behind = worker.inbox.take(timeout_s)
     while messages or behind:
@@ -47,7 +47,7 @@ def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed |
 
 
 def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **options: Any) -> Any:
-    """What a client of the server finds."""
+    """Run a coroutine with a client of the server; return its result."""
 
     async def connected() -> Any:
         client = await nats.connect(f"nats://127.0.0.1:{server.port}", allow_reconnect=False, **options)
@@ -60,7 +60,7 @@ def ask(server: Server, what: Callable[[Any], Coroutine[Any, Any, Any]], **optio
 
 
 def publish(server: Server, *messages: tuple[str, bytes], **options: Any) -> None:
-    """Let the server have messages: subject, content."""
+    """Publish messages, each a subject and its content, to the server."""
 
     async def all_of_them(client: Any) -> None:
         for subject, data in messages:

@@ -1,4 +1,5 @@
-"""The octaves of a spectrum in numpy and scipy, all samples at hand: the oracle of the native ones."""
+"""The octaves of a spectrum in numpy and scipy, computed from all samples at once: the oracle of the native
+ones."""
 
 from typing import NamedTuple
 
@@ -14,7 +15,7 @@ WINDOW = signal.get_window("hann", 256)
 
 
 class Lines(NamedTuple):
-    """In rising order; several at one frequency stand one by one."""
+    """Spectral lines in rising frequency; several lines at one frequency stay separate."""
 
     lam: Array
     power: Array
@@ -24,14 +25,18 @@ class Lines(NamedTuple):
 
 
 def _correlated(later: int) -> float:
-    """The sum of the squares of a line's correlations with all lines of a block that begins `later`."""
+    """Sum the squared correlations of a spectral line with all those of a block that begins `later` samples
+    later."""
     both = np.zeros(256)
     both[: 256 - later] = WINDOW[later:] * WINDOW[: 256 - later]
     return float((np.abs(np.fft.fft(both)) ** 2).sum() / (WINDOW**2).sum() ** 2)
 
 
 def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
-    """The spectrum of stretches without a break; made_up: True where a sample was not measured."""
+    """Return the spectrum of stretches that have no gap.
+
+    `made_up`: True where a sample was not measured.
+    """
     lam, power, weight, all_blocks, level = [], [], [], [], 0
     while sum(len(x) for x in stretches if len(x) >= 64) > 3072:
         blocks = [
@@ -68,7 +73,7 @@ def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
 
 
 def passed(lam: Array, level: int) -> Array:
-    """Power gain of all filters before a level, at rad a sample of the whole."""
+    """Return the power gain of all filters before a level, at `lam` radians per original sample."""
     result = np.ones_like(lam)
     for halvings in range(level):
         result *= np.abs(signal.freqz(TAPS, worN=lam * 2**halvings)[1]) ** 2
@@ -76,7 +81,7 @@ def passed(lam: Array, level: int) -> Array:
 
 
 def fed(y: Array) -> Octaves:
-    """Octaves of samples (n, lanes), or (n,) of one lane."""
+    """Return the native octaves, fed with samples (n, lanes), or (n,) of one lane."""
     rows = np.ascontiguousarray(y.reshape(len(y), -1))
     octaves = Octaves(rows.shape[1])
     octaves.add(rows)
@@ -88,7 +93,7 @@ def noise(n: int, lanes: int, seed: int) -> Array:
 
 
 def check_lines(p: Periodogram, oracle: Lines) -> None:
-    """Equal; lines at one frequency are averaged first."""
+    """Check that the spectra are equal, after averaging the oracle's lines at the same frequency."""
     lam, place = np.unique(oracle.lam, return_inverse=True)
     assert p.weight is not None
     assert p.lam == pytest.approx(lam, rel=1e-13)

@@ -1,4 +1,4 @@
-"""The oracle of host/native/timebase.hpp: the same regression, an arrival at a time."""
+"""The oracle of host/native/timebase.hpp: the same regression, one arrival at a time."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -15,12 +15,15 @@ DELAY = itemgetter(1)
 
 
 def total(values: Iterable[float]) -> float:
-    """Their sum, one after the other: to the bit what any such loop gives."""
+    """Add the values in order, so that the sum equals that of a plain loop to the bit."""
     return reduce(add, values, 0.0)
 
 
 class Timebase:
-    """Of every second the earliest arrival counts, and a line through them gives all times."""
+    """Fits a straight line through the earliest arrival of each second.
+
+    The line gives the host time of every sample.
+    """
 
     def __init__(self, offset_ns: int) -> None:
         self._offset_ns = offset_ns
@@ -33,7 +36,7 @@ class Timebase:
         self._last_ns: int | None = None
 
     def add(self, seq: int, device_us: int, host_ns: int) -> int:
-        """Learn from one arrival; return the sample's host time in ns, which never runs backwards."""
+        """Use one arrival for the fit; return the sample's host time in ns, which never decreases."""
         self._latest = (seq, device_us, host_ns)
         if self._last_ns is None:
             self._first, self._end_us = self._latest, device_us + BLOCK_US
@@ -60,7 +63,8 @@ class Timebase:
 
     @property
     def clock_ppm(self) -> float | None:
-        # Delays that are all 0 to the nanosecond are of times that were made from the device's.
+        # Delays that are all 0 to the nanosecond belong to host times that were computed from the device's
+        # times.
         if len(self._blocks) < BLOCKS_FOR_PPM or not any(map(DELAY, self._blocks)):
             return None
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6

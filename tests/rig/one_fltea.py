@@ -1,4 +1,4 @@
-"""FLTEA over one axis, by the variant of its settings."""
+"""Run FLTEA over one axis, with the variant that the settings name."""
 
 from fltea.identification.fltea_fit import FlteaAxis, FlteaFit, fltea_fits
 from fltea.identification.gaps import Gaps, no_gaps

@@ -1,4 +1,5 @@
-"""The most striking stretch of lines by its definition, as an oracle of host/native/octave_peak.hpp."""
+"""Find the most significant peak of a spectrum by its definition, as an oracle of
+host/native/octave_peak.hpp."""
 
 import math
 from collections.abc import Iterator
@@ -16,7 +17,8 @@ NEIGHBOURS = 4 / 9, 1 / 36
 
 
 class Try(NamedTuple):
-    """A stretch: its own lines, the levels that it has to be above, and the ordinates of each."""
+    """A stretch of spectral lines under test: its own range, the levels it must exceed, and the ordinates of
+    each level."""
 
     begin: int
     end: int
@@ -29,7 +31,7 @@ class Try(NamedTuple):
 
 
 class Lines:
-    """Lines of these powers, each of which stands for so many ordinates."""
+    """Spectral lines of these powers. Each represents `weight` ordinates of the periodogram."""
 
     def __init__(self, power: Array, weight: Array) -> None:
         self.m = len(power)
@@ -108,7 +110,7 @@ class Lines:
 
 
 def strongest(power: Array, weight: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Return the likeliest stretch of those that are sure, and the level around it."""
+    """Return the likeliest of the significant stretches, and the level around it."""
     lines = Lines(power, weight)
     best: Try | None = None
     for tries in (list(lines.at_the_ends()), list(lines.between())):

@@ -1,6 +1,6 @@
-"""What a stream of bytes holds, read as a whole with PyPI's cobs and zlib: the native decoder's oracle.
+"""Decode a whole stream of bytes with PyPI's cobs and zlib, as the oracle of the native decoder.
 
-It follows protocol/README.md word by word, and shares nothing with the program but the layout of messages.
+It follows protocol/README.md literally, and shares only the layout of messages with the program.
 """
 
 import struct
@@ -14,25 +14,28 @@ from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.messages import BadFrame, Frame, Refused
 
 CUT = ("cobs", "oversize", "short", "crc")
-"""What the end of a frame can look like to a receiver that heard only that end."""
+"""Errors that can occur when a receiver gets only the end of a frame."""
 
 
 class Found(NamedTuple):
-    """end: offset just behind it in all bytes."""
+    """A decoded item.
+
+    `end`: offset just behind it in all bytes.
+    """
 
     item: Frame | Refused | BadFrame
     end: int
 
 
 def decoded(data: bytes) -> list[Found]:
-    """All that ends in the bytes that came since a port was opened."""
+    """Return all frames and errors that end within the bytes received since a port was opened."""
     found: list[Found] = []
     begin = 0
     blocks = data.split(b"\0")
     for number, block in enumerate(blocks):
         end = begin + len(block) + 1
         item: Frame | Refused | BadFrame | None = None
-        if len(block) > wire.MAX_ENCODED:  # given as soon as it is too long
+        if len(block) > wire.MAX_ENCODED:  # an oversized block is reported as soon as it is too long
             item, end_of_item = BadFrame("oversize", block[: wire.MAX_ENCODED]), begin + wire.MAX_ENCODED + 1
         elif block and number < len(blocks) - 1:
             item, end_of_item = of_block(block), end
@@ -45,13 +48,13 @@ def decoded(data: bytes) -> list[Found]:
 
 
 def unfinished(data: bytes) -> int:
-    """Bytes that wait for the rest of their block."""
+    """Return how many bytes wait for the rest of their block."""
     last = len(data.rpartition(b"\0")[2])
     return 0 if last > wire.MAX_ENCODED else last
 
 
 def of_block(block: bytes) -> Frame | Refused | BadFrame:
-    """What stands between two 0x00."""
+    """Decode the bytes between two 0x00."""
     try:
         body = cobs.decode(block)
     except cobs.DecodeError:
@@ -77,7 +80,7 @@ def of_block(block: bytes) -> Frame | Refused | BadFrame:
 
 
 def in_chunks(reader: BlockReader, chunks: Iterable[bytes]) -> list[Found]:
-    """What the native decoder gives, frame by frame, as above."""
+    """Return what the native decoder gives for these chunks, in the form of `decoded`."""
     found: list[Found] = []
     for chunk in chunks:
         before = reader.bytes_in

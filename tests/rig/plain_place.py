@@ -1,6 +1,6 @@
-"""Where a sample stands: its number and its device time, which do not wrap, and what was lost before it.
+"""Track a sample's sequence number and device time without wrap-around, and the samples lost before it.
 
-The rules are those of protocol/README.md. `plain_walk` tells what comes before and behind.
+The rules are those of protocol/README.md. `plain_walk` explains the steps before and after.
 """
 
 from typing import NamedTuple
@@ -11,17 +11,19 @@ from fltea.settings.config import Config
 from fltea.settings.duration import in_samples
 
 LONGEST_SILENCE_NS = 30 * 60 * 10**9
-"""Device time wraps every 71.6 minutes, so after a longer silence nobody knows how often it has."""
+"""Device time wraps every 71.6 minutes, so after a longer silence the number of wraps is ambiguous."""
 LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
-"""Of device's and host's clock since the sample before: by chance a reset looks like a gap of an hour."""
+"""Largest difference between device clock and host clock since the last sample: a reset may look like a gap
+of an hour."""
 CLOCK_TOLERANCE = 0.02
 """Sequence and time may differ by twice the ±1 % of a sensor's own clock, and by one period."""
 LONGEST_GAP = 1_000_000
-"""Samples that are bridged at most, whatever `link.max_gap` says."""
+"""Largest number of samples that a gap may bridge, whatever `link.max_gap` says."""
 
 
 class Placed(NamedTuple):
-    """A sample's number, its device time, the samples lost just before it, and why it begins an epoch."""
+    """A sample's number, its device time, the samples lost just before it, and the reason if it begins an
+    epoch."""
 
     seq: int
     device_us: int
@@ -30,29 +32,33 @@ class Placed(NamedTuple):
 
 
 def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
-    """How many sampling periods a sample is behind another; None where its number and its time disagree."""
+    """Return the sampling periods from one sample to another; None if the number and the time disagree."""
     elapsed_us, period_us = (raw.device_us - last.device_us) % 2**32, 1e6 / hello.rate_hz
     numbers = (raw.sequence - last.sequence) % 2**16
-    # The time that has passed tells how often the number has wrapped.
+    # The elapsed time tells how often the number has wrapped.
     steps = numbers + 2**16 * round((elapsed_us / period_us - numbers) / 2**16)
     tolerance_us = CLOCK_TOLERANCE * steps * period_us + period_us
     return steps if steps >= 1 and abs(elapsed_us - steps * period_us) <= tolerance_us else None
 
 
 class RateWatch:
-    """Whether times and numbers of samples go on to differ from the rate of HELLO in the same way."""
+    """Detects whether times and numbers of samples keep differing from the rate of HELLO in the same way."""
 
     def __init__(self) -> None:
         self.begin()
 
     def begin(self) -> None:
-        """Compare nothing with what was before."""
+        """Start over, so that no earlier sample is compared."""
         self._last: tuple[int, int] | None = None
         self._pairs: list[tuple[int, int]] = []
         self.says: str | None = None
 
     def add(self, sequence: int, device_us: int, period_us: float) -> str | None:
-        """Compare with the sample before; "differs" or "agrees", where that can be said anew."""
+        """Compare with the last sample.
+
+        Returns:
+            "differs" or "agrees" when a new verdict is possible, else None.
+        """
         last, self._last = self._last, (sequence, device_us)
         if last is None:
             return None
@@ -76,7 +82,8 @@ class RateWatch:
 
 
 class Place:
-    """Finds where samples stand, and counts what became of all that came (protocol/README.md)."""
+    """Finds the sequence position of samples, and counts what became of all that came
+    (protocol/README.md)."""
 
     def __init__(self, config: Config) -> None:
         self._max_gap = config.link.max_gap
@@ -92,7 +99,11 @@ class Place:
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
-        """Believe the samples that follow; whether it is news: the first, another boot, or another sensor."""
+        """Accept the samples that follow.
+
+        Returns:
+            Whether this HELLO differs: it is the first one, of another boot, or of another sensor.
+        """
         boot, before = (hello.boot_id, hello.device_id), self._boot
         sensor_began = hello.sensor_starts != self._sensor_starts
         is_news = boot != before or sensor_began or self.hello is None
@@ -109,18 +120,21 @@ class Place:
         return is_news
 
     def on_link_down(self) -> None:
-        """Believe no sample until the next HELLO: it may be another device's."""
+        """Accept no sample until the next HELLO, since another device may have been plugged in."""
         self.hello, self._disagreed = None, False
         self._watch.begin()
         self._believe()
 
     def on_break(self, reason: EpochReason) -> None:
-        """A recording says that its next sample begins an epoch; what is known of it already counts more."""
+        """Take note that a recording says its next sample begins an epoch.
+
+        A reason known already has precedence.
+        """
         if self._reason in (None, "sensor_restart"):
             self._reason = reason
 
     def place(self, raw: RawSample) -> Placed | None:
-        """Where a sample stands; None for one that cannot be used."""
+        """Return the sequence position of a sample; None for a sample that cannot be used."""
         last, hello, reason = self._last, self.hello, self._reason
         if self.contradicts:
             self.rate_differs += 1
@@ -132,7 +146,7 @@ class Place:
             if self._disagreed:
                 self._compare(raw)
             return None
-        if last is None or reason not in (None, "sensor_restart"):  # nothing of before counts any more
+        if last is None or reason not in (None, "sensor_restart"):  # earlier samples no longer matter
             return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason))
         if raw.host_ns - last.host_ns > LONGEST_SILENCE_NS:
             return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason or "silence"))
@@ -143,7 +157,8 @@ class Place:
             return None
         steps, elapsed_on_host_us = steps_between(last, raw, hello), (raw.host_ns - last.host_ns) / 1000
         if steps is None or abs(elapsed_us - elapsed_on_host_us) > LONGEST_DISAGREEMENT_US:
-            self._reason, self.hello = "discontinuity", None  # a restart, or another device: who is it?
+            # a restart or another device: wait for HELLO, which says which one it is
+            self._reason, self.hello = "discontinuity", None
             self.before_hello += 1
             self._disagreed = True
             self._compare(raw)
@@ -164,7 +179,7 @@ class Place:
 
     def _compare(self, raw: RawSample) -> str | None:
         found = self._watch.add(raw.sequence, raw.device_us, 1e6 / self._rate_hz)
-        # While a HELLO is waited for, it may be another device.
+        # While a HELLO is awaited, the sample may come from another device.
         if self._watch.says == "differs" and self.hello is not None and not self.contradicts:
             self.contradicts = self.news = True
         return found

@@ -1,7 +1,7 @@
-"""The axes of one sensor: bias and R from the start-up window, then the filters, a sample at a time.
+"""The axes of one sensor: bias and R from the start-up window, then the filters, one sample at a time.
 
-The lanes of the filters, and who watches them, are `sample_by_sample`'s. `plain_walk` tells what comes before
-and behind.
+The lanes of the filters and their supervisors are in `sample_by_sample`. `plain_walk` explains the steps
+before and after.
 """
 
 import math
@@ -19,18 +19,18 @@ from fltea.settings.estimator import EstimatorConfig
 from sample_by_sample import LanesBySample, whiteness
 
 LONGEST_BRIDGE = 30_000
-"""Samples that filters of unlimited memory predict at most after a snapshot."""
+"""Largest number of samples that filters of unlimited memory predict after a snapshot."""
 
 COLUMNS = ("alpha", "alpha_std", "f", "f_std", "state", "innovation")
-"""Of an estimate, in the order of the lanes' columns."""
+"""Columns of an estimate, in the order of the lanes' columns."""
 
 Vector = tuple[float, ...]
 Loss = tuple[str, Reason]
-"""An axis that has become invalid, and why."""
+"""An axis that has become invalid, and the reason."""
 
 
 class Baseline(NamedTuple):
-    """Bias and R of each axis, and who never changed, so that there is no R and no estimate."""
+    """Bias and R of each axis, and which axes never changed: those have no R and no estimate."""
 
     bias: Vector
     R: Vector
@@ -38,7 +38,8 @@ class Baseline(NamedTuple):
 
 
 def baseline_of(window: list[Vector], axes: int, config: EstimatorConfig, resolution: float) -> Baseline:
-    """Return what the settings give, and else the start-up window: in the order of sums of the native one."""
+    """Return bias and R from the settings, else from the start-up window, summed in the native code's
+    order."""
     means, variances = [0.0] * axes, [0.0] * axes
     for axis, values in enumerate(zip(*window, strict=True)):
         n, total, squares = len(values), 0.0, 0.0
@@ -55,7 +56,7 @@ def baseline_of(window: list[Vector], axes: int, config: EstimatorConfig, resolu
 
 
 def _each(setting: str | float | list[float], axes: int) -> Vector:
-    """Return what is set for each axis: "none", one number for all, or one each."""
+    """Return the setting of each axis: "none", one number for all axes, or one number each."""
     values = [0.0] if isinstance(setting, str) else setting if isinstance(setting, list) else [setting]
     return tuple(map(float, values if len(values) > 1 else values * axes))
 
@@ -63,7 +64,8 @@ def _each(setting: str | float | list[float], axes: int) -> Vector:
 class Sensor:
     """The axes of one sensor from the beginning of an epoch: start-up window, then filters.
 
-    axes: names, and the columns of the samples that they are. resolution: of one count, 0 if unknown.
+    `axes`: names, and the columns of the samples that hold them. `resolution`: size of one count, 0 if
+    unknown.
     """
 
     def __init__(
@@ -82,7 +84,7 @@ class Sensor:
 
     @property
     def constant_axes(self) -> list[str]:
-        """Axes that did not change over the start-up window."""
+        """Return the axes that did not change over the start-up window."""
         constant = self.baseline.constant if self.baseline else ()
         return [axis for axis, still in zip(self.axes, constant, strict=False) if still]
 
@@ -93,7 +95,8 @@ class Sensor:
         self._lanes = LanesBySample(len(self._live), settings) if self._live else None
 
     def take(self, sample: Vector) -> tuple[dict[str, AxisEstimate], list[Loss]]:
-        """Return the estimates, of which there are none while the window fills, and who was lost, and why."""
+        """Return the estimates, none while the window fills, and the axes that were lost with their
+        reasons."""
         own = tuple(sample[column] for column in self.axes.values())
         if self.baseline is None:
             self._window.append(own)
@@ -115,9 +118,10 @@ class Sensor:
         return said, lost
 
     def _of_filters(self, axis: str, columns: Vector | None) -> FlteaEstimate:
-        """What the filters say; settled: the last hundred that was full found the innovations white.
+        """Return the filters' estimate.
 
-        Filters that wait for a live fit to tune them are not settled before.
+        It is settled if the innovations were white at the last full hundred. Filters that wait for a live fit
+        to tune them are not settled before that fit.
         """
         rows = self._innovations[axis]
         rows.append((columns[5], columns[6]) if columns else None)
@@ -131,7 +135,10 @@ class Sensor:
         return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, accepted=accepted)
 
     def miss(self, count: int) -> list[Loss]:
-        """Predict over lost samples; who was lost meanwhile. In the start-up window they do not matter."""
+        """Predict over lost samples; return axes lost meanwhile.
+
+        In the start-up window lost samples do not matter.
+        """
         if self.baseline is None or not count:
             return []
         for rows in self._innovations.values():
@@ -148,7 +155,7 @@ class Sensor:
         self.miss(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
-        """How each axis gets on."""
+        """Yield the statistics of each axis."""
         if self.baseline is None:
             yield from ((axis, AxisStats(None, None, 0, {}, unit=self.unit)) for axis in self.axes)
             return
@@ -177,7 +184,7 @@ class Sensor:
             )
 
     def info(self) -> EstimatorInfo:
-        """With what they are estimated."""
+        """Return the settings with which the axes are estimated."""
         c = self.config
         bias, R = (
             () if one in ("startup", "auto") else _each(one, len(one) if isinstance(one, list) else 1)
@@ -188,6 +195,6 @@ class Sensor:
 
 
 def _axis_estimate(found: FlteaEstimate, unit: str) -> AxisEstimate:
-    """Nothing of the live fit, and nothing of the tracker."""
+    """Return an axis's estimate with empty fields for the live fit and the tracker."""
     tracked = None, None, None, None, None, False
     return AxisEstimate(None, Interval(), Interval(), *tracked, None, None, unit, found)

@@ -1,7 +1,7 @@
-"""The biases of one sensor in plain Python: what the tracker says of each sample, one at a time.
+"""The biases of one sensor in plain Python: the tracker's estimate for each sample, one at a time.
 
-The tracker itself is the native one. Here it never sees more than one sample in a call, and its own tests
-hold it against the filters of textbooks.
+The tracker is the native one. Here it gets one sample per call; its own tests compare it with textbook
+filters.
 """
 
 import math
@@ -29,13 +29,19 @@ class Place(NamedTuple):
     host_ns: int
 
     def before(self, samples: int, h: float) -> "Place":
-        """Return the place of so many samples before; h: sampling period in s."""
+        """Return the position `samples` samples earlier.
+
+        `h`: sampling period [s].
+        """
         device_us = self.device_us - round(samples * h * 1e6)
         return Place(self.seq - samples, self.epoch, device_us, self.host_ns - round(samples * h * 1e9))
 
 
 class SensorTracks:
-    """The tracker of one sensor from the beginning of an epoch. axes: names, and columns of the samples."""
+    """The tracker of one sensor from the beginning of an epoch.
+
+    `axes`: names, and the columns of the samples that hold them.
+    """
 
     def __init__(
         self, axes: dict[str, int], unit: str, config: EstimatorConfig, live: LiveConfig, rate_hz: float
@@ -47,9 +53,9 @@ class SensorTracks:
         self._happened: list[TrackerEvent] = []
 
     def take(self, sample: Vector, accel_ms2: Vector | None) -> dict[str, dict[str, object]]:
-        """Return what an estimate says of each axis.
+        """Return the tracker's fields of an estimate, for each axis.
 
-        accel_ms2: the accelerometer's sample, by which a gyroscope knows of motion, too.
+        `accel_ms2`: the accelerometer's sample, which also tells the gyroscope's tracker of motion.
         """
         own = np.array([[sample[column] for column in self._axes.values()]])
         found = self._tracker.run(own, None if accel_ms2 is None else np.array([accel_ms2]))
@@ -62,7 +68,7 @@ class SensorTracks:
         return said
 
     def happened(self, place: Place, device: str | None) -> Iterator[Step | Motion]:
-        """Yield the steps and the motion that are known since the last sample."""
+        """Yield the steps and the motion that were detected at this sample."""
         names = tuple(self._axes)
         for one in self._happened:
             began = place.before(max(one.ago - 1, 0), self._h)
@@ -80,7 +86,7 @@ class SensorTracks:
         self._tracker.skip(count)
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        """How each axis gets on, before any fit."""
+        """Yield the statistics of each axis, as they are before any fit."""
         for axis, one in zip(self._axes, self._tracker.figures(), strict=True):
             checked = zip(CHECKED_S, one.checked, strict=True)
             yield (
@@ -103,5 +109,5 @@ class SensorTracks:
 
 
 def with_tracks(estimate: AxisEstimate, of_axis: dict[str, object]) -> AxisEstimate:
-    """Return an estimate with what the tracker says of its axis."""
+    """Return an estimate completed with the tracker's fields of its axis."""
     return msgspec.structs.replace(estimate, **of_axis)

@@ -1,16 +1,17 @@
-"""The walk of a sample through the host in plain Python: one sample at a time, from top to bottom.
+"""Process samples as the host does, in plain Python, one sample at a time, from top to bottom.
 
-It is the oracle of `fltea.stream.pipeline`, and the page on which to read what that does. A sample comes into
-`PlainWalk.feed`, and on its way
+This is the oracle of `fltea.stream.pipeline`, and shows what the pipeline does. A sample enters
+`PlainWalk.feed`, and then
 
-1. `plain_place.SequenceTracker` gives it its number and its device time, unwrapped, and tells what was lost;
-2. `one_by_one.Timebase` gives it its host time, by a line through the earliest arrivals of ten minutes;
-3. `in_units` makes deg/s, m/s² and °C of its counts, by the scales of the newest HELLO;
-4. `plain_tracks.SensorTracks` tells the bias of each axis, and whether the sensor moves;
-5. `plain_sensor.Sensor` finds bias and R by the first ones, and lets the filters take all others;
-6. `PlainWalk` says what has come of it: the records, in their order, and once a second statistics.
+1. `plain_place.SequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples;
+2. `one_by_one.Timebase` gives it its host time, from a straight line fitted to the earliest arrivals of ten
+minutes;
+3. `in_units` converts its counts into deg/s, m/s² and °C, by the scales of the newest HELLO;
+4. `plain_tracks.SensorTracks` estimates the bias of each axis, and detects motion of the sensor;
+5. `plain_sensor.Sensor` computes bias and R from the first samples, and filters all later ones;
+6. `PlainWalk` yields the resulting records, in order, and statistics once a second.
 
-Left out are live fits, and boards that estimate by themselves.
+Live fits and boards that estimate are left out.
 """
 
 from collections.abc import Iterator
@@ -51,11 +52,12 @@ MINUTE_NS = 60 * SECOND_NS
 
 
 def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float | None]:
-    """Return rates in deg/s, specific forces in m/s², and °C; a scale that is null means units already."""
+    """Return rates in deg/s, specific forces in m/s², and °C. A scale of None means values already in
+    units."""
     lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
     gyro_dps = tuple(counts / (1.0 if lsb is None else lsb) for counts in raw.gyro)
     accel_ms2 = temperature_c = None
-    if raw.accel is not None and per_g != 0:  # 0: nobody knows the scale
+    if raw.accel is not None and per_g != 0:  # 0: the scale is unknown
         ms2 = 1.0 if per_g is None else 9.80665 / per_g
         accel_ms2 = tuple(counts * ms2 for counts in raw.accel)
     if raw.temperature is not None:
@@ -65,10 +67,13 @@ def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float
 
 
 class Saved(NamedTuple):
-    """What a later walk goes on from. Filters and trackers are handed over, not copied: the walk ends there.
+    """The state from which a later run resumes.
 
-    sample: the last one; unix_ns: when it came, by the date as of the snapshot. made_with: what must be the
-    same.
+    Filters and trackers are handed over, not copied, so this run ends.
+
+    `sample`: the last sample.
+    `unix_ns`: when it came, by the date at the time of the snapshot.
+    `made_with`: values that must be unchanged for the snapshot to be used.
     """
 
     made_with: dict[str, object]
@@ -82,8 +87,8 @@ class Saved(NamedTuple):
 class PlainWalk:
     """Turns the events of one source into records.
 
-    stats_s: seconds from one statistics to the next. watched: somebody reads on; else statistics come at the
-    end alone.
+    `stats_s`: time between two statistics [s]. `watched`: the records are read live; else statistics come
+    only at the end.
     """
 
     def __init__(
@@ -101,16 +106,17 @@ class PlainWalk:
         self._place = Place(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
-        self._offset_ns = source.unix_offset_ns  # of this epoch: a date set since does not tear its times
+        # fixed for each epoch: a date set later does not break its times
+        self._offset_ns = source.unix_offset_ns
         self._sensors: list[Sensor] = []
-        self._tracks: dict[str, SensorTracks] = {}  # by unit
+        self._tracks: dict[str, SensorTracks] = {}  # the tracks of each sensor, by unit
         self._board: DeviceStatus | None = None
-        self._newest: RawSample | None = None  # that was used
+        self._newest: RawSample | None = None  # the newest sample that was used
         self._lost_told_ns: dict[str, int] = {}
         self._absent_told = False
 
     def feed(self, event: Event) -> Iterator[AnyRecord]:
-        """What one event leads to. Statistics go out before the first event of a new second."""
+        """Yield the records of one event. Statistics come before the first event of a new second."""
         if isinstance(event, RawBlock):
             for raw in event.samples():
                 yield from self._on_time(raw.host_ns)
@@ -131,12 +137,12 @@ class PlainWalk:
                 yield self._error(kind, message)
 
     def finish(self) -> Stats:
-        """What comes at the end."""
+        """Return the final statistics."""
         return self.stats()
 
     def _on_time(self, host_ns: int | None) -> Iterator[AnyRecord]:
         self._now_ns = self._now_ns if host_ns is None else host_ns
-        if self._timebase is None:  # the source may not have known the date before
+        if self._timebase is None:  # a source may learn the date late
             self._offset_ns = self._source.unix_offset_ns
         if self._stats_due_ns is not None:
             if self._now_ns < self._stats_due_ns:
@@ -163,7 +169,7 @@ class PlainWalk:
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
-        if missing:  # told in the epoch in which they are missing, which may end with them
+        if missing:  # published in the epoch that lacks the samples, which may end with this gap
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
         place = Stated(seq, self._epoch, device_us, host_ns)
@@ -197,9 +203,10 @@ class PlainWalk:
     def _estimate(
         self, place: Stated, gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
     ) -> Iterator[AnyRecord]:
-        """Let trackers and filters take a sample.
+        """Run trackers and filters on a sample.
 
-        Yields what they make of it, who was lost, what has happened with it, and whose window was constant.
+        Yields the estimate, axes that were lost, steps and motion, and axes that were constant over the
+        start-up window.
         """
         axes: dict[str, AxisEstimate] = {}
         happened: list[Step | Motion] = []
@@ -231,7 +238,8 @@ class PlainWalk:
     ) -> tuple[EpochReason, float | None, str | None]:
         """Begin an epoch, from the snapshot if it fits.
 
-        Returns why it begins, how old the snapshot is, and why it was not used.
+        Returns:
+            Why the epoch begins, how old the snapshot is [s], and why the snapshot was not used.
         """
         saved, self._saved = self._saved, None
         self._sensors = list(self._sensors_of(raw, hello, accel_ms2))
@@ -257,7 +265,7 @@ class PlainWalk:
         return "resumed", age_s, None
 
     def _sensors_of(self, raw: RawSample, hello: Hello, accel_ms2: Vector | None) -> Iterator[Sensor]:
-        """Yield those of which axes are wanted: by default the gyroscope."""
+        """Yield the sensors that have wanted axes: by default the gyroscope alone."""
         config, wanted, rate_hz = self._config, self._config.channels, hello.rate_hz
         lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
         gyro = {axis: k for k, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted}
@@ -271,7 +279,7 @@ class PlainWalk:
         return self._config.estimator if unit == GYRO_UNIT else self._config.accel
 
     def _absent(self, raw: RawSample, accel_ms2: Vector | None) -> Iterator[Error]:
-        """Tell once which of the wanted channels are not there."""
+        """Report once which of the wanted channels are missing."""
         there = AXES[: len(raw.gyro)] + (ACCEL_AXES if accel_ms2 else ())
         absent = [axis for axis in self._config.channels or () if axis not in there]
         if absent and not self._absent_told:
@@ -279,7 +287,7 @@ class PlainWalk:
             yield self._error("no_axis", ", ".join(absent))
 
     def _lost(self, lost: list[Loss]) -> Iterator[Error]:
-        """Tell which axes became invalid: of each once a minute."""
+        """Report which axes became invalid, each at most once a minute."""
         for axis, why in lost:
             told_ns = self._lost_told_ns.get(axis)
             if told_ns is None or self._now_ns - told_ns >= MINUTE_NS:
@@ -287,7 +295,7 @@ class PlainWalk:
                 yield self._error(f"axis_{why}", axis)
 
     def stats(self) -> Stats:
-        """Sum up the walk so far."""
+        """Return the statistics so far."""
         place, timebase = self._place, self._timebase
         tracker = {axis: stats for one in self._tracks.values() for axis, stats in one.stats()}
         return Stats(
@@ -315,8 +323,11 @@ class PlainWalk:
         )
 
     def save(self) -> Saved | None:
-        """A snapshot; None while a start-up window fills, with a constant axis, or for an unknown device."""
-        if self._saved is not None:  # of an earlier walk, and still to be used
+        """Return a snapshot.
+
+        None while a start-up window fills, with a constant axis, or for an unknown device.
+        """
+        if self._saved is not None:  # a snapshot of an earlier run that is still to be used
             return self._saved
         hello, newest = self._place.hello, self._newest
         if hello is None or newest is None or not self._sensors:
@@ -337,7 +348,7 @@ class PlainWalk:
 
 
 def made_with(hello: Hello, config: Config) -> dict[str, object]:
-    """What must be the same for a snapshot to be used, by the words for it."""
+    """Return the values that must be unchanged for a snapshot to be used, by the words that name them."""
     return {
         "device_id": hello.device_id,
         "who_am_i": hello.who_am_i,
@@ -351,7 +362,7 @@ def made_with(hello: Hello, config: Config) -> dict[str, object]:
 
 
 def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
-    """Why a snapshot cannot be used; None if it can."""
+    """Return why a snapshot cannot be used; None if it can."""
     age_s, longest_s = (now_unix_ns - saved.unix_ns) * 1e-9, config.state.max_age_s
     if age_s < 0:
         return "it is from the future: was the clock set?"
@@ -360,13 +371,17 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
     other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
     if other:
         return f"it differs in: {', '.join(other)}"
-    # A HELLO of the same boot may have stated another rate: the filters keep that of their epoch's beginning.
+    # A HELLO of the same boot may have changed the rate; the filters keep the rate at their epoch's
+    # beginning.
     is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)
     return "it was saved with other settings" if is_other_rate else None
 
 
 def missing_since(saved: Saved, hello: Hello, raw: RawSample, age_s: float) -> int:
-    """Samples between a snapshot and this one: by their numbers if these agree with the time, else by it."""
+    """Return how many samples lie between a snapshot and this sample.
+
+    The sequence numbers decide if they agree with the elapsed time, else the time does.
+    """
     is_same_boot = saved.boot_id is not None and saved.boot_id == hello.boot_id
     if is_same_boot and age_s <= LONGEST_SILENCE_NS * 1e-9:
         steps = steps_between(saved.sample, raw, hello)

@@ -1,4 +1,4 @@
-"""A PostgreSQL server of our own, on a socket in a folder."""
+"""A PostgreSQL server on a socket in a folder."""
 
 import os
 import subprocess
@@ -12,7 +12,7 @@ NOBODY = 65534
 
 
 class Server:
-    """A PostgreSQL of our own, on a socket in a folder; it refuses to run as root."""
+    """A PostgreSQL server on a socket in a folder. PostgreSQL refuses to run as root."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -30,7 +30,7 @@ class Server:
         return f"postgresql://me@/{database}?host={self.folder}"
 
     def ask(self, command: str, database: str = "postgres") -> list[Any]:
-        """What a client of its own is answered."""
+        """Run an SQL command with a client, and return the rows."""
         import psycopg
 
         with psycopg.connect(self.url_of(database), autocommit=True) as connection:
@@ -49,7 +49,7 @@ class Server:
         )
 
     def signal(self, number: int) -> None:
-        """To all of its processes, each of which serves a connection."""
+        """Send a signal to all processes of the server; each connection has its own."""
         first = int((self.folder / "data/postmaster.pid").read_text().split()[0])
         for pid in (first, *map(int, Path(f"/proc/{first}/task/{first}/children").read_text().split())):
             os.kill(pid, number)
@@ -59,7 +59,8 @@ class Server:
 
 
 def started(folder: Path) -> Server:
-    """Skips where there is none: `make setup` does not install it, it is for those who have one already."""
+    """Start a server; skip the test if PostgreSQL is not installed, since `make setup` does not install
+    it."""
     pytest.importorskip("psycopg", reason="psycopg is not installed")
     if not BIN:
         pytest.skip("no PostgreSQL server: sudo apt-get install postgresql")

@@ -1,4 +1,4 @@
-"""What the tests of the protocol share: the vector files, the definition, strategies with fixed seeds."""
+"""Shared by the tests of the protocol: the vector files, the definition, and strategies with fixed seeds."""
 
 import math
 from pathlib import Path
@@ -21,18 +21,18 @@ HELLO = wire.Hello(
 
 
 def fixed(max_examples: int = 150) -> settings:
-    """Hypothesis without chance: every run tries the same examples."""
+    """Return hypothesis settings without randomness: every run tries the same examples."""
     return settings(derandomize=True, database=None, deadline=None, max_examples=max_examples)
 
 
 def table(name: str) -> list[tuple[str, str]]:
-    """Rows `left | right` of a vector file."""
+    """Return the rows `left | right` of a vector file."""
     lines = [line for line in (VECTORS / name).read_text().splitlines() if line and line[0] != "#"]
     return [tuple(part.strip() for part in line.split("|")) for line in lines]
 
 
 def run(text: str) -> bytes:
-    """Hex bytes, `XX..YY` for a run that counts up, `-` for none."""
+    """Return the bytes of a hex text; `XX..YY` counts up from XX to YY, `-` means no bytes."""
     out = b""
     for word in text.replace("-", "").split():
         first, _, last = word.partition("..")
@@ -41,7 +41,8 @@ def run(text: str) -> bytes:
 
 
 def records(name: str) -> list[list[tuple[str, str]]]:
-    """Records of a vector file: blank lines between them, `key value` on a line."""
+    """Return the records of a vector file: blank lines separate records, each of their lines is `key
+    value`."""
     lines = [line for line in (VECTORS / name).read_text().splitlines() if not line.startswith("#")]
     blocks = "\n".join(lines).strip("\n").split("\n\n")
     return [
@@ -54,11 +55,14 @@ def names(found: list[list[tuple[str, str]]]) -> list[str]:
 
 
 _F32 = [3.4028234663852886e38, 2.0**-126, 2.0**-149, 0.0, math.inf, math.nan, 1.25]
-"""Largest, smallest normal, smallest, and numbers that go wrong in other ways; each with either sign."""
+"""Largest, smallest normal and smallest value, and values that fail in other ways; used with both signs."""
 
 
 def floats() -> st.SearchStrategy[float]:
-    """Every kind of f32; compare by `repr` (NaN, and -0.0 is not 0.0)."""
+    """Draw every kind of f32.
+
+    Compare results by `repr`, because of NaN and because -0.0 must differ from 0.0.
+    """
     return st.one_of(st.floats(width=32), st.sampled_from([*_F32, *(-number for number in _F32)]))
 
 
@@ -79,7 +83,7 @@ def _values(field: protocol_definition.Field) -> st.SearchStrategy:
 
 def _messages(message: protocol_definition.Message) -> st.SearchStrategy[wire.Message]:
     fields = {field.name: _values(field) for field in message.fields}
-    if message.name == "HELLO":  # any other version is refused before its fields are looked at
+    if message.name == "HELLO":  # any other version is refused before its fields are read
         fields["protocol_major"] = st.just(wire.PROTOCOL_MAJOR)
         fields["schema_hash"] = st.just(wire.SCHEMA_HASH)
     return st.builds(wire.MESSAGES[message.id], **fields)

@@ -1,4 +1,4 @@
-"""A live fit in no time, for walks in which only what it is given and when it is asked matters."""
+"""A live fit that takes no time, for tests in which only its inputs and the times of its calls matter."""
 
 import hashlib
 from collections.abc import Callable
@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 
 class QuickAxes:
-    """As `fltea.spectrum.live_axes.LiveAxes`; its figures are of all samples and losses in their order."""
+    """Takes the place of `fltea.spectrum.live_axes.LiveAxes`.
+
+    Its figures depend on all samples and losses in order.
+    """
 
     longest_motion = 60_000
 

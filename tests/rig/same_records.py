@@ -1,4 +1,4 @@
-"""Compares the records of the native walk with those of the walk in plain Python."""
+"""Compare the records of the native pipeline with those of the plain Python oracle."""
 
 import math
 from collections.abc import Iterable
@@ -9,13 +9,15 @@ import pytest
 from fltea.records.records import AnyRecord, Error, Stats
 
 HOST_NS = 1
-"""So much host times may differ. The line through the arrivals is made of sums over ten minutes, whose order
-is free: another one moves a time by less than 1e-10 s, and now and then it is rounded to the other side."""
+"""Largest difference of host times [ns]. The clock fit uses sums over ten minutes, whose order is not fixed.
+
+Another order changes a time by less than 1e-10 s, which sometimes changes the rounding.
+"""
 OF_AN_AXIS = ("constant_axis", "axis_runaway", "axis_bound")
 
 
 class Comparable(NamedTuple):
-    """A record without what may differ, and that."""
+    """A record without the values that may differ, and those values."""
 
     exact: Any
     host_ns: int
@@ -38,7 +40,7 @@ def comparable(record: AnyRecord) -> Comparable:
 
 
 def words_of(error: Error) -> str:
-    """Of an axis its name, of several their names: the rest is for a person."""
+    """Return the part of a message that is compared: the names of axes; the rest is prose."""
     if error.kind in OF_AN_AXIS:
         return error.message.split()[0]
     if error.kind == "rate_differs":
@@ -49,7 +51,8 @@ def words_of(error: Error) -> str:
 
 
 def assert_same(found: Iterable[AnyRecord], expected: Iterable[AnyRecord]) -> None:
-    """Both walks' records: to the bit, but for host times and figures of many samples."""
+    """Check that both outputs are equal to the bit, except host times and figures computed from many
+    samples."""
     mine = [comparable(one) for one in found]
     plain = [comparable(one) for one in expected]
     for a, b in zip(mine, plain, strict=False):

@@ -1,6 +1,6 @@
-"""One sample at a time, in Python: the estimator of the daemon written out, as the oracle of the native one.
+"""The daemon's estimator in Python, one sample at a time, as the oracle of the native estimator.
 
-The engine is the native one, whose own oracle is `fltea.lab.reference`.
+The engine within it is the native one, whose own oracle is `fltea.lab.reference`.
 """
 
 import math
@@ -22,10 +22,11 @@ STATE_BOUND = CAUSES.index("state_bound")
 
 
 class Verdict(NamedTuple):
-    """What the supervisor says of a lane after a sample.
+    """The supervisor's verdict on a lane after a sample.
 
-    valid: the estimate may be published. restart: the lane has to begin again with the next sample.
-    news: why the lane has just become invalid, else None.
+    `valid`: the estimate may be published.
+    `restart`: the lane has to start over with the next sample.
+    `news`: why the lane has just become invalid, else None.
     """
 
     valid: bool
@@ -37,7 +38,7 @@ GOOD = Verdict(True, False, None)
 
 
 class Supervisor:
-    """Watches one lane."""
+    """Supervises one lane."""
 
     def __init__(self) -> None:
         self._bounds: deque[bool] = deque(maxlen=BOUND_SAMPLES)
@@ -45,7 +46,10 @@ class Supervisor:
         self._distrusted = False
 
     def judge(self, alpha: float, f: float, state: float, *, state_bound: bool) -> Verdict:
-        """Judge one sample's estimates; state_bound says whether the guard held the state in this sample."""
+        """Judge one sample's estimates.
+
+        `state_bound`: whether the guard limited the state in this sample.
+        """
         if not (math.isfinite(f) and math.isfinite(state) and abs(alpha) <= LOST_ORDER):
             return Verdict(False, True, "runaway")
         if len(self._bounds) == BOUND_SAMPLES:
@@ -61,7 +65,8 @@ class Supervisor:
 
 
 class Row(NamedTuple):
-    """What lanes say after a sample: seven columns (7, lanes), NaN where not valid, and who was lost, why."""
+    """The lanes' output after a sample: seven columns (7, lanes), NaN where invalid, and the lost lanes with
+    reasons."""
 
     columns: Array
     valid: NDArray[np.bool_]
@@ -69,7 +74,7 @@ class Row(NamedTuple):
 
 
 class LanesBySample:
-    """Lanes under their supervisors; a lane that is given up begins again with the next sample."""
+    """Lanes with their supervisors; a lane that is given up starts over with the next sample."""
 
     def __init__(self, lanes: int, settings: LaneSettings) -> None:
         self.engine = Engine(lanes, settings)
@@ -78,7 +83,10 @@ class LanesBySample:
         self._held = np.zeros(lanes, dtype=np.int32)
 
     def step(self, y: ArrayLike, *, missing: bool = False) -> Row:
-        """Take one sample of every lane (lanes,); missing: there is none."""
+        """Process one sample of every lane (lanes,).
+
+        `missing`: the sample was lost.
+        """
         e = self.engine.step(y, missing=np.full(np.shape(y), missing))
         held = e.interventions[:, STATE_BOUND]
         newly_held = held > self._held
@@ -104,7 +112,8 @@ class LanesBySample:
 def baseline(
     window: Array, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Bias and R of each axis from its start-up window (n, axes) or the settings, and who never changed."""
+    """Return bias and R of each axis from its start-up window (n, axes) or the settings, and the constant
+    axes."""
     axes = window.shape[1]
     if config.bias == "startup":
         bias = window.mean(axis=0)
@@ -113,8 +122,8 @@ def baseline(
     if config.R != "auto":
         return bias, np.broadcast_to(config.R, axes), np.zeros(axes, dtype=bool)
     R = np.maximum(window.var(axis=0, ddof=1), (lsb or 0.0) ** 2 / 12)
-    # By comparison and not by the variance, in which rounding leaves a trace of the mean. Also where the
-    # resolution is known: a channel that is stuck would else look like a quiet one.
+    # Constant axes are found by comparison, since rounding of the mean leaves a nonzero variance. This is
+    # done even if the resolution is known; otherwise a stuck channel would pass for a quiet one.
     return bias, R, (window == window[0]).all(axis=0)
 
 
@@ -130,10 +139,10 @@ class Whiteness(NamedTuple):
 
 
 def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:
-    """Figures of the last 900 to 1,000 innovations, by their definitions.
+    """Return figures of the last 900 to 1,000 innovations, by their definitions.
 
-    rows: innovation and the filter's deviation of it for each sample; None where there was none, so that what
-    follows has no neighbours before it.
+    `rows`: innovation and its predicted deviation for each sample; None for a lost sample, so that the next
+    innovation has no predecessor.
     """
     x, std = np.array([one or (np.nan, np.nan) for one in rows]).reshape(-1, 2).T
     there = ~np.isnan(x)
@@ -148,7 +157,7 @@ def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:
         return Whiteness(None, nis, None)
     r = np.empty(LAGS)
     for lag in range(1, LAGS + 1):
-        unbroken = number[lag:] - number[:-lag] == lag  # nothing is missing from one to the other
+        unbroken = number[lag:] - number[:-lag] == lag  # no sample is missing between the two
         pairs = kept[lag:] & there[:-lag] & unbroken
         r[lag - 1] = (x[lag:] * x[:-lag])[pairs].sum() / squares
     ljung_box = n * (n + 2) * float((r**2 / (n - np.arange(1, LAGS + 1))).sum())

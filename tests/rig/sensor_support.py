@@ -1,4 +1,4 @@
-"""A small board for tests: the sensor on TWI1, and the program's side as plain register accesses."""
+"""A small board for tests: the sensor on TWI1, and the program's register accesses as plain calls."""
 
 from tools.due_emulator.i2c_lines import I2cLines
 from tools.due_emulator.machine import Machine
@@ -19,7 +19,7 @@ SPEED_400K = 101 << 8 | 101
 
 
 class SmallBoard:
-    """Machine, chip, wires, PIOB and TWI1; the clocks run, nothing else is set up."""
+    """Machine, chip, wires, PIOB and TWI1. The clocks run, nothing else is set up."""
 
     def __init__(self, world=None):
         self.machine = Machine()
@@ -37,7 +37,7 @@ class SmallBoard:
         self.twi = Twi(self.machine, "TWI1", self.lines, self.pio, (SDA_BIT, SCL_BIT))
 
     def set_up(self):
-        """Pins to peripheral A, 400 kHz, master."""
+        """Give the pins to peripheral A, and make TWI1 a master at 400 kHz."""
         self.pio.write("PDR", SDA | SCL)
         self.twi.write("CR", SWRST)
         self.twi.write("CR", MSEN)
@@ -48,7 +48,7 @@ class SmallBoard:
         self.machine.advance(round(us * US))
 
     def wait_for(self, flag, limit_us=2000):
-        """Poll SR until the flag is set; return all flags seen on the way. None if it never comes."""
+        """Poll SR until the flag is set; return all flags seen on the way, None if it is never set."""
         seen = 0
         for _ in range(limit_us * 2):
             seen |= self.twi.read("SR")
@@ -87,7 +87,8 @@ class SmallBoard:
         seen = self.wait_for(TXCOMP)
         return seen is not None and not seen & NACK
 
-    # Bit-banging, open drain: a line is low as an output at 0, or let go as an input.
+    # Bit-banging with open drain: a wire is low when its pin is an output at 0, and high when the pin is an
+    # input.
 
     def take_pins(self):
         self.pio.write("CODR", SDA | SCL)
@@ -109,7 +110,7 @@ class SmallBoard:
         self.line(SDA, True)
 
     def send_byte(self, byte):
-        """Eight bits and the sensor's acknowledge, which is returned."""
+        """Send eight bits; return the sensor's acknowledge."""
         for i in range(8):
             self.line(SCL, False)
             self.line(SDA, bool(byte >> (7 - i) & 1))

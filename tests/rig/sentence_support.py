@@ -1,4 +1,4 @@
-"""Sentences of noise by closed forms in numpy, without the native code, and samples of them."""
+"""Noise models by closed forms in numpy, without the native code, and samples drawn from them."""
 
 import re
 from collections.abc import Sequence
@@ -61,12 +61,16 @@ EXAMPLES: dict[str, p.Part] = {
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, seed: int) -> Array:
-    """Gaussian samples (n,) with the spectrum of the parts, cut out of a circle."""
+    """Draw Gaussian samples (n,) with the spectrum of the parts, as an excerpt of a longer periodic
+    series."""
     return drawn(parts, n, h, np.random.default_rng((28, seed)))
 
 
 def bins(parts: Sequence[p.Part], n: int, h: float, seed: int | None, size: int = 130) -> Binned:
-    """Bins of a periodogram as theory has it, of n samples; seed None: the spectrum itself."""
+    """Draw a binned periodogram of n samples as theory predicts it.
+
+    With `seed` None return the spectrum itself.
+    """
     edges = np.geomspace(25 / n, np.pi, size + 1)
     lam = (edges[1:] + edges[:-1]) / 2
     counts = np.maximum(1.0, np.diff(edges) * n / (2 * np.pi))
@@ -77,7 +81,8 @@ def bins(parts: Sequence[p.Part], n: int, h: float, seed: int | None, size: int 
 
 
 def sound(e: Evidence, verdict: Verdict) -> None:
-    """Text, figures and winner are of one result, and no bound is printed as an estimate."""
+    """Check that text, figures and winner belong to one result, and that no bound is printed as an
+    estimate."""
     assert verdict.text == f"{verdict.what} {verdict.why} {verdict.next}"
     for sentence in (verdict.what, verdict.why, verdict.next):
         assert sentence[0].isupper() or sentence[0].isdigit()

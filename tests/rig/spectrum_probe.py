@@ -1,4 +1,4 @@
-"""The device's running spectrum and fit from Python: tests/native/spectrum_probe.cpp."""
+"""Run the device's running spectrum and fit from Python: tests/native/spectrum_probe.cpp."""
 
 import ctypes
 import re
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 
 class BoardFit(NamedTuple):
-    """What the device says of an axis, as FitFigures of firmware/core/engine/sliced_fit.hpp."""
+    """The device's fit of an axis, as FitFigures of firmware/core/engine/sliced_fit.hpp."""
 
     verdict: float
-    """0 none, 1 white, 2 fractional, 3 a relaxation describes it as well"""
+    """0 none, 1 white, 2 fractional, 3 a relaxation describes the noise equally well"""
     alpha: float
     alpha_std: float
     g: float
@@ -31,7 +31,10 @@ class BoardFit(NamedTuple):
 
 
 def board_quantile(level: int, ordinates: float) -> float:
-    """The null test's quantile on a board; level: 0 for 5 %, 1 for 1 %, 2 for 0.1 %."""
+    """Return the null test's quantile as a board computes it.
+
+    `level`: 0 for 5 %, 1 for 1 %, 2 for 0.1 %.
+    """
     header = Path(__file__).parents[2] / "firmware/core/engine/null_quantiles.hpp"
     rows = re.findall(r"\{(-?[\d.]+)f, (-?[\d.]+)f, (-?[\d.]+)f\}", header.read_text(encoding="utf-8"))
     return float(np.polyval([float(c) for c in reversed(rows[level])], np.log10(ordinates)))
@@ -39,7 +42,7 @@ def board_quantile(level: int, ordinates: float) -> float:
 
 @lru_cache
 def library() -> ctypes.CDLL:
-    """Build, if out of date, and load the probe."""
+    """Load the probe; build it first if it is out of date."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     return probe(
         "spectrum_probe",
@@ -56,7 +59,10 @@ def library() -> ctypes.CDLL:
 
 
 class BoardSpectrum:
-    """One axis. ahead: samples to come over which its bias is the mean; 0: the bias is that of now."""
+    """One axis.
+
+    `ahead`: number of future samples over which its bias is averaged; 0: the present bias.
+    """
 
     def __init__(self, ahead: int = 0) -> None:
         self._axis = library().spectrum_make(ahead)
@@ -66,21 +72,22 @@ class BoardSpectrum:
         library().spectrum_add(self._axis, len(counts), np.ascontiguousarray(counts))
 
     def skip(self, lost: int) -> None:
-        """Take note that so many samples were lost before the next one."""
+        """Take note that `lost` samples are missing before the next one."""
         library().spectrum_skip(self._axis, lost)
 
     def fit(self) -> BoardFit:
-        """Fit; the next fit begins at this answer."""
+        """Fit; the next fit starts from this answer."""
         out = np.empty(len(BoardFit._fields))
         library().spectrum_fit(self._axis, out)
         return BoardFit(*out.tolist())
 
     def retrack(self) -> None:
-        """Track the next samples by the last fit."""
+        """Track the next samples with the last fit."""
         library().spectrum_retrack(self._axis)
 
     def track_by(self, verdict: int, *numbers: float) -> None:
-        """Track the next samples by a fit: α, g, s2 and R, or of a relaxation 1 - φ, variance and R."""
+        """Track the next samples with a given fit: α, g, s2 and R, or for a relaxation 1 - φ, variance and
+        R."""
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)
 
@@ -89,7 +96,7 @@ class BoardSpectrum:
         return track_sensor([self], counts[:, None])[0][:, 0]
 
     def lose(self, lost: int) -> None:
-        """Let the tracker take note that so many samples were lost before the next one."""
+        """Let the tracker take note that `lost` samples are missing before the next one."""
         library().spectrum_lose(self._axis, lost)
 
 
@@ -99,8 +106,8 @@ def track_sensor(
     """Let the axes of a sensor track their counts, (n, axes).
 
     Returns:
-        bias, its deviation, state and its deviation after each sample, (n, axes, 4); and whether the sensor
-        moves by then, (n,).
+        Bias, its deviation, state and its deviation after each sample, (n, axes, 4); and whether the sensor
+            is moving by then, (n,).
     """
     n, k = counts.shape
     out = np.empty((n, k, 5))

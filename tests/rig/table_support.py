@@ -1,4 +1,4 @@
-"""Tables of other programs' files, read here: the process apart takes most of its time to start."""
+"""Open tables of other programs in this process, since starting the reader process takes most of the time."""
 
 import itertools
 import json
@@ -25,7 +25,10 @@ _NUMBERS = itertools.count()
 
 
 def open_here(kind: str, path: Path, **how: Any) -> Stored:
-    """Open a file as `apart.open_apart` does, but for its process. how: fields of `How`."""
+    """Open a file as the reader process would, but in this process.
+
+    `how`: fields of `How`.
+    """
     try:
         sheet = loaded(FORMATS[kind].reader)(path, how.get("topic") or "")
     except UsageError as error:
@@ -34,8 +37,11 @@ def open_here(kind: str, path: Path, **how: Any) -> Stored:
 
 
 def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
-    """Arrays by their paths; a name behind `@` is an attribute of what stands before it."""
-    path = folder / f"{next(_NUMBERS)}.h5"  # h5py keeps the one before open
+    """Write arrays to an HDF5 file by their paths, and open it.
+
+    A name behind `@` is an attribute of that path.
+    """
+    path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
     with h5py.File(path, "w", track_order=True) as file:
         for name, value in arrays.items():
             owner, mark, attribute = name.partition("@")
@@ -48,8 +54,8 @@ def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
 
 
 def with_attributes(folder: Path, values: Any, attributes: dict[str, Any], **how: Any) -> Stored:
-    """A gyroscope at 100 Hz in a data set with attributes."""
-    path = folder / f"{next(_NUMBERS)}.h5"  # h5py keeps the one before open
+    """Open a gyroscope at 100 Hz in a data set with attributes."""
+    path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
     with h5py.File(path, "w") as file:
         file["gyro"] = values
         file["t"] = TIMES_S

@@ -1,4 +1,4 @@
-"""Ports that tests plug in and pull out, and one on which something is said again and again."""
+"""Serial ports that tests plug in and unplug, and one that sends bytes repeatedly."""
 
 import contextlib
 import os
@@ -11,9 +11,10 @@ from pathlib import Path
 
 
 class Terminal:
-    """A pseudo-terminal that can go and come back.
+    """A pseudo-terminal that can go away and come back.
 
-    link: its name, since the system gives a freed /dev/pts/N to the next who asks. master: the other side.
+    `link`: a fixed name for it, since the system may give a freed /dev/pts/N to another program. `master`:
+    the other end.
     """
 
     def __init__(self, link: Path) -> None:
@@ -43,7 +44,7 @@ def unplug(made: list[Terminal]) -> None:
 
 
 class SpeakingPort:
-    """A pseudo-terminal on which `speech`, given the number of the turn, is said every `every_s`."""
+    """A pseudo-terminal that sends `speech(turn)` every `every_s` seconds."""
 
     def __init__(self, speech: Callable[[int], bytes], every_s: float) -> None:
         self._master, self._slave = pty.openpty()
@@ -62,13 +63,13 @@ class SpeakingPort:
             turn += 1
 
     def speed(self) -> int:
-        """The rate that the terminal is set to, as termios names it."""
+        """The baud rate to which the terminal is set, as termios names it."""
         return int(termios.tcgetattr(self._slave)[4])
 
 
 @contextlib.contextmanager
 def speaking(speech: Callable[[int], bytes], every_s: float) -> Iterator[SpeakingPort]:
-    """A port that speaks until the end of the block."""
+    """Start a port that sends until the end of the block."""
     port = SpeakingPort(speech, every_s)
     port._thread.start()
     try:

@@ -1,4 +1,4 @@
-"""Recordings in a test's folder, read or refused."""
+"""Recordings in a test's folder: read them, or return why they are refused."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,19 +11,22 @@ from fltea.settings.how import How
 
 
 def stored(folder: Path, text: str | bytes, **how: object) -> Stored:
-    """The recording that a file with this text is; how: fields of `How`."""
+    """Open a file with this text as a recording.
+
+    `how`: fields of `How`.
+    """
     path = folder / "rest.csv"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return open_csv(path, How(**how))  # type: ignore[arg-type]
 
 
 def refusal(folder: Path, text: str | bytes, **how: object) -> str:
-    """Why a file with this text is refused, behind the file's name."""
+    """Return why a file with this text is refused: the message behind the file's name."""
     return refused(folder / "rest.csv", lambda _: stored(folder, text, **how))
 
 
 def refused(path: Path, read: Callable[[Path], object]) -> str:
-    """Why a file is refused, behind its name."""
+    """Return why a file is refused: the message behind its name."""
     with pytest.raises(UsageError) as caught:
         read(path)
     return str(caught.value).removeprefix(str(path))

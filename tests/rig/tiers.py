@@ -1,4 +1,4 @@
-"""Parameters of one test in both tiers (tests/README.md)."""
+"""Distribute the parameters of one test between the two tiers (tests/README.md)."""
 
 from collections.abc import Container, Iterable
 from typing import Any
@@ -7,10 +7,10 @@ import pytest
 
 
 def slow(*values: Any) -> Any:
-    """One set of parameters that only the second tier tries."""
+    """Return a set of parameters that only the second tier tries."""
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
 def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
-    """Values of one parameter: those in `quick` for the first tier, the others for the second."""
+    """Return all values of a parameter; the first tier tries only those in `quick`."""
     return [value if value in quick else slow(value) for value in values]

@@ -1,4 +1,4 @@
-"""Tools of the repository, and what to do where a test needs one that is not there."""
+"""Find the repository's tools, and decide what happens if a test needs one that is not installed."""
 
 import os
 import shutil
@@ -13,14 +13,17 @@ TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
 def missing(reason: str) -> NoReturn:
-    """Skip; but fail in CI, which has every tool (tools/setup.sh)."""
+    """Skip the test; in CI, which has every tool (tools/setup.sh), fail it."""
     if os.environ.get("CI") == "true":
         pytest.fail(reason)
     pytest.skip(reason)
 
 
 def needed(tool: str, package: str = "") -> str:
-    """Where a tool is, in a package of Debian that has another name perhaps; skips without it."""
+    """Return the path of a tool; skip the test if it is not installed.
+
+    `package`: the Debian package if its name differs.
+    """
     path = f"{os.environ['PATH']}:/usr/sbin"
     return shutil.which(tool, path=path) or missing(f"no {tool} (Debian: {package or tool})")
 
@@ -30,6 +33,6 @@ def arm_compiler() -> str:
 
 
 def run_tool(tool: str, root: Path, *options: str, **how: Any) -> subprocess.CompletedProcess[str]:
-    """Run a program of `tools` on a repository at `root`; what Python warns of is an error."""
+    """Run a program of `tools` on a repository at `root`; Python warnings are errors."""
     command = [sys.executable, "-W", "error", TOOLS / tool, *options, "--root", root]
     return subprocess.run(command, capture_output=True, text=True, check=False, **how)

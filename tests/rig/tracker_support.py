@@ -1,4 +1,4 @@
-"""Systems, measurements of them and a plain Kalman filter, for the tests of the tracker."""
+"""State-space systems, simulated measurements and a plain Kalman filter, for the tests of the tracker."""
 
 import math
 from typing import Any
@@ -13,7 +13,7 @@ H = 0.01
 
 
 def kalman(s: System, y: Array) -> dict[str, Array]:
-    """Run the textbook's filter; NaN is a lost sample."""
+    """Run the textbook's Kalman filter; NaN is a lost sample."""
     x, P, A = np.zeros(len(s.a)), s.P0.copy(), s.A
     of_state, of_bias = s.signal * s.c, np.maximum(s.signal, s.a == 1) * s.c
     rows = []
@@ -35,7 +35,7 @@ def kalman(s: System, y: Array) -> dict[str, Array]:
 
 
 def simulated(s: System, n: int, seed: int) -> tuple[Array, Array]:
-    """Return measurements, and the state in them; from the stationary state."""
+    """Return measurements and the true state, which begins in its stationary distribution."""
     rng = np.random.default_rng(seed)
     moving = np.hypot(s.a, s.b) < 1
     P0 = np.where(np.outer(moving, moving), s.P0, 0)
@@ -79,12 +79,15 @@ SYSTEMS = {
 
 
 def fixed(s: System) -> bool:
-    """Whether nothing in the system stands for an offset."""
+    """Whether the system lacks a state for an offset."""
     return not np.any((s.a == 1) & (s.c == 1))
 
 
 def tracker(s: System | None = None, offset: float | None = None, **rules: Any) -> Tracker:
-    """Return a tracker of one axis; rules: some of TrackerRules."""
+    """Return a tracker of one axis.
+
+    `rules`: fields of TrackerRules that differ from the default.
+    """
     one = Tracker([0.0 if s is not None and fixed(s) else offset], TrackerRules(**rules))
     if s is not None:
         one.set(0, s)

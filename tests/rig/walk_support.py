@@ -1,4 +1,4 @@
-"""Made-up samples, and the walk of a pipeline over them with windows that are soon full."""
+"""Simulated samples, and a pipeline over them with windows that fill quickly."""
 
 from collections.abc import Iterable, Iterator
 
@@ -20,7 +20,7 @@ COUNTS = np.rint(np.random.default_rng(5).normal((3, -40, 0), 8, (1300, 3))).ast
 
 
 class Source:
-    """A source whose events a test feeds into the pipeline itself."""
+    """A source whose events a test feeds into the pipeline directly."""
 
     live = False
 
@@ -37,7 +37,7 @@ class Source:
 
 
 def small_config(**changes: object) -> Config:
-    """Settings with windows that are soon full; `estimator__R` in place of estimator.R."""
+    """Return settings with windows that fill quickly; `estimator__R` stands for estimator.R."""
     return load_config(None, SMALL | {name.replace("__", "."): value for name, value in changes.items()})
 
 
@@ -48,7 +48,7 @@ def raw(numbers: Iterable[int]) -> RawBlock:
 
 
 def reads(sizes: Iterable[int]) -> Iterator[Event]:
-    """A hello, and samples that follow on, so many in each read."""
+    """Yield a HELLO, then consecutive samples in reads of these sizes."""
     yield hello()
     begin = 0
     for size in sizes:

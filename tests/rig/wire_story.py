@@ -1,4 +1,4 @@
-"""What a board sends in some seconds, and all that happens to it: bytes, and when they came."""
+"""Simulate some seconds of a board with incidents: its bytes, and when they arrived."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -19,28 +19,31 @@ SECOND_NS = 10**9
 OFFSET_NS = 1_720_000_000_000_000_000
 
 HAPPENINGS = (
-    "hello",  # said once more
+    "hello",  # HELLO is sent again
     "status",
     "fault",
-    "bad",  # a bit of a sample is wrong
-    "rubbish",  # bytes that are no frame
-    "twice",  # a sample is said twice
+    "bad",  # one bit of a sample is wrong
+    "rubbish",  # bytes that form no frame
+    "twice",  # a sample is sent twice
     "gap",
     "long gap",
     "pause",  # nothing comes for six seconds
-    "jump",  # device time moves, as after a reset whose HELLO was lost
+    "jump",  # device time jumps, as after a reset whose HELLO was lost
     "restart",
-    "sensor",  # set up again
+    "sensor",  # the sensor is set up again
     "other version",
-    "clock set",  # the host's date
+    "clock set",  # the host's date is set
     "opened",  # the port was lost for a moment
-    "constant",  # from here on the sensor says the same all the time
+    "constant",  # from here on the sensor repeats the same values
     "knock",  # the board is moved
 )
 
 
 class Moment(NamedTuple):
-    """What came together. data None: the port was opened again."""
+    """Bytes that arrived together.
+
+    `data`: None means that the port was opened again.
+    """
 
     data: bytes | None
     host_ns: int
@@ -48,7 +51,10 @@ class Moment(NamedTuple):
 
 
 class Story(NamedTuple):
-    """begin_ns: monotonic time of the first sample. happenings: (sample, what). bursts: see `moments`."""
+    """A simulated stretch of time.
+
+    `begin_ns`: monotonic time of the first sample. `happenings`: (sample, incident). `bursts`: see `moments`.
+    """
 
     begin_ns: int
     samples: int
@@ -56,7 +62,10 @@ class Story(NamedTuple):
     bursts: tuple[int, ...]
 
     def moments(self) -> list[Moment]:
-        """Bytes as they came: some samples at a time by `bursts`, frames torn wherever that falls."""
+        """Return the bytes as they came: `bursts` says how many samples arrive together.
+
+        Frames may be torn between reads.
+        """
         board, found, waiting, held = _Board(), [], b"", 0
         told = dict(self.happenings)
         host_ns, offset_ns, k = self.begin_ns, OFFSET_NS, 0
@@ -83,7 +92,7 @@ class Story(NamedTuple):
 
 
 class _Board:
-    """Says the bytes of one sampling period after another."""
+    """Returns the bytes of one sampling period after another."""
 
     def __init__(self) -> None:
         self._hello = WIRE_HELLO
@@ -141,7 +150,7 @@ class _Board:
 
 
 def stories() -> st.SearchStrategy[Story]:
-    """Two to five seconds, now and then with a pause in them."""
+    """Draw stories of two to five seconds, sometimes with a pause in them."""
     happening = st.tuples(st.integers(1, 499), st.sampled_from(HAPPENINGS))
     return st.builds(
         Story,
@@ -153,7 +162,10 @@ def stories() -> st.SearchStrategy[Story]:
 
 
 class StorySource(FedSource):
-    """A source whose wire gives what the moments are read as. together: moments of one drain, in turns."""
+    """A source whose wire decodes the moments.
+
+    `together`: numbers of moments that one read takes, used in turns.
+    """
 
     live = False
 
@@ -162,7 +174,7 @@ class StorySource(FedSource):
         self._together = together
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read what came, as much at once as `together` says, with ticks where nothing did."""
+        """Read the moments in groups of the sizes `together`, with ticks where nothing came."""
         begin, turn = 0, 0
         while begin < len(moments):
             data, host_ns, offset_ns = moments[begin]
@@ -182,7 +194,10 @@ class StorySource(FedSource):
 
 
 def torn(moments: Sequence[Moment], cuts: Sequence[float]) -> Iterator[Moment]:
-    """The same bytes of the same moments in more reads; cuts: where, as parts of each moment's bytes."""
+    """Split the same bytes of the same moments into more reads.
+
+    `cuts`: where to split, as fractions of each moment's bytes.
+    """
     for data, *at in moments:
         if data is None:
             yield Moment(None, *at)
