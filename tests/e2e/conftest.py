@@ -23,7 +23,7 @@ def processes() -> Iterator[Processes]:
 
 @pytest.fixture
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
-    """Brokers and servers, and who listens to them."""
+    """Start brokers, servers and their clients, and stop them after the test."""
     for name in ("FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"):
         monkeypatch.delenv(name, raising=False)
     with Stage(tmp_path) as one:
@@ -32,7 +32,7 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
 
 @pytest.fixture(scope="module")
 def chromium() -> "Iterator[Browser]":
-    from browser_support import browsers  # the library is an extra
+    from browser_support import browsers  # the browser library is an optional dependency
 
     yield from browsers()
 

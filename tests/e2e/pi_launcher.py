@@ -1,6 +1,8 @@
-"""The real command on a machine that seems to have an MPU-9250 on /dev/i2c-1: `pi_launcher.py NOISE run …`.
+"""Run the real command on a machine that seems to have an MPU-9250 on /dev/i2c-1: `pi_launcher.py NOISE run
+…`.
 
-The chip model stands behind the interface of smbus2, in real time; all else is as on a Raspberry Pi.
+The chip model takes the place of the bus behind the interface of smbus2, in real time. All else is as on a
+Raspberry Pi.
 """
 
 import sys
@@ -21,14 +23,14 @@ from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 
 LONGEST_NS = 200_000_000
-"""Shorter than the chip's FIFO lasts, which is 0.36 s."""
+"""Longest pause [ns]; it is shorter than the chip's FIFO lasts, which is 0.36 s."""
 
 
 class RealHost:
-    """What the fake bus asks of a host: its time, and that a transfer takes some.
+    """What the fake bus needs of a host: its time, and that a transfer takes some time.
 
-    A machine that stands still for longer than the FIFO holds would lose samples, whatever the program does:
-    so for the chip, and for the program, such a pause is no longer than `LONGEST_NS`.
+    If the test machine pauses for longer than the FIFO lasts, samples would be lost whatever the program
+    does. So chip and program see no pause longer than `LONGEST_NS`.
     """
 
     def __init__(self) -> None:
@@ -45,7 +47,7 @@ class RealHost:
 
     @property
     def now_ns(self) -> int:
-        """The time of the chip."""
+        """Return the time of the chip."""
         return self.host_ns() - self._begin_ns
 
     def let_pass(self, ns: int) -> None:

@@ -1,4 +1,5 @@
-"""What `make run` says: a line a second off a terminal, the emulator's warning, the steps of set-up."""
+"""The output of `make run`: one line a second without a terminal, the emulator's warning, the steps of set-
+up."""
 
 import io
 import json
@@ -70,7 +71,7 @@ def test_the_truth_is_that_of_the_noise_and_what_is_said_of_it_holds() -> None:
     for seconds, alpha, f in demo.KNOWN:
         best = bound(noise.alpha, g_of(noise.alpha, noise.f, h), s2, noise.R, round(seconds / h), h)
         assert (alpha, f) == pytest.approx((1.96 * best.alpha, 1.96 * best.f), rel=0.16)
-    # Rounding to a count, at ±2000 deg/s, adds white noise that would be seen otherwise.
+    # Rounding to a count, at ±2000 deg/s, adds white noise that would otherwise hide this noise.
     assert 1 / 12 / (noise.R * 16.4**2) < 0.02
     assert device_name(f"serial:/tmp/folder/{demo.DEVICE}") == demo.DEVICE
 
@@ -92,7 +93,7 @@ def test_the_warning_is_shown_with_what_the_figures_then_mean(capsys: pytest.Cap
 
 @pytest.fixture
 def setup(tmp_path: Path) -> list[str]:
-    """A copy of set-up, with a Python that installs nothing."""
+    """Return a copy of the set-up script, with a fake Python that installs nothing."""
     python = tmp_path / ".venv/bin/python"
     python.parent.mkdir(parents=True)
     python.write_text("#!/bin/sh\necho Collecting something\ncase $* in *scikit*) sleep ${PAUSE:-0};; esac\n")

@@ -1,4 +1,5 @@
-"""As many devices as there are descriptors for: all of them are read and recorded, or the program says no."""
+"""With as many devices as there are file descriptors, all devices are read and recorded, or the program
+refuses."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,10 +18,11 @@ from tools.faults.program import Program
 
 DEVICES = 40
 OPEN_AT_START = 8
-"""At most: standard input, output and error, and what the interpreter has open."""
+"""Largest number of descriptors open at the start: standard input, output and error, and the interpreter's
+own."""
 
 LIMIT = RESERVE + OPEN_AT_START + 2 * DEVICES
-"""With pyserial's five a device, a port and a recording are open for eighteen."""
+"""Descriptors for the devices. If a port needed five, as with pyserial, only eighteen devices would fit."""
 
 HELLO = b"\0" + encode(WIRE_HELLO, 0, 0)
 SAMPLES = b"".join(encode(wire.Sample(k, -k, 0, 0, 0, 16384, 0, 0), k, k * 10_000) for k in range(5))
@@ -35,7 +37,7 @@ def terminals(tmp_path: Path) -> Iterator[list[Terminal]]:
 
 @pytest.fixture
 def limited(terminals: list[Terminal], tmp_path: Path) -> Iterator[Callable[[int], Program]]:
-    """Starts the daemon on all devices with so many descriptors."""
+    """Start the daemon on all devices with this limit of descriptors."""
     urls = [part for one in terminals for part in ("--source", f"serial:{one.link}")]
 
     def start(descriptors: int) -> Program:
@@ -52,7 +54,7 @@ def test_all_devices_are_read_and_recorded_with_two_descriptors_each(
     begun: set[str] = set()
 
     def all_heard() -> bool:
-        for one in terminals:  # what is sent to a port before it is open is thrown away
+        for one in terminals:  # bytes sent to a port before it is open are discarded
             if one.link.name not in begun:
                 one.send(HELLO)
         for name in {record["device"] for record in program.of("hello")} - begun:

@@ -1,4 +1,4 @@
-"""A device that estimates by itself and the real command, over a pseudo-terminal."""
+"""A device that estimates, and the real command, over a pseudo-terminal."""
 
 import os
 import select
@@ -15,7 +15,7 @@ from plain_decoder import decoded
 def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(
     processes: Processes, tmp_path: Path
 ) -> None:
-    """As pyserial does, late on a busy machine: what the device said before is lost."""
+    """pyserial empties the port, late on a busy machine, so what the device sent before is lost."""
     link = tmp_path / "device"
     processes.stand_in(link)
     port = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
@@ -43,7 +43,10 @@ def has_input(port: int) -> bool:
 
 
 def test_both_stand_side_by_side(processes: Processes, tmp_path: Path) -> None:
-    """At 200 Hz the start-up window of 500 samples takes seconds; a busy machine keeps up with the port."""
+    """At 200 Hz the start-up window of 500 samples takes seconds.
+
+    A busy machine can still read the port in time.
+    """
     port = tmp_path / "device"
     processes.stand_in(port, "--estimate", "--noise", "rate_hz=200")
     daemon = processes.daemon("--source", f"serial:{port}", "--estimate-on", "both")

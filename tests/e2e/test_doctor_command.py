@@ -1,4 +1,5 @@
-"""`fltea doctor` and `fltea devices` as commands, on this machine and on the stand-in's pseudo-terminal."""
+"""`fltea doctor` and `fltea devices` as commands, on this machine and on a simulated board's pseudo-
+terminal."""
 
 import json
 from pathlib import Path

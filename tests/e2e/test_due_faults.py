@@ -1,8 +1,9 @@
-"""Faults of sensor, wires, supply and host on the emulated Due: it recovers, says what happened, and counts.
+"""Faults of sensor, wires, supply and host on the emulated Due: it recovers, reports what happened, and
+counts losses.
 
-Every run also has to add up (`Measured.wrong`): by the emulator's own clock every instant is delivered, or
-counted as lost by the host, or was due after the last sample of a boot that a reset ended; and every sample
-is byte for byte what the sensor gave at that sample's time.
+Every run's account also has to balance (`Measured.wrong`). By the emulator's own clock every sampling instant
+is delivered, or counted as lost by the host, or was due after the last sample of a boot that a reset ended.
+Every sample is byte for byte what the sensor gave at that sample's time.
 """
 
 from functools import cache
@@ -27,7 +28,11 @@ from tools.faults.case import cells, line
 
 
 class Expected(NamedTuple):
-    """lost, recovery_s: bounds. status: STATUS of the last boot, in its order but for overruns and cause."""
+    """What a fault leads to.
+
+    `lost`, `recovery_s`: smallest and largest value. The fields of the last boot's STATUS follow, in STATUS's
+    order, except overruns and cause.
+    """
 
     lost: tuple[int, int]
     recovery_s: tuple[float, float]
@@ -43,7 +48,8 @@ class Expected(NamedTuple):
 
 UNINTERRUPTED = (0.0099, 0.0151)
 RESTART = ("sensor_restart",)
-# A set-up is tried every 0.1 s, and takes 0.15 s: the most that a recovery adds to what the trouble takes.
+# A set-up is tried every 0.1 s and takes 0.15 s. This is the most that recovery adds to the fault's own
+# duration.
 EXPECTED = {
     "SDA held, 5 clocks free it": Expected((0, 0), UNINTERRUPTED, (), (), range(1, 2), 1),
     "SDA held for 1.2 s": Expected(
@@ -99,7 +105,7 @@ def test_it_recovers_and_everything_adds_up(case: tuple[Expected, DueRun, Measur
     assert expected.recovery_s[0] <= row.recovery_s <= expected.recovery_s[1]
     assert expected.unheard[0] <= row.unheard <= expected.unheard[1]
     assert row.bad_frames in expected.bad_frames
-    # The last of it is as it was before: every sample, on time, undoubted.
+    # The last part of the run is as before the fault: every sample is present, on time and without a flag.
     tail = run.samples[-20:]
     assert [s.seq for s in tail] == list(range(tail[0].seq, tail[0].seq + 20))
     assert {s.flags for s in tail} == {0}
@@ -119,7 +125,7 @@ def test_it_counts(case: tuple[Expected, DueRun, Measured]) -> None:
     assert row.status["bus_recoveries"] == expected.bus_recoveries
     assert row.status["sensor_reinits"] == row.epochs.count("sensor_restart")
     assert row.status["dropped_frames"] == 0
-    # The device cannot know what is lost on the wire; all else that the host misses it has counted itself.
+    # The device cannot know what is lost on the wire; it has counted everything else that the host lacks.
     assert row.status["overruns"] == (0 if expected.lost_on_the_way else row.lost)
     last_boot = run.boots[-1]
     sent = sum(len(burst.data) == 14 for burst in last_boot.bursts)
@@ -147,13 +153,14 @@ def test_details_of_faults_say_which_line_and_which_chip() -> None:
     assert set(with_fault("SCL held for 1.2 s")[0].faults) >= {("bus_held", 2)}
     assert set(with_fault("sensor unplugged for 1.5 s")[0].faults) >= {("sensor_missing", 0x68)}
     assert set(with_fault("exchanged for an unknown chip for 1 s")[0].faults) >= {("sensor_unknown", 0x12)}
-    # GYRO_CONFIG, set to ±2000 deg/s, or the register of the guard before it: all fell back.
+    # GYRO_CONFIG, set to ±2000 deg/s, or the guard's register before it: all registers fell back to their
+    # defaults.
     ((name, detail),) = with_fault("sensor's supply sags")[0].faults
     assert (name, detail) == ("readback_mismatch", 0x1A << 16 | 1 << 8 | 0)
 
 
 def test_a_sensor_that_falls_asleep_is_noticed_and_set_up_again() -> None:
-    """Its registers are as they were set, but for PWR_MGMT_1; its values stand still."""
+    """Its registers keep their settings, except PWR_MGMT_1; its values stop changing."""
     run = DueRun(image()).run_until(1.0)
     run.board.socket.chip.write_register(0x6B, 0x41)
     run.board.socket.settle()
@@ -178,13 +185,13 @@ def test_a_sample_that_waited_for_a_hanging_program_is_late() -> None:
 
 
 def test_a_bus_that_needs_nine_clocks_is_freed_without_a_loss() -> None:
-    """And the clock of the STOP: no sensor that is cut off in mid-byte needs more."""
+    """A ninth clock comes with the STOP; no sensor that is interrupted within a byte needs more."""
     run = DueRun(image(), faults=["sda_stuck at=1 clocks=10"]).run_until(2.3)
     assert (run.check(), run.gaps, run.status.bus_recoveries) == (None, [], 1)
 
 
 def test_a_tick_during_a_step_that_hangs_is_not_slept_through() -> None:
-    """From the middle of a step to after the next tick."""
+    """The tick comes while a step hangs, from the middle of the step to after the next tick."""
     run = after_a_reading(DueRun(image()).run_until(1.4))
     held = len(run.samples)
     run.board.starve(0.0102)
@@ -196,14 +203,14 @@ def test_a_tick_during_a_step_that_hangs_is_not_slept_through() -> None:
 
 
 SETTINGS = {0x19: 0, 0x1A: 1, 0x1B: 0x18, 0x1C: 0, 0x1D: 1, 0x37: 0, 0x38: 0, 0x6B: 1, 0x6C: 0}
-"""Registers of the sensor, with nothing of PWR_MGMT_2 at rest."""
+"""Values of the sensor's registers; PWR_MGMT_2 is left out, since it is 0."""
 
 
 @pytest.mark.parametrize("number", range(1 + 8))
 def test_a_set_up_of_which_a_write_was_refused_sets_what_it_has_to(
     number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The byte stays in the controller, and the next write would send it first."""
+    """The refused byte stays in the controller, and the next write would send it first."""
     run = DueRun(image(), noise=NOISE)
     socket = run.board.socket
     writes: list[int] = []
@@ -239,13 +246,13 @@ def test_a_relative_is_named_and_used_and_an_unknown_chip_is_refused() -> None:
 
 
 def test_the_bus_is_freed_by_as_many_clocks_as_it_needs() -> None:
-    """One rising edge belongs to the STOP of each recovery, of which there is one at boot."""
+    """One rising edge belongs to the STOP of each recovery; one recovery happens at boot."""
     assert with_fault("SDA held, 5 clocks free it")[0].board.lines.recovery_clocks == 5 + 2
 
 
 @pytest.mark.slow
 def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
-    """Wherever in the bits of a byte the controller vanished: the sensor may be left holding SDA."""
+    """The controller's supply fails at any bit of a byte, so the sensor may be left holding SDA."""
     quiet = DueRun(image()).run_until(0.6)
     began_ps = next(burst.at_ps for burst in quiet.boots[0].bursts if burst.at_ps > 5 * 10**11)
     clocks = []
@@ -269,7 +276,7 @@ def test_the_readme_shows_the_figures_of_the_committed_image() -> None:
 
 BIT_S = 2.5e-6
 BYTES = 14
-# In bits from the START: address, register, repeated START, address, each byte, STOP.
+# Bits from the START on: address, register, repeated START, address, each byte, STOP.
 PHASES = {
     "address": 5.0,
     "register": 14.0,
@@ -281,7 +288,7 @@ PHASES = {
     "stop": 29.0 + 9 * BYTES + 0.4,
 }
 STUCK = {
-    # It lets go after as many clocks as a sensor in mid-byte may need.
+    # The sensor releases SDA after at most as many clocks as one in the middle of a byte needs.
     "SDA": "sda_stuck at={at:.7f} clocks=9",
     "SCL": "scl_stuck at={at:.7f} for=0.004",
 }
@@ -289,7 +296,7 @@ STUCK = {
 
 @cache
 def start_s() -> float:
-    """When a transfer of a sample begins, in a quiet run."""
+    """Return when the transfer of a sample begins, in a run without faults."""
     run = DueRun(image(), noise=NOISE).run_until(0.3)
     return next(burst.at_ps * 1e-12 for burst in run.boots[0].bursts if burst.at_ps > 0.25e12)
 

@@ -1,4 +1,5 @@
-"""The emulated Due identifies by itself: beside the host, with the bits of a PC, in its share of the time."""
+"""The emulated Due estimates and fits, alongside the host: its results have the bits of a PC, within its time
+budget."""
 
 from functools import cache
 from itertools import pairwise
@@ -15,14 +16,17 @@ from spectrum_probe import BoardSpectrum
 from tools.due_emulator.noise import recorded_world
 from tools.due_run import Arrival
 
-# The probe is compiled first.
+# Its first use compiles the probe, which takes a while.
 pytestmark = pytest.mark.timeout(300)
 
 BOTH = {"estimator.estimate_on": "both"}
 EVERY = 10
 RECORDINGS = ("mpu6050_sunsided_10min.npz", "mpu6050_tomisuarez_100s.npz")
 CLOSE = 1e-4
-"""What the order on the device may differ from the host's in double; 4e-6 within 3,000 samples was seen."""
+"""Largest difference of the order on the device from the host's in double.
+
+4e-6 within 3,000 samples was seen.
+"""
 
 UNPLUGGED_S, PORT_OPENED_S, HELD_S, END_S = 7.0, 18.7, 25.3, 27.0
 FAULTS = (
@@ -34,7 +38,7 @@ FAULTS = (
 
 @cache
 def with_faults() -> DueRun:
-    """Unplugged for 5 s, reset, and SDA stuck: each in the midst of estimating."""
+    """Return a run with three faults while estimating: unplugged for 5 s, a reset, and SDA stuck."""
     return DueRun(image(), noise=NOISE, faults=FAULTS, settings=BOTH).run_until(END_S)
 
 
@@ -65,7 +69,7 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
             assert abs(axis.alpha_difference) < CLOSE
             assert abs(axis.f_difference) < 10 * CLOSE
 
-    # Bit for bit what its code gives on the machine that runs this test.
+    # The estimates are bit for bit those of the device's code on the machine that runs this test.
     counts = np.array([[f.message.gyro_x, f.message.gyro_y, f.message.gyro_z] for f in samples])
     rows = [Device("joint").run(counts[:, i]) for i in range(3)]
     messages = [arrival.frame.message for arrival in run.of(wire.Estimate)]
@@ -80,7 +84,8 @@ def test_on_a_real_sensors_noise_it_agrees_with_the_host(recordings: Path, name:
 def test_status_says_what_it_costs() -> None:
     run = with_faults()
     shares = [arrival.frame.message.cpu_share for arrival in run.of(wire.Status) if 14 < arrival.at_s < 17]
-    # The start-up window fills: 6 % for the sensor. Instructions count one cycle each here.
+    # While the start-up window fills, 6 % of the time is spent on the sensor. Each instruction takes one
+    # cycle here.
     assert len(shares) == 3
     assert all(500 < share < 800 for share in shares)
     estimating = [arrival.frame.message for arrival in run.of(wire.Status) if 6.1 < arrival.at_s < 7]
@@ -89,7 +94,7 @@ def test_status_says_what_it_costs() -> None:
     assert all(500 < status.longest_step < 2_000 for status in estimating)
     estimator = run.of(wire.Estimator)[-1].frame.message
     assert estimator.skipped == 0
-    # That which begins the spectra, once.
+    # The longest step of an axis is the single one that begins the spectra.
     assert 150 < estimator.longest_axis < 1000
 
 
@@ -105,7 +110,7 @@ def test_after_each_fault_it_begins_anew_or_goes_on_as_the_host_does() -> None:
         assert all(estimate.comparable for estimate in found)
         differences = [abs(axis.alpha_difference) for e in found for axis in e.axes.values()]
         assert max(differences) < CLOSE
-    # A bus that five clocks free costs no sample, so the last epoch goes on over it.
+    # A bus that is freed by five clocks costs no sample, so the last epoch continues.
     assert run.stats.sample_counts.lost > 500
     assert by_epoch[3][-1].axes["gyro_z"].age == by_epoch[3][-1].seq - STARTUP + 1
     begun = [arrival.frame.message.begun for arrival in run.of(wire.Estimator)]
@@ -128,11 +133,11 @@ def test_alone_its_estimates_are_what_is_published() -> None:
 
 FIRST_FIT_S = 31.0
 AHEAD = 100
-"""Samples in the second to come, whose mean the bias is."""
+"""Number of future samples, one second, over which the bias is averaged."""
 
 
 def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
-    """From sample to sample, but for those around a moment."""
+    """Return the time steps between consecutive samples, except those around a moment."""
     frames = [arrival.frame for arrival in run.of(wire.Sample)]
     samples = [frame for frame in frames if abs(frame.device_us * 1e-6 - but_at_s) > 0.05]
     assert not any(frame.message.flags & wire.SampleFlags.LATE for frame in samples)
@@ -140,7 +145,7 @@ def steps(run: DueRun, but_at_s: float = -1.0) -> set[int]:
 
 
 def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
-    """Hold what the board tracks from the first fit of an axis to the next to a PC's; return it."""
+    """Check what the board tracks between two fits of an axis against a PC's result; return the estimates."""
     fit = fit_at.frame.message
     axis = wire.Axis(fit.axis).name.lower()
     samples = run.of(wire.Sample)
@@ -160,7 +165,7 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
     untracked = [one for one in sent if not one.flags & wire.EstimateFlags.TRACKED]
     assert {one[-4:] for one in untracked} == {(0.0,) * 4}
     assert tracked[0].sample - untracked[-1].sample == 10
-    # Between those two it has begun, at a sample that nothing tells.
+    # The tracker has begun at some sample between those two; the messages do not say which.
     wanted = [one[-4:] for one in tracked]
     found = []
     for begin in range(untracked[-1].sample - first + 1, tracked[0].sample - first + 1):
@@ -177,13 +182,13 @@ def track_as_a_pc_does(run: DueRun, fit_at: Arrival) -> list[wire.Estimate]:
 
 @pytest.mark.slow
 def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
-    # In the midst of a search: neither costs a sample.
+    # The faults happen during a model search and cost no sample.
     faults = ("nack_burst at=17.0 count=1", "sda_stuck at=19.3 clocks=5")
     settings = {"estimator.estimate_on": "both"}
     run = DueRun(image(), noise=NOISE, faults=faults, settings=settings).run_until(FIRST_FIT_S)
     assert run.check() is None
     assert (run.stats.sample_counts.lost, run.gaps, run.troubles) == (0, [], [])
-    # Freeing the bus takes some milliseconds, for which that sample is late; a second burst is 30 us later.
+    # Freeing the bus delays that sample by some milliseconds; reading a burst a second time takes 30 us.
     waits = {abs(step - 10_000) for step in steps(run, but_at_s=19.3)}
     assert max(waits) <= 30, "a sample has waited for a fit"
     assert run.of(wire.Status)[-1].frame.message.dropped_frames == 0
@@ -198,7 +203,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     ratios = fit.ratio_white, fit.ratio_relaxation, fit.ordinates
     assert ratios == (found.ratio_white, found.ratio_ar1, found.ordinates)
 
-    # Its bins follow, and the host puts them together.
+    # The bins of the fit follow, and the host assembles them.
     once, again = (record for record in run.records if isinstance(record, DeviceFits))
     assert once.axes["gyro_x"].host_verdict is not None
     spectrum = again.axes["gyro_x"].spectrum
@@ -214,7 +219,7 @@ def test_its_fit_has_the_bits_of_a_pc_and_costs_no_sample() -> None:
     assert newest["gyro_y"].tracker_bias is None
     assert newest["gyro_x"].tracker_bias == run.of(wire.Estimate)[-3].frame.message.tracker_bias
 
-    # 6 % of the time for fits; an instruction takes a cycle here.
+    # 6 % of the time is spent on fits; each instruction takes one cycle here.
     while_searching = [a.frame.message.cpu_share for a in run.of(wire.Status) if 17 < a.at_s < 24]
     assert len(while_searching) == 7
     assert all(2000 < share < 2400 for share in while_searching)
@@ -252,7 +257,7 @@ def test_a_build_that_tunes_hands_its_fit_to_its_filters(tmp_path: Path) -> None
     tracked = track_as_a_pc_does(run, fits[0])
     assert len(tracked) > 25
     assert len({one.tracker_state for one in tracked}) > 25
-    # Fitted here of the same bins, the order is the same.
+    # A fit on the host to the same bins gives the same order.
     whole = [record for record in run.records if isinstance(record, DeviceFits)][-1].axes["gyro_x"]
     assert whole.spectrum is not None
     assert abs(whole.alpha_of_bins - fit.alpha) < 0.1 * 1.96 * fit.alpha_std

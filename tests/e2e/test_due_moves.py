@@ -1,4 +1,5 @@
-"""The emulated Due is turned about one axis: what it tracks of the others holds, in its share of the time."""
+"""The emulated Due is turned about one axis: its estimates for the other axes hold, within its time
+budget."""
 
 import pytest
 from due_support import NOISE, DueRun, image
@@ -12,7 +13,7 @@ RATE_HZ = 100
 
 
 class Turned(Fractional):
-    """Turned by 20 deg/s about z, of which half a percent is in x and y."""
+    """A sensor turned by 20 deg/s about z; half a percent of that rate appears in x and y."""
 
     def next_rate(self, k: int) -> Vector:
         x, y, z = super().next_rate(k)
@@ -35,7 +36,7 @@ def test_a_turn_about_z_leaves_the_bias_of_x_as_it_was() -> None:
     before = [bias for at_s, bias in tracked if at_s < TURNS_S][-1]
     during = [bias for at_s, bias in tracked if TURNS_S + 0.7 < at_s < ENDS_S]
     assert len(during) > 40
-    # That of all samples at rest, without the newest ones, and that alone.
+    # The bias is the mean of all samples at rest except the newest, and of no others.
     assert len(set(during)) == 1
     assert during[0] == pytest.approx(before, abs=0.003)
     after = [bias for at_s, bias in tracked if at_s > ENDS_S + 1]

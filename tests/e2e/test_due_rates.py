@@ -1,4 +1,5 @@
-"""The Due at 200, 500 and 1,000 Hz by settings of the build: exact instants, no gaps, estimates in time."""
+"""The Due at 200, 500 and 1,000 Hz by settings of the build: exact sampling instants, no gaps, estimates in
+time."""
 
 import json
 import subprocess
@@ -19,7 +20,7 @@ from toolchain import arm_compiler
 from tools.due_run import chip_bytes
 
 STARTUP, EVERY = 500, 50
-"""Of the estimator at 500 Hz [samples]."""
+"""Start-up window and interval of the estimates at 500 Hz [samples]."""
 SETTINGS = {
     200: ("FLTEA_RATE_HZ=200", "FLTEA_DLPF_HZ=92", "FLTEA_GYRO_RANGE_DPS=250"),
     500: ("FLTEA_RATE_HZ=500",),
@@ -37,7 +38,7 @@ def compiled(*defines: str) -> subprocess.CompletedProcess[str]:
 
 
 def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
-    """The same as `build`, as an owner does it; `fltea flash` finds the build's id beside it."""
+    """Build the same image with `make`, as a user does; `fltea flash` finds the build's id next to it."""
     arm_compiler()
     file = folder / "fast.bin"
     command = [sys.executable, str(ROOT / "tools/build_firmware.py"), "--to", str(file), "--mode", mode]
@@ -59,7 +60,7 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
     assert run.error is None
     samples = [arrival.frame for arrival in run.of(wire.Sample)]
     bursts = run.boots[-1].bursts
-    assert len(bursts) - 2 <= len(samples) <= len(bursts)  # the last ones are on their way
+    assert len(bursts) - 2 <= len(samples) <= len(bursts)  # the last ones have not arrived yet
     assert [chip_bytes(s.message) for s in samples] == [bytes(b.data) for b in bursts[: len(samples)]]
     assert [s.sequence for s in samples] == list(range(len(samples)))
     assert {b.device_us - a.device_us for a, b in pairwise(samples)} == {1_000_000 // rate_hz}
@@ -84,7 +85,7 @@ def test_a_rate_is_exact_and_without_gaps(rate_hz: int, mode: str, tmp_path: Pat
 
 
 def test_what_the_line_cannot_take_does_not_compile() -> None:
-    """28 bytes a sample at 1 kHz are 28,000 a second; 250,000 baud carry 25,000."""
+    """28 bytes a sample at 1 kHz are 28,000 bytes a second; 250,000 baud carry 25,000."""
     refused = compiled("FLTEA_RATE_HZ=1000", "FLTEA_ESTIMATE=false")
     assert "the line has to take all that is to be said" in refused.stderr
     assert refused.returncode != 0
@@ -106,7 +107,7 @@ def test_a_setting_that_cannot_be_does_not_compile(defines: tuple[str, ...], say
 
 @pytest.mark.slow
 def test_the_small_ring_of_arduino_bears_500_hz(tmp_path: Path) -> None:
-    """127 bytes: ESTIMATOR has 113, and a sample of 28 comes every 2 ms."""
+    """The ring buffer holds 127 bytes: ESTIMATOR has 113, and a sample of 28 bytes comes every 2 ms."""
     folder = ROOT / "tests/firmware/arduino_stub"
     make(folder, tmp_path, "SANITIZE=", "CXX=g++ -DFLTEA_RATE_HZ=500", tmp_path / "run-data_ready")
     done = subprocess.run([tmp_path / "run-data_ready", "4"], capture_output=True, check=True)
@@ -144,7 +145,7 @@ def test_other_ranges_are_set_told_and_true(
     hello = run.hellos[-1]
     assert (hello.gyro_range_dps, hello.gyro_lsb_per_dps) == (gyro_dps, gyro_lsb)
     assert (hello.accel_range_g, hello.accel_lsb_per_g) == (accel_g, accel_lsb)
-    # At rest with an offset of 20 deg/s, 1 g along z.
+    # The sensor is at rest, with an offset of 20 deg/s and 1 g along z.
     assert len(run.samples) > 20
     assert np.mean([s.gyro_dps for s in run.samples], axis=0) == pytest.approx([20.0] * 3, abs=0.3)
     assert np.mean([s.accel_ms2 for s in run.samples], axis=0) == pytest.approx([0, 0, 9.80665], abs=0.3)

@@ -1,4 +1,5 @@
-"""The faults' own tools: accounts that find what nobody counted, the report, and a line that can be cut."""
+"""The tools that play faults: accounts that find uncounted losses, the report, and a connection that can be
+cut."""
 
 import asyncio
 import contextlib
@@ -55,7 +56,7 @@ def test_a_silence_that_was_the_boards_own_is_no_fault_of_the_daemon(board: Boar
 
 
 def records(board: Board, *, without: tuple[int, ...] = ()) -> list[dict[str, Any]]:
-    """What a daemon that hears all but a few samples writes, and how it sums them up."""
+    """Return the records and statistics of a daemon that receives all samples except `without`."""
     found: list[dict[str, Any]] = [{"class": "epoch", "epoch": 1, "boot_id": 1}]
     for k, counts in enumerate(board.boots[0].counts):
         rates = [count / LSB_PER_DPS for count in counts]
@@ -135,7 +136,7 @@ def test_sums_that_are_no_sums(board: Board) -> None:
 
 
 class Worker:
-    """What a program has written, and how it ended."""
+    """The records that a program has written, and how it ended."""
 
     code, stderr = 0, ""
 
@@ -184,7 +185,7 @@ def test_what_is_wrong_is_named(records: list[dict[str, Any]], text: str) -> Non
 
 
 def counts(stdout: tuple[int, int, int], mqtt: tuple[int, int, int]) -> dict[str, Any]:
-    """Last statistics; of each output what it has written, dropped, and what waits."""
+    """Return a program's last statistics, and what each output has written, dropped and still queues."""
     names = "written", "dropped", "queued"
     outputs = {"stdout": stdout, "mqtt": mqtt}
     return {
@@ -246,7 +247,7 @@ def test_what_breaks_is_a_wrong_outcome_and_what_it_started_ends() -> None:
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One fault is right, one is not, one cannot be played here."""
+    """One fault has the expected result, one has not, and one cannot be played here."""
     parts = {
         "right": command.Part((Case("a fault", lambda stage: RIGHT), Case("disk full", lambda stage: RIGHT))),
         "wrong": command.Part((Case("another", lambda stage: replace(RIGHT, due=12)),)),
@@ -303,13 +304,13 @@ def test_a_nats_server_whose_disk_holds_it_up_is_waited_for(stage: Stage, tmp_pa
 
     async def asked_of_one_that_stands_still(stream: JetStreamContext) -> int:
         server.pause()
-        asyncio.get_running_loop().call_later(6.0, server.go_on)  # a client's own patience is 5 s
+        asyncio.get_running_loop().call_later(6.0, server.go_on)  # the client's own time limit is 5 s
         return (await stream.account_info()).streams
 
     assert server._ask(asked_of_one_that_stands_still) >= 0
 
 
-# --- what the guide says of them ---
+# # --- the documentation of the faults ---
 
 
 @pytest.mark.parametrize(("page", "part"), [("running", "daemon"), ("fleet", "fleet"), ("ingest", "ingest")])

@@ -1,4 +1,4 @@
-"""Faults as `make faults` plays them: everything is survived, and every sample accounted for."""
+"""Play faults as `make faults` does: the program survives all of them, and every sample is accounted for."""
 
 import contextlib
 from concurrent.futures import Future
@@ -19,7 +19,10 @@ CASES = PARTS["daemon"].cases
 
 
 class Expected(NamedTuple):
-    """What a fault leads to. due, lost, excused: None where they depend on how fast the machine is."""
+    """What a fault leads to.
+
+    `due`, `lost`, `excused`: None where they depend on the speed of the machine.
+    """
 
     due: int | None = None
     lost: int | None = 0
@@ -58,7 +61,7 @@ EXPECTED = {
 
 @pytest.fixture(scope="module")
 def playing(request: pytest.FixtureRequest) -> dict[str, "Future[Outcome]"]:
-    """Those faults that were asked for, some at a time: they mostly wait."""
+    """Play the requested faults, several at a time, since they mostly wait."""
     wanted = {
         item.callspec.params["case"].name
         for item in request.session.items
@@ -87,7 +90,7 @@ def test_it_is_survived_and_everything_is_counted(
     assert expected.due in (None, outcome.due)
     assert expected.lost in (None, lost)
     assert expected.excused in (None, sum(excused))
-    assert all(excused)  # a reason is given where there is something to excuse
+    assert all(excused)  # a reason is given wherever a loss is excused
     assert delivered > 0
     if expected.others is not None:
         assert f"other outputs {expected.others}" in outcome.more
@@ -100,7 +103,7 @@ def bytes_were_taken(outcome: Outcome) -> None:
 
 
 def the_board_dropped_as_many(outcome: Outcome) -> None:
-    """HELLO and STATUS, four of them in two seconds, can be dropped too."""
+    """Allow for HELLO and STATUS, four of them in two seconds, which can be dropped too."""
     assert 0 <= outcome.figures["frames dropped by the board"] - outcome.where["counted as lost"] <= 6
 
 
@@ -129,7 +132,10 @@ WHAT_ELSE: dict[str, Any] = {
 
 
 def test_every_fault_is_expected_and_stands_in_the_documentation() -> None:
-    """What a fault makes the daemon report is there too; the other columns are figures of one run."""
+    """The documentation also lists the errors that the daemon reports.
+
+    Its other columns are figures of one run.
+    """
     assert set(EXPECTED) == {case.name for case in CASES}
     assert set(WHAT_ELSE) <= set(EXPECTED)
     text = (ROOT / "host/docs/guide/running.md").read_text(encoding="utf-8")
@@ -153,7 +159,7 @@ def test_every_fault_is_expected_and_stands_in_the_documentation() -> None:
     ],
 )
 def test_of_a_fleet_everything_is_accounted_for(name: str, reported: list[str]) -> None:
-    """The other faults of a fleet last too long to be played here."""
+    """The other faults of a fleet take too long to be played here."""
     needed("mosquitto")
     outcome = play(next(case for case in PARTS["fleet"].cases if case.name == name))
     assert (outcome.wrong, outcome.uncounted, outcome.reported) == ([], 0, reported)
@@ -168,14 +174,14 @@ def test_of_a_fleet_everything_is_accounted_for(name: str, reported: list[str]) 
             "mosquitto",
             "MQTT broker killed (`kill -9`), started again at once",
             {"broker_lost", "broker_back"},
-            None,  # what boards sent before the program was back: how much is chance
+            None,  # samples sent before the program was back are lost; how many depends on chance
         ),
     ],
 )
 def test_of_ingest_each_sample_is_accounted_for(
     server: str, name: str, reported: set[str], lost: int | None
 ) -> None:
-    """Boards that keep what they could not send lose nothing; programs go on by themselves."""
+    """Boards that keep what they could not send lose nothing; the programs resume without help."""
     needed(server)
     outcome = play(next(case for case in PARTS["ingest"].cases if case.name == name))
     assert (outcome.wrong, outcome.uncounted) == ([], 0)

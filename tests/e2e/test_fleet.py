@@ -1,4 +1,4 @@
-"""`fltea fleet` as its user has it: a real broker with its usual limits, the real command, a real browser."""
+"""`fltea fleet` as a user runs it: a real broker with its usual limits, the real command, a real browser."""
 
 import base64
 import contextlib
@@ -32,7 +32,7 @@ HOSTILE = "<img src=x onerror=alert(1)>"
 
 
 class Running(Program):
-    """The command, and what its page answers."""
+    """The running command, and requests to its page."""
 
     def __init__(self, broker: Mosquitto, *arguments: str | Path) -> None:
         super().__init__(["fleet", "--mqtt", f"127.0.0.1:{broker.port}", "--listen", "0", *arguments])
@@ -81,7 +81,10 @@ def load(port: int, sensors: int = SENSORS, rounds: int = 1) -> dict[str, Any]:
 def test_of_200_sensors_the_three_bad_ones_stand_out(
     stage: Stage, broker: Mosquitto, start: Start, tmp_path: Path, chromium: Browser
 ) -> None:
-    """The broker has it all before the fleet comes; it would drop most of it if it were asked for at once."""
+    """The broker holds all messages before the fleet connects.
+
+    It would drop most if all were requested at once.
+    """
     assert load(broker.port)["acknowledged"] == 4 * SENSORS
     said = {"hello": {"rate_hz": 100.0, "sensor": HOSTILE}, "status": {"status": "online", "source": HOSTILE}}
     stranger = stage.client(broker.port)
@@ -97,7 +100,8 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     watched = Watched(chromium, running.url)
     page = watched.page
     page.wait_for_selector("body[data-ready=yes]")
-    assert page.locator("#odd li").count() == len(found["odd"])  # of one sensor N and its density
+    # N and the density of one sensor are both listed
+    assert page.locator("#odd li").count() == len(found["odd"])
     page.fill("#words", "odd")
     expect(page.locator("#total")).to_have_text("1 to 3 of 3", timeout=PATIENCE_MS)
     page.fill("#words", "onerror")
@@ -150,7 +154,7 @@ def test_alerts_are_published_and_a_broker_that_went_comes_back(
     assert running.ask("api/summary")["outages"] == 1
     before = len(lists)
     lists = [content for topic, content in heard if topic == "fltea/fleet/alerts"]
-    assert len(lists) > before  # a broker that has forgotten it is told again
+    assert len(lists) > before  # a broker that has lost its messages gets them again
     assert running.stderr.count("broker_lost") == 1
 
 
@@ -162,7 +166,7 @@ def test_the_page_is_for_those_who_know_the_password(start: Start, tmp_path: Pat
     good = "Basic " + base64.b64encode(b"me:hunter2:x").decode()
     assert running.ask("api/summary", Authorization=good)["sensors"] == 0
     bad = ("", "Basic", "Basic !!!", "Basic \xe9", good[:-4], "Bearer x")
-    with ThreadPoolExecutor(len(bad)) as pool:  # who is wrong waits for the answer
+    with ThreadPoolExecutor(len(bad)) as pool:  # a wrong password is answered with a delay
         answers = list(pool.map(lambda one: running.refused("api/summary", Authorization=one), bad))
     assert answers == [401] * len(bad)
     assert running.refused("", Host="evil.example", Authorization=good) == 421
@@ -199,7 +203,7 @@ def test_mistakes(arguments: list[str], words: str) -> None:
 def test_the_example_of_a_broker_lets_a_device_write_under_its_own_name_only(
     stage: Stage, tmp_path: Path
 ) -> None:
-    """tools/deploy/mosquitto as it stands, but for its folders and its port."""
+    """tools/deploy/mosquitto unchanged, except for its folders and its port."""
     authority, port = tmp_path / "authority", free_port()
     ca = make_authority(authority)
     example = ROOT / "tools/deploy/mosquitto"

@@ -1,4 +1,5 @@
-"""Frames of many devices through real servers: workers share them, and every frame is accounted for."""
+"""Frames of many devices through real servers: workers share the devices, and every frame is accounted
+for."""
 
 import asyncio
 import json
@@ -40,7 +41,7 @@ def worker(processes: Processes, url: str, name: str, *more: str) -> Daemon:
 
 
 class Boards:
-    """Publish from a loop of their own, a second of frames of each device at a time."""
+    """Publish from an event loop in a thread, one second of frames of each device at a time."""
 
     def __init__(self, url: str, **options: Any) -> None:
         self._loop = asyncio.new_event_loop()
@@ -54,7 +55,7 @@ class Boards:
         self.refused.append(str(error))
 
     def has_stream(self) -> bool:
-        """Whether a worker has made it: what is published before goes nowhere."""
+        """Wait until a worker has made the stream, since earlier messages would be lost."""
         asked = self._client.jetstream().stream_info("FLTEA_FRAMES")
         try:
             return bool(self._loop.run_until_complete(asked))
@@ -94,7 +95,7 @@ def test_a_worker_that_is_killed_is_replaced_and_no_frame_is_lost(
     boards, begin_s = Boards(url), time.monotonic()
 
     def go_on_until(condition: Any, what: str) -> None:
-        """Three seconds of samples a second, until then."""
+        """Publish three seconds of samples each second until a condition holds."""
         while not condition():
             assert time.monotonic() - begin_s < PATIENCE_S, what
             boards.publish(*DEVICES)

@@ -1,4 +1,4 @@
-"""What a NATS server keeps, refuses and maps, and what workers say of one that is not as they need it."""
+"""What a NATS server stores, refuses and maps, and what workers report about an unsuitable server."""
 
 import asyncio
 import gc
@@ -59,7 +59,7 @@ ELSEWHERE = 'mappings { "fltea.*.frames": "elsewhere.{{wildcard(1)}}" }'
 def test_a_server_that_is_not_as_it_has_to_be_is_told(
     options: dict[str, str], kind: str, text: str, server: Servers, start: Start
 ) -> None:
-    """With the line to write, if it maps otherwise."""
+    """The error contains the line to write if the server's mapping is wrong."""
     worker = start(server(**options))
     wait_until(lambda: bool(worker.told), "word of it")
     assert text in worker.texts(kind)
@@ -89,7 +89,7 @@ def test_limits_that_differ_are_told_and_changed_if_asked_for(server: Servers, s
 
 
 def test_another_reason_of_the_same_outage_is_told_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The server is away, comes back without JetStream, and goes again: each reason once."""
+    """The server is away, comes back without JetStream, and goes away again: each reason is reported once."""
     reasons = iter((OSError(), Unfit("no JetStream"), OSError(), Unfit("no JetStream")))
     worker = Worker("nats://127.0.0.1:1", start=False)
 
@@ -130,7 +130,7 @@ def test_a_device_that_floods_the_stream_pushes_out_its_own_frames(server: Serve
     flood += [("fltea.s1.frames", b"x" * 50)] * 2400
     publish(one, *flood, ("fltea.s2.frames", bytes(300_000)))
     p1, p2 = (f"fltea.frames.{partition_of(name, PARTITIONS)}.{name}" for name in ("s1", "s2"))
-    # What is published without an answer is in the stream some time later.
+    # A message published without an acknowledgement appears in the stream some time later.
     wait_until(lambda: ask(one, subjects) == {p1: 1000, p2: 100}, "the stream with its bounds")
 
 
@@ -172,7 +172,7 @@ def test_a_consumer_or_a_stream_that_somebody_deletes_is_made_again(
 def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_traceback(
     serving: tuple[Server, Worker], caplog: pytest.LogCaptureFixture
 ) -> None:
-    """What the library had still to send may fail in a task of its own, which nobody waits for."""
+    """Data that the library had still to send may fail in a task that no code awaits."""
 
     async def fail() -> None:
         raise ConnectionResetError(104, "Connection reset by peer")
@@ -184,7 +184,8 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
     loop = worker.frames.partitions._loop
     assert loop is not None
     loop.call_soon_threadsafe(lambda: loop.create_task(fail()))
-    asyncio.run_coroutine_threadsafe(asyncio.sleep(0.1), loop).result()  # all are on their way
+    # wait until all messages are on their way
+    asyncio.run_coroutine_threadsafe(asyncio.sleep(0.1), loop).result()
     one.kill()
     wait_until(lambda: bool(worker.told), "word of it")
     assert [kind for kind, _ in worker.told] == ["nats_lost"]
@@ -198,14 +199,14 @@ def test_a_server_killed_before_it_read_all_is_a_lost_connection_and_no_tracebac
 def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
     serving: tuple[Server, Worker],
 ) -> None:
-    """A worker that got no time to renew; nobody took its partition meanwhile."""
+    """A worker was suspended and could not renew its lease; meanwhile no other worker took its partition."""
     one, worker = serving
     worker.inbox.admission.admit("s1")
     partition = partition_of("s1", PARTITIONS)
     items: list[Any] = []
 
     def hears(last: int) -> bool:
-        """Walk as the loop of the worker does."""
+        """Process messages as the loop of the worker does."""
         for item in taken(worker, 0.1):
             items.append(item)
             if isinstance(item, Resumed):
@@ -232,7 +233,7 @@ def test_messages_that_came_while_a_lease_had_lapsed_come_again_in_their_order(
 
 
 def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Servers, start: Start) -> None:
-    """One was kept by a worker whose clock is an hour ahead; another device was given up before."""
+    """One snapshot came from a worker whose clock is an hour ahead; another device was given up earlier."""
     one = server()
     first = start(one)
     wait_until(first.serves_all, "all partitions")
@@ -259,7 +260,7 @@ def test_snapshots_are_used_whatever_the_clocks_of_their_workers_said(server: Se
 def test_a_clock_that_differs_is_told_and_no_message_waits_for_it(
     server: Servers, start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """This machine's is an hour behind the server's."""
+    """This machine's clock is an hour behind the server's."""
     behind_ns = unix_offset_ns() - 3600 * 10**9
     monkeypatch.setattr("fltea.service.ingest.partitions.unix_offset_ns", lambda: behind_ns)
     one = server()
@@ -290,7 +291,7 @@ def test_a_board_publishes_under_its_own_name_only(stage: Stage, server: Servers
     worker = {"user": "worker", "password": secret["worker"]}
 
     async def make(client: Any) -> None:
-        wanted = ["fltea.frames.*.*"]  # wider than that of the workers
+        wanted = ["fltea.frames.*.*"]  # wider than the permission of the workers
         await client.jetstream().add_stream(name="FLTEA_FRAMES", subjects=wanted)
 
     ask(one, make, **worker)

@@ -1,4 +1,4 @@
-"""The whole chain: stand-in device, pseudo-terminal, `fltea run`, NDJSON read back."""
+"""The whole chain: a simulated device, a pseudo-terminal, `fltea run`, and its NDJSON output."""
 
 import contextlib
 import fcntl
@@ -32,7 +32,7 @@ def port(tmp_path: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """Two hundred estimates and their samples, of a command that has ended."""
+    """Return two hundred estimates and their samples, from a command that has ended."""
     started, port = Processes(), tmp_path_factory.mktemp("live") / "device"
     device = started.stand_in(port, "--noise", NOISE)
     daemon = started.daemon("-s", f"serial:{port}", "--samples", *QUICK)
@@ -65,7 +65,8 @@ def test_every_sample_arrives_and_every_estimate_is_finite(run: Daemon) -> None:
 
 
 def test_the_wire_changes_no_value(run: Daemon) -> None:
-    """The estimates equal, to the last bit, those of the same quantised samples fed in directly."""
+    """The estimates equal, to the last bit, those of the same quantised samples given to the estimator
+    directly."""
     config = load_config(None, {"estimator.window": 200, "estimator.startup": 50}).estimator
     noise, estimates = NoiseGenerator(parse_noise(NOISE)), run.of("estimate")
     counts = [noise.step() for _ in range(50 + len(estimates))]
@@ -85,15 +86,16 @@ def test_unplugged_and_back(processes: Processes, port: Path) -> None:
     device.stop()
     assert "unplugged" in stderr
     assert daemon.of("stats")[-1]["link"]["reconnects"] == 1
-    # Both stand-ins boot with the number 1 and the same id; only sequence and time tell them apart.
+    # Both simulated devices boot with the number 1 and the same id, so only sequence and time distinguish
+    # them.
     assert daemon.of("epoch")[1]["reason"] in ("restart", "discontinuity")
 
 
 @contextlib.contextmanager
 def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
-    """The command, of whose output the first byte is read and no more; and where the rest waits.
+    """Yield the command whose output is read for one byte only, and the pipe in which the rest waits.
 
-    At the end it is ended by a signal.
+    A signal ends the command at the end.
     """
     command = [sys.executable, "-m", "fltea", "run", *arguments, *QUICK]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
@@ -110,15 +112,16 @@ def unread(*arguments: str) -> Iterator[tuple["subprocess.Popen[bytes]", int]]:
 def test_a_signal_ends_a_run_whose_output_nobody_reads(port: Path, processes: Processes) -> None:
     processes.stand_in(port)
     with unread("-s", f"serial:{port}", "--samples") as (_, pipe):
-        # A line that no longer fits into a page of the pipe begins the next: a quarter of it stays empty.
+        # A write that does not fit into a page of the pipe begins a new page, so up to a quarter of a page
+        # stays empty.
         wait_until(lambda: _in_pipe(pipe) > 45_000, "the pipe to be full")
 
 
 def test_a_signal_ends_a_run_that_waits_for_its_reader_at_its_end() -> None:
-    """All is read and queued, and nobody takes the last of it."""
+    """All samples are read and queued, and nothing reads the rest of the output."""
     with unread("-s", "synthetic:?n=1000", "--pace", "fast", "--once") as (run, pipe):
         wait_until(lambda: _in_pipe(pipe) > 30_000, "the pipe to fill")
-        time.sleep(0.5)  # for the walk to end, which nothing outside shows
+        time.sleep(0.5)  # time for the processing to end, which cannot be observed from outside
         assert run.poll() is None
 
 
@@ -138,7 +141,7 @@ def test_a_signal_ends_a_run_whose_log_nobody_reads(tmp_path: Path) -> None:
     )
     try:
         os.close(writer)
-        run.stdout.readline()  # the same error is on its way to the log
+        run.stdout.readline()  # the same error is also written to the log
         time.sleep(0.2)
         run.send_signal(signal.SIGTERM)
         assert run.wait(PATIENCE_S) == 0
@@ -168,7 +171,8 @@ def test_with_once_an_unplugged_device_is_a_failure(processes: Processes, port: 
 
 
 def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> None:
-    """On a terminal of its own, as a person would: the table fills, Ctrl-C, exit 0, nothing left behind."""
+    """On a terminal of its own, as for a person: the table fills, Ctrl-C gives exit code 0, no process is
+    left behind."""
     pid, terminal = pty.fork()
     if pid == 0:
         os.chdir(ROOT)
@@ -186,7 +190,7 @@ def test_make_run_shows_the_table_and_ctrl_c_ends_it_with_0(tmp_path: Path) -> N
         while chunk := os.read(terminal, 65536):
             seen += chunk
     except OSError:
-        pass  # the terminal's last user is gone
+        pass  # no process has the terminal open any more
     _, status = os.waitpid(pid, 0)
     os.close(terminal)
     assert os.waitstatus_to_exitcode(status) == 0, seen.decode(errors="replace")[-2000:]

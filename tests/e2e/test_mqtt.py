@@ -1,4 +1,4 @@
-"""MQTT against the real mosquitto: what arrives, what is lost and counted, and who is let in."""
+"""MQTT with the real mosquitto: what arrives, what is lost and counted, and which clients are accepted."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from mosquitto_support import DAEMON, HELLO, STRANGER, WATCHER, Stage, last_stat
 
 from tools.faults.server import free_port
 
-pytestmark = [  # the library leaves the socket of a handshake that failed to the garbage collector
+pytestmark = [  # the library leaves closing the socket of a failed handshake to the garbage collector
     pytest.mark.filterwarnings("ignore:.*unclosed <ssl.SSLSocket:ResourceWarning"),
     pytest.mark.filterwarnings("ignore:.*<ssl.SSLSocket:pytest.PytestUnraisableExceptionWarning"),
 ]
@@ -29,7 +29,7 @@ QUICK = ("-s", "synthetic:?alpha=0.3&f=-1.5", "--startup", "50", "--set", "estim
 
 
 def test_topics_hold_the_lines_of_stdout(stage: Stage, processes: Processes, tmp_path: Path) -> None:
-    """Through TLS, a password file and an access list; the password shows nowhere."""
+    """Through TLS, with a password file and an access list; the password appears nowhere."""
     ca = make_authority(tmp_path / "authority")
     broker = stage.broker(authority=ca.parent, secure=True)
     watcher = stage.watcher(broker.port, ca, WATCHER)
@@ -80,7 +80,7 @@ def test_last_will_after_a_kill(stage: Stage, processes: Processes) -> None:
     wait_until(lambda: last_status(late, topic) == "offline", "the retained will")
 
 
-# --- a broker that goes and comes ---
+# # --- a broker that stops and comes back ---
 
 
 @pytest.mark.parametrize("qos", [0, 1])
@@ -117,7 +117,7 @@ def test_delivered_and_lost_are_what_was_sent_through_a_restart_of_the_broker(st
     if qos:
         assert driven.sink.lost == 200
         assert len(arrived) == 400
-    else:  # what nobody acknowledged counts as lost, whether it arrived or not
+    else:  # unacknowledged messages count as lost, whether or not they arrived
         assert 200 <= driven.sink.lost <= 400
     assert f"{driven.sink.lost} records were lost" in text
     assert [json.loads(one.payload)["seq"] for one in watcher.on(gaps)] == list(range(6))
@@ -159,7 +159,7 @@ def test_broker_that_is_absent_at_the_start_is_waited_for(stage: Stage) -> None:
 
 
 def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: Stage) -> None:
-    """The network takes the bytes, but no acknowledgement comes back: as if a cable were cut."""
+    """The network accepts the bytes, but no acknowledgement comes back, as if a cable were cut."""
     broker = stage.broker()
     watcher = stage.watcher(broker.port)
     driven = stage.drive(broker.port)
@@ -180,7 +180,7 @@ def test_frozen_broker_blocks_nobody_and_what_it_cannot_take_is_counted(stage: S
 
 
 def test_no_thread_and_no_socket_stays_behind(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every attempt is a client of its own: months without a broker must not fill the process."""
+    """Every attempt uses a new client, and months without a broker must not exhaust the process."""
     monkeypatch.setattr(link, "BACKOFF_S", (0.0,))
     driven = stage.drive(free_port())
     driven.write(HELLO)
@@ -196,7 +196,7 @@ def test_no_thread_and_no_socket_stays_behind(stage: Stage, monkeypatch: pytest.
     assert after[1] <= before[1] + 2
 
 
-# --- who is let in ---
+# # --- access control ---
 
 
 @pytest.fixture(scope="module")
@@ -239,7 +239,8 @@ def test_topic_that_the_access_list_forbids_is_told_once(
     text = driven.until_told("broker_refused")
     assert "access list" in text
     assert "fltea/a0/#" in text
-    driven.until(lambda: driven.sink.lost == 2, "the end of both")  # mosquitto 2.0.11 hangs up after each
+    # mosquitto 2.0.11 closes the connection after each
+    driven.until(lambda: driven.sink.lost == 2, "the end of both")
     assert driven.kinds().count("broker_refused") == 1
 
 

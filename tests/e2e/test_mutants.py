@@ -1,4 +1,5 @@
-"""`make mutants`: its bugs fit the sources, its trial judges as it should; what it changes in the host."""
+"""`make mutants`: its bugs can be inserted into the sources, its verdicts are right, and its bugs in the host
+are found."""
 
 import ast
 from pathlib import Path

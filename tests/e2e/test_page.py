@@ -1,4 +1,4 @@
-"""The live page with the real command and the stand-in device, in a real browser."""
+"""The live page with the real command and a simulated device, in a real browser."""
 
 import re
 import socket
@@ -19,7 +19,7 @@ FEW_DESCRIPTORS = (
 def start(
     processes: Processes, *arguments: str | Path, page: str = "0", program: tuple[str, ...] = ()
 ) -> tuple[Daemon, str]:
-    """The daemon and the address of its page."""
+    """Start the daemon; return it and the address of its page."""
     daemon = processes.daemon(*QUICK, *arguments, "--dashboard", page, program=program)
     daemon.wait_for(lambda: "live page at" in daemon.stderr, "the address")
     found = re.search(r"http://127\.0\.0\.1:\d+/", daemon.stderr)
@@ -143,7 +143,7 @@ def test_a_folder_that_cannot_be_written_to_is_said_on_the_page(
 
 @pytest.mark.slow
 def test_idle_connections_take_nothing_from_recording_and_state(processes: Processes, tmp_path: Path) -> None:
-    """With 300 descriptors, 330 of them made both fail, with 55 MB of tracebacks."""
+    """With a limit of 300 descriptors, 330 idle connections once made both fail, with 55 MB of tracebacks."""
     processes.stand_in(tmp_path / "due")
     folder, state = tmp_path / "rec", tmp_path / "state"
     daemon, url = start(

@@ -1,4 +1,4 @@
-"""What people see of the live page, in a real browser: one server with made-up records for all tests."""
+"""The appearance of the live page in a real browser: one server with made-up records for all tests."""
 
 import re
 import time
@@ -29,7 +29,7 @@ SIZES = [(1280, "light"), (1280, "dark"), (390, "light"), (390, "dark")]
 
 @pytest.fixture(scope="module")
 def sink() -> Iterator[DashboardSink]:
-    """Two devices: one whose noise is known, and one that estimates by itself and whose clock is slow."""
+    """Serve two devices: one with known noise, and one that estimates and whose clock is slow."""
     made = DashboardSink(
         DashboardConfig(address=0, visitors=200), {"due": "host", "own": "both"}, lambda *a: None
     )
@@ -49,7 +49,7 @@ def sink() -> Iterator[DashboardSink]:
 
 
 def as_of(record: AnyRecord, begin_ns: int, device: str = "due") -> AnyRecord:
-    """The same of another device, at a later time."""
+    """Return the same record for another device, at a later time."""
     changes: dict[str, object] = {"device": device, "host_ns": getattr(record, "host_ns", 0) + begin_ns}
     if device == "own":
         changes |= {"clock_ppm": -380_000.0} if isinstance(record, Stats) else {}
@@ -59,7 +59,10 @@ def as_of(record: AnyRecord, begin_ns: int, device: str = "due") -> AnyRecord:
 
 @pytest.fixture(scope="module")
 def seen(sink: DashboardSink, chromium: Browser) -> Iterator[Watched]:
-    """One page for all who do not close it; each test leaves it as it found it, with nothing open."""
+    """Share one page among tests that do not close it.
+
+    Each test leaves the page as it was, with nothing expanded.
+    """
     one = Watched(chromium, sink.url)
     one.wait("document.querySelectorAll('.axis').length === 3")
     yield one
@@ -84,7 +87,7 @@ def test_each_axis_is_a_sentence_and_nothing_else_is_open(seen: Watched) -> None
 
 
 def test_each_axis_is_drawn_without_being_opened(seen: Watched) -> None:
-    """The last minutes with the bias and its band, and the spectrum with the model."""
+    """The overview shows the last minutes with the bias and its band, and the spectrum with the model."""
     for axis in FITS:
         card = f".axis[data-axis={axis}]"
         seen.wait(f"document.querySelectorAll('{card} .rate svg polyline').length >= 2")
@@ -215,7 +218,7 @@ def test_a_device_that_estimates_too_stands_beside_and_its_slow_clock_is_said(
 @pytest.mark.slow
 @pytest.mark.parametrize(("width", "scheme"), SIZES)
 def test_nobody_is_left_out(sink: DashboardSink, chromium: Browser, width: int, scheme: str) -> None:
-    """Axe finds nothing, nothing is wider than the screen, and a phone is scrolled but little."""
+    """Axe finds no fault, nothing is wider than the screen, and the page is short on a phone."""
     one = Watched(chromium, sink.url, viewport={"width": width, "height": 844}, color_scheme=scheme)
     one.wait("document.querySelectorAll('.axis').length === 3")
     assert one.page.evaluate("document.documentElement.scrollHeight") < (1450 if width < 600 else 1150)

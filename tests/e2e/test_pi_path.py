@@ -1,4 +1,4 @@
-"""The Raspberry Pi's path beside the Due's: one noise, one way to set the sensor up."""
+"""The same noise through a Raspberry Pi and through the Due: same sensor set-up, same results."""
 
 from functools import cache
 from itertools import pairwise
@@ -29,7 +29,8 @@ def gyro(samples: list[Sample]) -> list[tuple[float, ...]]:
 
 @cache
 def through_the_pi() -> Pi:
-    """The same noise, and switched on so that the first sample is of the same piece of it."""
+    """Run the same noise through the Pi, switched on so that its first sample is at the same point of the
+    noise."""
     noise = fractional_world(NOISE)
     first = gyro(through_the_due().samples)[:20]
     seen = gyro(Pi(noise).run_until(1).of(Sample))
@@ -65,7 +66,7 @@ def test_both_paths_set_the_sensor_up_alike() -> None:
 
 
 def test_the_command(processes: Processes) -> None:
-    """`fltea run` on a machine with a sensor on its bus."""
+    """Run `fltea run` on a machine with a sensor on its bus."""
     launcher = (str(Path(__file__).with_name("pi_launcher.py")), NOISE)
     command = processes.daemon("--source", SOURCE, "--samples", *QUICK, program=launcher)
     command.wait_for(lambda: len(command.of("estimate")) >= 120, "estimates")

@@ -1,6 +1,6 @@
-"""Each kind of source, recorded in several files: all are used, or named, and exit code 1 says so.
+"""Record each kind of source into several files: all files are used, or named with exit code 1.
 
-A kind that cannot be recorded says so, and what to do instead.
+A kind of source that cannot be recorded says so, and what to do instead.
 """
 
 import contextlib
@@ -27,7 +27,7 @@ Source = contextlib.AbstractContextManager[list[str]]
 
 
 def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
-    """What a board says, a fiftieth of a second a turn."""
+    """Return the bytes that a board sends in a fiftieth of a second."""
     device = Device(parse_noise(f"seed=1&rate_hz={rate_hz}"), boot_id=1)
     return lambda turn: (
         (b"" if turn else device.boot()) + b"".join(device.tick() for _ in range(rate_hz // 50))
@@ -35,13 +35,13 @@ def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
 
 
 def lines(turn: int) -> bytes:
-    """Counts as text, 500 lines a second."""
+    """Return counts as text, 500 lines a second."""
     return b"".join(b"%d,%d,%d\n" % tuple(row) for row in LINES[10 * turn : 10 * turn + 10].tolist())
 
 
 @contextlib.contextmanager
 def played(write: Callable[[bytes], object], speech: Callable[[int], bytes]) -> Iterator[None]:
-    """Speech, until the end of the block or until nobody listens."""
+    """Play speech until the end of the block, or until no program listens."""
     stop = threading.Event()
 
     def play() -> None:
@@ -141,7 +141,7 @@ def test_all_files_of_a_recording_are_used_or_named(
 
 
 def samples_of(folder: Path) -> int:
-    """How many samples `replay:` and `identify` find, which are all in a row."""
+    """Return how many samples `replay:` and `identify` find; they are consecutive."""
     done = fltea_here(*REPLAY, "-s", f"replay:{folder}")
     assert done.returncode == 0, done.stderr
     seqs = [one["seq"] for one in map(json.loads, done.stdout.splitlines()) if one["class"] == "sample"]
@@ -154,7 +154,7 @@ def samples_of(folder: Path) -> int:
 
 @contextlib.contextmanager
 def iio(folder: Path) -> Iterator[list[str]]:
-    """A BMI160, whose scale is no multiple of what a frame states."""
+    """Return a BMI160 whose scale cannot be stated exactly in a frame."""
     device = imu(folder)
     held = os.open(device.node, os.O_RDWR)
     os.write(held, b"".join(scan(k, k * 5_000_000) for k in range(500)))

@@ -1,4 +1,4 @@
-"""One program with several devices and outputs: each walks alone, and one's trouble is not another's."""
+"""One program with several devices and outputs: a fault of one of them does not affect the others."""
 
 import json
 import signal
@@ -43,7 +43,7 @@ def test_two_devices_are_estimated_side_by_side_and_one_may_vanish(
         assert sequences == sorted(set(sequences))
         last = of_device(daemon.records, name, "stats")[-1]
         samples, epochs = last["sample_counts"], of_device(daemon.records, name, "epoch")
-        # On a machine that is too busy to read the port, the board loses samples; then they are counted.
+        # On a machine too busy to read the port the board loses samples, which are then counted.
         assert samples["delivered"] == len(sequences) + 50 * len(epochs)
         assert samples["delivered"] + samples["lost"] == sequences[-1] + 1
         assert last["outputs"]["stdout"]["dropped"] == 0
@@ -82,7 +82,7 @@ def test_a_restarted_daemon_goes_on_where_it_stopped(processes: Processes, tmp_p
     assert 0 < epoch["resumed_after_s"] < PATIENCE_S
     assert second.errors() == []
     begin = second.of("estimate")[0]
-    assert begin["seq"] == epoch["seq"]  # no start-up window
+    assert begin["seq"] == epoch["seq"]  # no start-up window came first
     for axis, estimate in begin["axes"].items():
         before, own = last["axes"][axis], estimate["fltea"]
         assert abs(own["alpha"] - before["fltea"]["alpha"]) < before["fltea"]["alpha_std"]

@@ -1,4 +1,4 @@
-"""The udev rule, the systemd unit and the script that installs them, into a tree of the test's own."""
+"""The udev rule, the systemd unit and the script that installs them, into a folder made by the test."""
 
 import os
 import re
@@ -20,7 +20,10 @@ from toolchain import needed
 DEPLOY = ROOT / "tools/deploy"
 SCRIPT = DEPLOY / "service.sh"
 LARGEST_EXPOSURE = 20
-"""Of systemd-analyze security, in tenths; 16 now, of which most is the network and the serial ports."""
+"""Largest accepted exposure by systemd-analyze security, in tenths.
+
+It is 16 now, mostly network and serial ports.
+"""
 
 CLAUSE = re.compile(r'([A-Z_]+(?:\{[A-Za-z_]+\})?)(==|!=|\+=|=)"([^"]*)"')
 MATCHES = {"ACTION", "SUBSYSTEM", "KERNEL", "ATTRS{idVendor}", "ATTRS{idProduct}", "ENV{ID_SERIAL_SHORT}"}
@@ -47,7 +50,7 @@ def script(action: str, **environment: str | Path) -> subprocess.CompletedProces
 
 
 SHUT = "umask 077; exec "
-"""What a shell of a careful administrator does before any command."""
+"""What the shell of a careful administrator sets before any command."""
 
 INSTALLER = """#!/bin/sh
 # Does to the umask what Python's venv and pip do to it: nothing.
@@ -63,7 +66,7 @@ esac
 
 
 def modes(folder: Path) -> dict[str, int]:
-    """Of all that is in a folder, and of itself."""
+    """Return the permissions of a folder and of all in it."""
     paths = (folder, *folder.rglob("*"))
     return {str(path.relative_to(folder)): stat.S_IMODE(path.stat().st_mode) for path in paths}
 
@@ -76,7 +79,7 @@ def tree(tmp_path: Path) -> Path:
 
 
 def rules() -> list[list[tuple[str, str, str]]]:
-    """The lines of the udev rule, each as its clauses."""
+    """Return the lines of the udev rule, each as its clauses."""
     lines = (DEPLOY / RULE).read_text("utf-8").splitlines()
     found = []
     for line in lines:
@@ -204,12 +207,12 @@ def test_what_is_installed_under_a_strict_umask_can_be_read(tmp_path: Path) -> N
     done = run("sh", "-c", f"{SHUT}{SCRIPT} install", DESTDIR=tmp_path / "tree")
     assert (done.returncode, done.stderr) == (0, "")
     found = modes(tmp_path / "tree")
-    assert found.pop("etc/fltea/mqtt.env") == 0o600  # its password
+    assert found.pop("etc/fltea/mqtt.env") == 0o600  # the file holds its password
     assert set(found.values()) == {0o755, 0o644}
 
 
 def test_a_program_installed_under_a_strict_umask_is_run_by_any_user(tmp_path: Path) -> None:
-    """The second time over what an earlier installation left unreadable."""
+    """The second installation replaces files that an earlier one left unreadable."""
     python, program = tmp_path / "python", tmp_path / "opt/program"
     python.write_text(INSTALLER)
     python.chmod(0o700)
@@ -308,7 +311,7 @@ def test_systemd_itself_takes_the_unit(tmp_path: Path) -> None:
     program.chmod(0o755)
     script("install", DESTDIR=tmp_path / "tree", PREFIX=tmp_path / "program")
     unit = tmp_path / "tree/etc/systemd/system" / UNIT
-    newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # since 254
+    newer = r"^Restart(Steps|MaxDelaySec)=.*\n"  # settings that exist since systemd 254
     unit.write_text(re.sub(newer, "", unit.read_text("utf-8"), flags=re.MULTILINE))
     checked = run(analyze, "verify", "--man=no", unit)
     assert (checked.returncode, checked.stderr) == (0, "")

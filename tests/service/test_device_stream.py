@@ -1,4 +1,5 @@
-"""The walk of one device: who takes its samples printed is given what who takes blocks is."""
+"""The stream of one device: sinks that take single records receive the same values as sinks that take
+blocks."""
 
 import io
 

@@ -1,4 +1,5 @@
-"""What the end waits for: as long as it takes, once asked for up to a limit, or until another signal."""
+"""What ending waits for: as long as needed, up to a limit after a first request to end, or until a further
+signal."""
 
 import threading
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from host_support import PATIENCE_S
 
 
 class Scene:
-    """An end on a clock that only waiting turns."""
+    """An ending with a clock that advances only while it waits."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_s, self.asked, self.signals = 0.0, True, 1
@@ -23,13 +24,13 @@ class Scene:
         self.ending = Ending(lambda: self.asked, lambda: self.signals, self.said.append)
 
     def wait(self, *awaited: Awaited) -> float:
-        """Wait for these; how long it took."""
+        """Wait for these objects; return how long that took."""
         began_s = self.now_s
         self.ending.wait(awaited)
         return self.now_s - began_s
 
     def after(self, end_s: float, then: Callable[[], None] = lambda: None) -> Callable[[float], bool]:
-        """Something that ends then; each time that it is asked, something else happens."""
+        """Return an object that ends at a given time; each query may trigger another event."""
 
         def done(timeout_s: float) -> bool:
             then()
@@ -72,7 +73,7 @@ def test_until_the_end_is_asked_for_there_is_no_limit(scene: Scene) -> None:
 
 
 def test_another_signal_counts_once_it_was_said_what_is_waited_for(scene: Scene) -> None:
-    """A terminal that is closed may send two together."""
+    """A terminal that is closed may send two signals together."""
     scene.signals = 2
 
     def signal_again() -> None:
@@ -84,7 +85,7 @@ def test_another_signal_counts_once_it_was_said_what_is_waited_for(scene: Scene)
 
 
 class Held:
-    """What a thread enters and does not leave before it may."""
+    """A call that a thread enters and cannot leave until the test permits."""
 
     def __init__(self) -> None:
         self.entered, self.go = threading.Event(), threading.Event()
@@ -95,7 +96,7 @@ class Held:
 
 
 def run_to_its_end(*urls: str, **settings: Any) -> tuple[Exception | None, bool]:
-    """A run that a signal has ended already."""
+    """Run until the end, after a signal has already requested it."""
     stop = StopOnSignal()
     stop.ask()
     return _Run(load_configs(None, {"format": "none", **settings}, list(urls)), stop).run()

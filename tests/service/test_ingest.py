@@ -1,4 +1,5 @@
-"""Many devices behind one source: who is let in, what is bounded, who catches up, and who floods."""
+"""Many devices behind one source: which are accepted, the limits, devices that catch up, and devices that
+flood."""
 
 from typing import Any
 
@@ -165,8 +166,10 @@ def test_no_more_is_taken_than_the_time_allows(said: list[tuple[int, int]]) -> N
 
 @pytest.mark.parametrize(("rate_hz", "outage_s"), [(100, 0), (100, 3600), (1000, 500), (8000, 0), (4000, 60)])
 def test_whoever_catches_up_loses_nothing(rate_hz: int, outage_s: int) -> None:
-    """A device that its server did not have for some time sends all of it at once, then goes on; all is read
-    in a moment, an hour later."""
+    """A device whose server was away for some time sends everything at once, then continues.
+
+    All is read at once, an hour later.
+    """
     inbox, message = Inbox(10, 1 << 20), bytes(28 * rate_hz + 121)
     inbox.admission.admit("a")
     begin_ns = host_ns() - 3600 * S

@@ -1,4 +1,4 @@
-"""Devices shared among workers: snapshots, and going on where another stopped."""
+"""Devices shared among workers: snapshots, and resuming where another worker stopped."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -64,7 +64,7 @@ class FakeReceiver:
 
 
 class Worker:
-    """An `Ingest` whose loop the test turns by hand."""
+    """An `Ingest` whose loop the test runs step by step."""
 
     def __init__(self, **set_: Any) -> None:
         flags = {
@@ -92,7 +92,10 @@ class Worker:
         self.turn()
 
     def hear(self, seconds: Iterable[int], ahead: int = 1) -> None:
-        """Device "a" says these seconds; the mark of each message is so far ahead of its second."""
+        """Deliver these seconds of device "a".
+
+        The sequence mark of a message leads its second by a fixed number.
+        """
         for second in seconds:
             self.say("a", second, second + ahead)
 
@@ -102,7 +105,7 @@ class Worker:
             self.ingest.take_all(0)
 
     def keep(self, device: str = "a") -> Kept:
-        """The device's snapshot, taken now."""
+        """Take and store the device's snapshot now."""
         self.take_snapshots()
         wait_until(lambda: self.ingest.snapshots.store(self.lines), "the snapshots")
         return self.kept(device)
@@ -122,11 +125,11 @@ class Worker:
         return self
 
     def kinds(self) -> list[str]:
-        """Of all errors, at the end."""
+        """Return the kinds of all errors, at the end."""
         return [one.kind for one in of(Error, self.end().sink.items)]
 
     def estimates(self) -> dict[int, tuple[Any, ...]]:
-        """By number of the sample; how often, and what."""
+        """Return the estimates and their number of occurrences, by sample number."""
         found: dict[int, tuple[Any, ...]] = {}
         for block in of(Block, self.sink.items):
             for record in block.estimate_records() if block.estimates else ():
@@ -143,7 +146,7 @@ def unbroken(seconds: int) -> dict[int, tuple[Any, ...]]:
 
 
 def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() -> None:
-    """Messages 7 to 9 never came to the stream, such as while the server was away."""
+    """Messages 7 to 9 never reached the stream, as happens while the server is away."""
     first, second = Worker(), Worker()
     first.hear(range(6))
     kept = first.keep()
@@ -159,7 +162,7 @@ def test_what_nobody_had_between_the_snapshot_and_the_next_message_is_counted() 
 
 
 def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
-    """Else samples that were walked are nowhere if the worker is killed: nobody walks them again."""
+    """Otherwise a kill of the worker would lose processed samples, since no worker processes them again."""
     worker = Worker()
     worker.hear(range(6))
     assert worker.keep().mark == 6
@@ -181,7 +184,7 @@ def test_another_worker_goes_on_with_the_very_same_estimates() -> None:
     assert kept.mark == 6
     first.hear(range(6, 8))
     second.ingest.inbox.post(Served(0, {"a": kept}, 8))
-    second.hear(range(4, 12))  # those up to the snapshot are known
+    second.hear(range(4, 12))  # messages up to the snapshot are known already
     assert [one.reason for one in of(Epoch, second.end().sink.items)] == ["resumed"]
     whole, left, right = unbroken(12), first.end().estimates(), second.estimates()
     assert set(left) | set(right) == set(whole) == set(range(50, 1200))
@@ -223,12 +226,12 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
 
 
 def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> None:
-    """A partition that is let go of and taken again while messages of the time before still wait."""
+    """A partition is released and taken again while messages from before still wait."""
     worker = Worker()
     worker.hear(range(4))
     worker.receiver.mine = set()
-    worker.hear([4])  # was left out
-    worker.receiver.mine = {0}  # taken again; that is still on its way through the inbox
+    worker.hear([4])  # this message is left out
+    worker.receiver.mine = {0}  # the partition is taken again; the notice is still in the inbox
     worker.hear([5, 6])
     worker.ingest.inbox.post(Left(0))
     kept = Kept(3, 1003 * S, worker.lines["a"].walk.hello)
@@ -262,7 +265,7 @@ def test_a_device_that_says_nothing_since_it_was_taken_over_keeps_its_estimators
 
 
 def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
-    """What a worker gave up is told by the store, not by the times in it."""
+    """The store says which snapshot was given up; the times in snapshots do not decide it."""
     worker = Worker()
     for k in range(4):
         worker.say("a", k, 2 * k + 1)
@@ -280,7 +283,7 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
 
 @pytest.mark.parametrize("later", [False, True])
 def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later: bool) -> None:
-    """What the device has said for an hour still waits; later: its partition has been read to the end."""
+    """Messages of an hour still wait; only later has the partition been read to its end."""
     worker = Worker()
     for k in range(4):
         worker.ingest.inbox.put("a", second_of(0, k), 0, k + 1, host_ns() - 3600 * S + k * S)
@@ -294,7 +297,7 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
 
 
 def test_times_are_the_streams_whatever_this_machines_clock_says() -> None:
-    """Two workers whose clocks differ from the server's, and from each other's, by hours."""
+    """The clocks of two workers differ from the server's, and from each other, by hours."""
     first, second = Worker(), Worker()
     first.receiver.unix_offset_ns += 7200 * S
     second.receiver.unix_offset_ns -= 3600 * S
@@ -326,13 +329,13 @@ HELLO = Hello(source="s", host_ns=0, rate_hz=100.0, sampling_mode="timer", boot_
 @pytest.mark.parametrize(
     ("boot", "sequence", "device_us", "age_s", "missing"),
     [
-        (7, 11, 110_000, 3.0, 0),  # the time says 299, the numbers know better
+        (7, 11, 110_000, 3.0, 0),  # the time says 299, the sequence number is more precise
         (7, 31, 310_000, 0.2, 20),
         (7, (10 + 70_000) % 65536, 100_000 + 700_000_000, 700.0, 69_999),
         (8, 11, 110_000, 3.0, 299),  # another boot
         (7, 11, 900_000, 3.0, 299),  # number and time disagree
         (7, 10, 100_000, 0.5, 49),  # the same sample again
-        (7, 11, 110_000, 3600.0, 359_999),  # too long for the wraps to be told
+        (7, 11, 110_000, 3600.0, 359_999),  # too long to determine the number of wraps
     ],
 )
 def test_what_is_missing_since_a_snapshot(

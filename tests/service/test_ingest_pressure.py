@@ -1,4 +1,5 @@
-"""An ingest whose outputs do not keep up: the broker holds what comes; what was taken is counted."""
+"""An ingest whose outputs are too slow: the broker keeps waiting messages, and accepted messages are
+counted."""
 
 import threading
 from pathlib import Path
@@ -25,11 +26,11 @@ from paho.mqtt.enums import CallbackAPIVersion
 from tools.faults.server import Broker
 
 SECONDS, DEVICES = 120, ("a", "b")
-"""More than a queue of 10,000 records holds."""
+"""More samples than a queue of 10,000 records holds."""
 
 
 class Flood:
-    """Offers all messages as fast as the inbox has room for them, from a thread of its own."""
+    """Offers all messages from a thread, as fast as the inbox has room."""
 
     url, partitions, connected = "mqtt://test", None, True
 
@@ -79,11 +80,11 @@ class Scene:
 
     @property
     def samples(self) -> int:
-        """That the output has taken."""
+        """Return the number of samples that the output has taken."""
         return sum(map(len, of(Block, self.sink.items)))
 
     def is_held(self) -> bool:
-        """Whether neither output nor inbox has room."""
+        """Whether neither the output nor the inbox has room."""
         return not (self.hub.wait_for_room(0) or self.ingest.inbox.wait_for_room(0))
 
     def end(self) -> None:
@@ -95,7 +96,7 @@ class Scene:
 
 
 def counted(scene: Scene) -> int:
-    """Samples that were delivered, and left at the end."""
+    """Return the samples that were delivered, and those left at the end."""
     left = sum(scene.ingest.inbox.overflow_bytes.values())
     return scene.samples + 100 * left // len(second_of(0, 1))
 
@@ -155,7 +156,8 @@ def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
             publisher.publish("fltea/a/frames", k.to_bytes(2, "big").ljust(size), qos=1)
         wait_until(lambda: not publisher._out_messages, "that the broker has all")
         wait_until(lambda: not inbox.wait_for_room(0), "that no more has room")
-        # By then both would have ended the connection: it after 1.5, the library after two times keepalive.
+        # By then both sides would have closed the connection: the ingest after 1.5, the library after two
+        # keepalive periods.
         wait_until(lambda: broker.said().count("Received SUBSCRIBE") > 8, "signs of life")
         found: list[int] = []
         while len(found) < count:
@@ -174,7 +176,7 @@ def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
     scene = Scene(queue_bytes=1_000_000)
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
-    scene.ingest.hearing.looked_ns = host_ns() + 10**12  # no look until the end
+    scene.ingest.hearing.looked_ns = host_ns() + 10**12  # no check of silence until the end
     scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
     scene.end()
     assert [one.kind for one in of(Error, scene.sink.items)] == ["devices_refused"]

@@ -1,4 +1,4 @@
-"""The loop that walks all devices on ports: each takes what is its own, and ends for itself."""
+"""The loop that processes all devices on ports: each device gets its own samples, and ends independently."""
 
 import os
 import pty
@@ -30,7 +30,7 @@ from memory_sink import Memory
 
 
 class Watched(DeviceStream):
-    """A walk that tells its line what it takes."""
+    """A device stream that reports what it takes to its `Line`."""
 
     line: "Line"
 
@@ -51,9 +51,9 @@ class Watched(DeviceStream):
 
 
 class Line:
-    """A device on a pseudo-terminal, and its walk.
+    """A device on a pseudo-terminal, and its stream.
 
-    raises: what its first samples lead to. fails: its walk fails with the first trouble, as under `--once`.
+    `raises`: what its first samples raise. `fails`: its stream fails at the first trouble, as under `--once`.
     """
 
     def __init__(self, number: int, hub: Hub) -> None:
@@ -95,7 +95,7 @@ class Line:
 
 
 class FakePressure(Pressure):
-    """Keeps what it is told."""
+    """Records the calls that it receives."""
 
     def __init__(self) -> None:
         super().__init__(FitWorker(), lambda kind, message: None)
@@ -110,7 +110,7 @@ class FakePressure(Pressure):
 
 
 class Running:
-    """The loop in its thread."""
+    """The loop, running in its thread."""
 
     def __init__(self, hub: Hub, *lines: Line) -> None:
         self.ended: list[tuple[Any, Exception | None]] = []
@@ -245,7 +245,10 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
 
 
 def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
-    """Of many devices, samples in blocks wait: here far longer than the test."""
+    """With many devices, samples wait to be read in blocks.
+
+    Here they would wait far longer than the test lasts.
+    """
     monkeypatch.setattr("fltea.service.port_loop.PATIENCE_NS", 10**12)
     monkeypatch.setattr("fltea.service.port_loop.DEVICES_A_SECOND", 0)
     (line,) = lines(1)
@@ -268,7 +271,7 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -
 
 
 def test_nothing_overtakes_samples_that_wait_for_more(page, lines, running) -> None:
-    """Of many devices, who takes samples in blocks gets them a while later."""
+    """With many devices, sinks that take blocks get the samples a while later."""
     many = lines(40)
     first = many[0]
     running(*many)
@@ -307,7 +310,7 @@ def test_how_long_samples_waited_is_known(lines, running) -> None:
 
 
 def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, hub, lines) -> None:
-    """Else a daemon that hears nothing any more would look alive."""
+    """Otherwise a daemon that receives nothing would look alive."""
     many = lines(2)
     one = Running(hub, *many)
 

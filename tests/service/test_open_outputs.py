@@ -1,4 +1,4 @@
-"""Outputs in the order in which they are opened: what one reports, the others say."""
+"""The order in which outputs are opened, so that a failure of one output is reported through the others."""
 
 import pytest
 from fltea.records.ports import Report

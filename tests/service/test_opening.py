@@ -1,4 +1,4 @@
-"""Which source a URL means, and what is said about one that means none."""
+"""Which source a URL means, and the error for a URL that names none."""
 
 import os
 import re
@@ -30,7 +30,7 @@ class Port:
     def hwid(self) -> str:
         return "n/a" if self.vid is None else f"USB VID:PID={self.vid:04X}:{self.pid:04X} SER=1 LOCATION=1-1"
 
-    def __iter__(self) -> Iterator[str]:  # as pyserial's own can be unpacked
+    def __iter__(self) -> Iterator[str]:  # pyserial's own object can be unpacked, too
         return iter((self.device, self.description, self.hwid))
 
 

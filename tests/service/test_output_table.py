@@ -1,4 +1,5 @@
-"""The table of outputs is whole: what a new one lacks is named, with the file that it belongs in."""
+"""The table of outputs is complete: the error names what a new output lacks, and the file in which it
+belongs."""
 
 import ast
 import importlib
@@ -23,17 +24,17 @@ from memory_sink import Memory
 
 SINKS = ROOT / "host/fltea/sinks"
 NO_OUTPUTS = {"output", "state"}
-"""Tables of `Outputs` that hold for all outputs, and the snapshots."""
+"""Tables of `Outputs` that apply to all outputs, and the snapshots."""
 NOT_IN_THE_TABLE = {"log"}
-"""Sinks that are no output of their own."""
+"""Sinks that are not outputs of their own."""
 UNSEEN = {"stdout"}
-"""Nothing can be looked at before it is used."""
+"""Outputs that `fltea doctor` cannot check before they are used."""
 
 EACH = pytest.mark.parametrize("output", OUTPUTS, ids=lambda output: output.module)
 
 
 def sinks() -> Iterator[str]:
-    """Every module that defines a `Sink`, as `Output.module` names it."""
+    """Return every module that defines a `Sink`, as `Output.module` names it."""
     for file in SINKS.rglob("*.py"):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.ClassDef) and any(ast.unparse(base) == "Sink" for base in node.bases):

@@ -1,4 +1,5 @@
-"""Recordings that begin and end while the program runs: they hold what came meanwhile, and harm nothing."""
+"""Recordings that begin and end while the program runs: they hold the samples of that time, and disturb
+nothing."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Several devices in one configuration: their names, what is theirs, and what is the program's."""
+"""Several devices in one configuration: their names, settings of each device, and settings of the program."""
 
 from pathlib import Path
 

@@ -67,7 +67,7 @@ def test_a_slow_sink_loses_the_newest_and_is_told_where() -> None:
     sink.go.set()
     finish(sink_queue)
     assert sink.items == [gap(k) for k in range(11)]
-    assert sink.overflows == [(11, 20)]  # the queue was full of older ones
+    assert sink.overflows == [(11, 20)]  # the queue was full of older records
     assert sink_queue.stats().written + sink_queue.stats().dropped == 31
 
 
@@ -150,7 +150,7 @@ def test_a_sink_that_ends_takes_nothing_more_and_counts_it(error: Exception) -> 
 
 
 def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
-    """Every record is written, dropped or waiting; as the sink's own loss it counts once."""
+    """Every record is written, dropped or waiting. A record lost by the sink itself counts once."""
     sink = Memory().held()
     sink_queue, _ = started(sink)
     sink_queue.put([gap(0)])
@@ -166,7 +166,7 @@ def test_what_was_in_hand_when_a_sink_broke_is_counted_too() -> None:
     sink_queue.put([gap(k) for k in range(30, 35)])
     sink.lost = 7
     stats = sink_queue.stats()
-    assert (stats.written, stats.dropped, stats.queued) == (8, 2, 25)  # not less than was written before
+    assert (stats.written, stats.dropped, stats.queued) == (8, 2, 25)  # not less than what was written before
     sink.fail = ZeroDivisionError
     sink.go.set()
     assert sink_queue.join(PATIENCE_S)
@@ -255,7 +255,7 @@ def test_one_held_output_holds_up_no_other() -> None:
     all_outputs.add(slow)
     all_outputs.add(quick)
     for k in range(100):
-        all_outputs.publish("due", [gap(k)], wait=True)  # only the lossless are waited for
+        all_outputs.publish("due", [gap(k)], wait=True)  # only lossless sinks are waited for
     all_outputs._shared[1].close()
     assert all_outputs._shared[1].join(PATIENCE_S)
     assert len(quick.items) == 100
@@ -264,7 +264,7 @@ def test_one_held_output_holds_up_no_other() -> None:
     assert closed(all_outputs)
     stats = all_outputs.stats("due")["slow"]
     assert stats.written + stats.dropped == 100
-    assert stats.dropped >= 94  # three in hand and three in the queue
+    assert stats.dropped >= 94  # three records were being written and three were in the queue
 
 
 def test_who_waits_for_room_is_let_go_at_the_end() -> None:

@@ -1,4 +1,4 @@
-"""Snapshots: what goes on, bit for bit, and what must not."""
+"""Snapshots: which state continues, bit for bit, and which must not."""
 
 import errno
 import os
@@ -56,14 +56,15 @@ def snapshot(settings: Config, samples: int = 200, **changes: object) -> DeviceS
 
 
 def later(state: DeviceState, settings: Config, begin: int, end: int, **changes: object) -> list[AnyRecord]:
-    """Records of a run that begins with sample `begin`, by its own number, of a board that was reset."""
+    """Return records of a run that begins with sample `begin`, numbered from there, of a board that was
+    reset."""
     pipeline = Pipeline(source(), settings, state=state)
     said = hello(**{"boot_id": 99, "host_ns": begin * PERIOD_NS, **changes})
     return walk(pipeline, said, *map(raw, range(begin, end)))
 
 
 def estimates(records: list[AnyRecord]) -> dict[int, object]:
-    """Without what they say of the fit, whose seconds begin with the epoch."""
+    """Return the estimates without the fit's fields, whose seconds begin with the epoch."""
     return {
         r.seq: {
             axis: msgspec.structs.replace(one, null_p=None, whiteness=None) for axis, one in r.axes.items()
@@ -81,7 +82,7 @@ ALL = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_z"]
 def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
     channels: list[str] | None, missing: int
 ) -> None:
-    untuned = {"live.on": False}  # the fit's seconds begin again
+    untuned = {"live.on": False}  # the fit's seconds begin at 0 again
     settings = config(channels=channels, **untuned)
     unbroken = Pipeline(source(), settings)
     events = [hello(), *map(raw, range(200)), *map(raw, range(200 + missing, 400))]
@@ -95,7 +96,10 @@ def test_estimates_go_on_as_if_the_program_had_not_been_stopped(
 
 
 def test_a_date_that_was_set_in_between_does_not_change_the_age() -> None:
-    """An epoch keeps the date of its beginning for its samples, for months; a snapshot must not."""
+    """An epoch dates its samples by the clock at its beginning, even for months.
+
+    A snapshot's age must not use that date.
+    """
     settings, clock = config(), source()
     pipeline = Pipeline(clock, settings)
     walk(pipeline, hello(), *map(raw, range(100)))
@@ -115,7 +119,7 @@ def of_filters(records: list[AnyRecord]) -> list[FlteaEstimate]:
 def test_what_is_longer_ago_than_the_memory_is_bridged_by_its_length() -> None:
     settings = config()
     far, farther = (later(snapshot(settings), settings, k, k + 20) for k in (1000, 1300))
-    assert estimates(far)[1000] != estimates(farther)[1300]  # other samples
+    assert estimates(far)[1000] != estimates(farther)[1300]  # these estimates are of other samples
     state = snapshot(settings)
     moved = msgspec.structs.replace(state, unix_ns=state.unix_ns - 100 * S)
     assert of_filters(later(moved, settings, 1000, 1020)) == of_filters(far)
@@ -193,7 +197,7 @@ def state_file(path: Path, **settings: object) -> tuple[StateFile, list[tuple[st
 
 
 def written(path: Path, **devices: DeviceState) -> bytes:
-    """A file of these devices, and what it holds."""
+    """Return a snapshot file of these devices, and its content."""
     file, _ = state_file(path)
     for name, state in devices.items():
         file.put(name, state)
@@ -231,7 +235,7 @@ def test_a_second_program_is_told_who_has_the_file(tmp_path: Path) -> None:
 
 
 def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As NFS without its lock daemon is one; the command line is right."""
+    """NFS without its lock daemon is such a file system; the command line is right."""
 
     def refuse(held: int, operation: int) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
@@ -246,7 +250,7 @@ def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytes
 def test_what_is_new_is_written_soon_and_not_a_period_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A program that is killed then has lost no more than a period."""
+    """If the program is killed then, at most one period is lost."""
     monkeypatch.setattr(state_module, "LOOK_S", 0.01)
     path = tmp_path / "state"
     file, said = state_file(path, period_s=3600)
@@ -277,7 +281,7 @@ def test_a_folder_that_goes_is_told_once_and_the_old_file_kept(tmp_path: Path) -
 def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "notes.txt"
     path.write_bytes(content)
-    for _ in range(2):  # and let go of
+    for _ in range(2):  # the file is released each time
         with pytest.raises(UsageError, match="no snapshot of fltea"):
             state_file(path)
     assert path.read_bytes() == content
@@ -285,7 +289,7 @@ def test_a_file_that_is_none_of_ours_is_refused_and_left_alone(content: bytes, t
 
 @pytest.mark.parametrize("version", [3, 99])
 def test_a_snapshot_of_another_version_is_told_and_replaced(version: int, tmp_path: Path) -> None:
-    """A service that was renewed must start again, though nobody is there to remove a file."""
+    """A service that was updated must start, even though nobody is there to remove the file."""
     path = tmp_path / "state"
     path.write_bytes(b'{"version":%d,"devices":{"due":{"new":1}},"more":2}' % version)
     file, said = state_file(path)
@@ -310,14 +314,14 @@ def test_a_file_that_cannot_be_one_is_refused(tmp_path: Path) -> None:
     ("changes", "reason"),
     [
         ({"bias_dps": (0.0,)}, "bias_dps has 1 numbers for 3 axes"),
-        ({"engine": None}, ""),  # its last bytes are others
+        ({"engine": None}, ""),  # its last bytes are changed
     ],
     ids=str,
 )
 def test_a_snapshot_that_is_not_sound_is_set_aside_and_the_window_begins(
     changes: dict[str, object], reason: str, tmp_path: Path
 ) -> None:
-    """At every start again: a service must not fall over what its file holds."""
+    """This holds at every start: a service must not fail because of its file's content."""
     path = tmp_path / "state"
     state, other = snapshot(config()), snapshot(config(), 250)
     assert state.gyro is not None

@@ -1,4 +1,4 @@
-"""A walk that hangs is not called alive, and a signal ends the waiting."""
+"""A device stream that hangs is not reported as alive, and a signal ends the waiting."""
 
 import math
 import signal
@@ -20,7 +20,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
     def once() -> Callable[[], bool]:
-        """Done after one look."""
+        """Return after one check."""
         stop.wake_up.ring()
         return iter((False, True)).__next__
 
@@ -30,7 +30,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     left.moved_s = now_s[0]
     run._wait(once())
     assert fed == [1000.0]
-    right.moved_s = math.inf  # its source has ended
+    right.moved_s = math.inf  # the source has ended
     run._wait(once())
     assert fed == [1000.0, now_s[0]]
 

@@ -1,4 +1,4 @@
-"""Walks fit quickly here; what a true fit says is tested in tests/spectrum, and once in test_live_fits.py."""
+"""Use a quick fit in these tests; true fits are tested in tests/spectrum, and once in test_live_fits.py."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""However bytes are read and samples put together into blocks: the same records, byte for byte."""
+"""However bytes are read and samples grouped into blocks, the records are the same, byte for byte."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -57,7 +57,7 @@ def opened(moments: list[Moment]) -> list[Moment]:
 def check_any_reads(
     story: Story, places: list[float], together: Sequence[int], changes: dict[str, Any]
 ) -> list[bytes]:
-    """Bytes one read after another, in more reads, and several reads at once, up to all of them."""
+    """Compare single reads with smaller reads, and with several reads at once, up to all of them."""
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
     assert walk(chosen, list(torn(moments, places))) == whole
@@ -88,12 +88,12 @@ def test_each_thing_that_may_happen_is_the_same_however_it_is_read(what: str) ->
 
 
 def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
-    """The last statistics are of the time of the last sample, believed or not."""
+    """The last statistics have the time of the last sample, whether or not that sample was accepted."""
     check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], [3], {})
 
 
 def blocks_of(story: Story) -> list[Event]:
-    """Its events, with the samples between two others as one block, as a recording has them."""
+    """Return the same events with consecutive samples joined into one block, as a recording has them."""
     source = StorySource()
     found: list[Event] = []
     for event in source.read(opened(story.moments())):
@@ -134,7 +134,7 @@ def test_samples_in_blocks_of_any_cut_give_the_same_records(examples: int) -> No
 @pytest.mark.parametrize("who", ["device", "both"])
 @pytest.mark.parametrize("stated", [ESTIMATOR, None])
 def test_a_board_that_estimates_gives_the_same_records_in_any_cut(who: str, stated: object) -> None:
-    """Also one that never does, of which is told after five seconds."""
+    """This includes a board that never estimates, which is reported after five seconds."""
     found = list(events(Board(stated, late=3).run(noise(700))))
     if stated is None:
         found = [found[0], RawBlock._make(map(np.concatenate, zip(*of(RawBlock, found), strict=True)))]

@@ -1,4 +1,4 @@
-"""Why a device's estimate says nothing beside the host's: one reason, the first that applies."""
+"""Why a device's estimate is not compared with the host's: one reason, the first that applies."""
 
 import itertools
 

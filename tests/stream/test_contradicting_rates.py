@@ -1,4 +1,5 @@
-"""A device whose HELLO states another rate than its own clock and numbers: nothing of it is believed."""
+"""A device whose HELLO states another rate than its clock and sequence numbers show: its samples are
+rejected."""
 
 import re
 from collections.abc import Iterator
@@ -19,13 +20,16 @@ from walk_support import NO_FILTERS, Source
 
 N = 1000
 FIRST_SECOND = 105
-"""Samples that are taken, or wait for the next HELLO, until the device is known to contradict itself."""
+"""Samples that are used, or wait for the next HELLO, until the contradiction is detected."""
 
 
 def samples(
     true_hz: float, n: int = N, *, begin: int = 0, jitter_us: int = 0, keep: float = 1.0
 ) -> list[RawSample]:
-    """Of a device that samples at a rate, whatever it says. keep: the share that arrives."""
+    """Return samples of a device with this true rate.
+
+    `keep`: the share of samples that arrives.
+    """
     rng = np.random.default_rng(7)
     found = []
     for k in range(begin, begin + n):
@@ -36,7 +40,7 @@ def samples(
 
 
 def with_hellos(said_hz: float, some: list[RawSample], boot_id: int = 7) -> Iterator[Event]:
-    """A HELLO every second of the device's time."""
+    """Add a HELLO every second of the device's time."""
     due_us = 0
     for raw in some:
         if raw.device_us >= due_us:
@@ -83,7 +87,7 @@ def test_samples_of_a_device_that_contradicts_itself_are_counted_as_such(
 
 
 def test_a_rate_ten_times_too_high_is_no_restart() -> None:
-    """Each pair of samples looks like one; that goes on for longer than any HELLO takes."""
+    """Each pair of samples looks like a restart, and this lasts longer than any wait for HELLO."""
     some = samples(100.0, 2000)
     records = walked(list(with_hellos(1000.0, some)))
     counts = counts_of(records)
@@ -133,7 +137,7 @@ def test_it_is_believed_again_when_its_clock_agrees() -> None:
 
 
 def test_another_device_on_the_port_is_asked_for_its_hello_first() -> None:
-    """Its samples, before its HELLO, contradict that of the device before; nobody says so."""
+    """Samples sent before its HELLO contradict the earlier device; no error is reported."""
     first, second = samples(100.0, 300), samples(500.0, 400)
     moved = [raw._replace(host_ns=raw.host_ns + 10**10) for raw in second]
     events = [

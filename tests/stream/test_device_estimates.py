@@ -1,4 +1,4 @@
-"""A device that estimates by itself: its estimates published as they are, and beside the host's."""
+"""A device that estimates: its estimates are published unchanged, and compared with the host's."""
 
 import math
 from collections.abc import Callable
@@ -102,7 +102,7 @@ def test_the_device_says_bias_r_restarts_and_interventions() -> None:
 
 @pytest.mark.parametrize("stated", [ESTIMATOR, PRINTED], ids=["joint", "triple"])
 def test_both_differ_by_nothing_in_double_precision(stated: wire.Estimator) -> None:
-    """With samples that the device missed, and its settings, which are not the host's own."""
+    """Some samples are missing on the device, and its settings differ from the host's."""
     counts = [None if k in (60, 61, 90) else row for k, row in enumerate(noise(400))]
     records = feed(pipeline("both"), exact(Board(stated).run(counts)))
     compared = of(DeviceEstimates, records)
@@ -113,7 +113,7 @@ def test_both_differ_by_nothing_in_double_precision(stated: wire.Estimator) -> N
         assert [a.age for a in e.axes.values()] == [e.seq - STARTUP + 1] * 3
         for a in e.axes.values():
             differences = (a.alpha_difference, a.f_difference, a.state_difference)
-            assert differences == pytest.approx((0, 0, 0), abs=1e-12)  # the mean's last bit
+            assert differences == pytest.approx((0, 0, 0), abs=1e-12)  # the mean differs in its last bit
     epoch = of(Epoch, records)[0].estimator
     assert (epoch.estimate_on, epoch.variant, epoch.window) == ("both", compared[0].variant, 0)
     assert epoch.startup_samples == STARTUP
@@ -136,7 +136,7 @@ def test_both_over_the_wire_differ_by_single_precision() -> None:
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_the_sequence_wraps_and_estimates_come_late(who: str) -> None:
-    """Twenty samples behind, and the 16-bit numbers begin again in between."""
+    """Estimates are twenty samples late, and the 16-bit sequence numbers wrap in between."""
     sent = list(Board(late=20, first=65_500).run(noise(200)))
     walk = pipeline(who)
     records = feed(walk, events(sent))
@@ -182,7 +182,7 @@ def test_a_sample_that_only_the_line_lost_has_no_place_for_its_estimate() -> Non
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_a_device_that_restarts_begins_anew(who: str) -> None:
-    """Estimates of the boot before must not be taken for those of samples of the same number."""
+    """Estimates from before the reset must not be assigned to samples of the same number after it."""
     first = list(Board(late=5).run(noise(100)))
     second = list(Board(hello=WIRE_HELLO._replace(boot_id=6), late=5).run(noise(100, seed=2)))
     stray = [one for one in Board().run(noise(100)) if getattr(one.message, "sample", 0) in (95, 96)]
@@ -202,7 +202,10 @@ def test_a_device_that_restarts_begins_anew(who: str) -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_device(known: bool) -> None:
-    """The device need not state them again; without any, the host has its own, and compares nothing."""
+    """The device need not repeat its settings.
+
+    If it never states them, the host uses its own and compares nothing.
+    """
     again = WIRE_HELLO._replace(sensor_starts=2)
     first = list(Board().run(noise(100)))
     second = [one for one in Board(hello=again, first=110).run(noise(100, 3)) if known or one.at]
@@ -224,13 +227,14 @@ def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_d
 
 
 def told_late() -> list[Sent]:
-    """The device states its settings only after the first sample; all but gate and window are the host's."""
+    """The device states its settings only after the first sample; all except gate and window are the
+    host's."""
     late = [one for one in Board().run(noise(250)) if one.at or not isinstance(one.message, wire.Estimator)]
     return [*late[:20], Sent(15, ESTIMATOR, 0), *late[20:]]
 
 
 def heard_late() -> list[Sent]:
-    """The device was already running; the host has a start-up window of its own by then."""
+    """The device was already running, and by now the host has its own start-up window."""
     return [one for one in Board().run(noise(400)) if one.at >= 150]
 
 

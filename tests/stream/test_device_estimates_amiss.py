@@ -1,4 +1,4 @@
-"""What goes wrong with a device that estimates by itself, told once and compared with nothing."""
+"""Errors of a device that estimates: each is reported once, and such estimates are not compared."""
 
 import math
 

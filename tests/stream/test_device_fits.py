@@ -1,4 +1,4 @@
-"""A device's own maximum-likelihood fits: from FIT and SPECTRUM to records, and what shows them."""
+"""A device's own maximum-likelihood fits: from FIT and SPECTRUM messages to records and displays."""
 
 import io
 import math
@@ -49,7 +49,7 @@ HOST = AxisFit("fractional", "It is fractional.", "deg/s", alpha=Interval(0.45, 
 
 
 def spectra(total: int, number: int = 1) -> list[wire.Spectrum]:
-    """All bins of a fit, as the device sends them."""
+    """Return all bins of a fit, as the device sends them."""
     found = []
     for first in range(0, total, 5):
         bins = [
@@ -101,7 +101,7 @@ def test_a_fit_is_told_at_once_and_with_its_bins_again() -> None:
 
 def test_bins_are_fitted_here_too() -> None:
     board = board_of()
-    # A relaxation: α 1, whatever its scale.
+    # A relaxation has α = 1, whatever its scale.
     hz = np.geomspace(0.05, 49, 60)
     power = 0.3 + 40 / (1.0 + (hz / 0.6) ** 2)
     bins = np.column_stack([hz, np.maximum(2, hz * 40), power])
@@ -110,7 +110,7 @@ def test_bins_are_fitted_here_too() -> None:
         sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
     _, again = details(sent, fits=board)
     assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
-    # Two bins of one frequency, as two stretches of samples have them, are fitted there only.
+    # Two bins of one frequency, from two stretches of samples, are merged only for the fit on the host.
     twice = [
         message._replace(frequency_1=message.frequency_0) if i == 3 else message
         for i, message in enumerate(sent)
@@ -124,7 +124,7 @@ def test_bins_are_fitted_here_too() -> None:
 def test_bins_of_which_some_were_lost_are_not_told(lost: int) -> None:
     sent = spectra(12)
     del sent[lost]
-    # The next spectrum is whole again.
+    # The next spectrum is complete again.
     fits = [one.axes["gyro_y"] for one in details([FIT, *sent, FIT._replace(number=11), *spectra(12, 11)])]
     assert [(fit.number, fit.spectrum is not None) for fit in fits] == [(1, False), (11, False), (11, True)]
 
@@ -182,7 +182,7 @@ def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
         assert details([one] * 300, fits=board) == []
         assert sum(map(len, board._bins.values())) <= 51
         details([FIT], fits=board)
-    # Bins of fits that follow each other within a second are not fitted again.
+    # Bins of fits that follow within a second are not fitted again.
     asked: list[float] = []
     monkeypatch.setattr(board_fits, "order_of_bins", lambda _, rate_hz: asked.append(rate_hz))
     for number in range(50):
@@ -199,10 +199,10 @@ def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
     ("changed", "low", "high"),
     [
         ({"flags": 0}, None, None),
-        # What is not known is no interval of no width.
+        # An unknown value must not become an interval of zero width.
         ({"alpha_std": 0.0}, None, None),
         ({"alpha_std": -1.0}, None, None),
-        # The interval ends where the model does.
+        # The interval ends at the limit of the model.
         ({"alpha_std": 2.0}, 0.0, 2.0),
     ],
 )
@@ -234,14 +234,14 @@ def test_what_no_fit_can_be_is_counted_and_not_told(field: str, value: Any) -> N
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:
-    """Nearly always what a device may say, so that it is taken, and else anything."""
+    """Draw values that are mostly valid, so that they are accepted, and sometimes arbitrary."""
     likely = st.floats(low, high, width=32)
     return st.one_of(likely, likely, likely, likely, likely, likely, likely, st.floats(width=32))
 
 
 @st.composite
 def sets(draw: st.DrawFn) -> list[wire.Fit | wire.Spectrum]:
-    """A fit and its bins, of which some may be missing, twice there or not at all like bins."""
+    """Draw a fit and its bins, of which some may be missing, repeated or malformed."""
     fit = wire.Fit(
         *(
             draw(st.integers(0, 3)),
@@ -298,7 +298,7 @@ def test_whatever_a_device_says_becomes_figures_of_a_fit_or_nothing(
 
 
 def with_fits(sent: Iterable[Sent]) -> Iterator[Sent]:
-    """A FIT and its bins after sample 60."""
+    """Insert a FIT and its bins after sample 60."""
     for one in sent:
         yield one
         if isinstance(one.message, wire.Sample) and one.at == 60:
@@ -326,7 +326,7 @@ def test_a_host_that_estimates_alone_says_nothing_of_them() -> None:
     assert not of(DeviceFits, found)
 
 
-# --- what shows them ---
+# # --- displays ---
 
 
 def test_the_page_says_them_in_words() -> None:

@@ -1,4 +1,5 @@
-"""Looks beside the walk: they count from samples that are fixed when they begin, however long they take."""
+"""Fits in another thread: each result takes effect at a sample fixed when the fit began, however long it
+takes."""
 
 import itertools
 import threading
@@ -27,7 +28,7 @@ T = TypeVar("T")
 
 
 class Noticing(QuickAxes):
-    """Notices a step every 17 seconds."""
+    """A tracker that reports a step every 17 seconds."""
 
     @property
     def noticed(self) -> int:
@@ -38,7 +39,7 @@ class Noticing(QuickAxes):
 
 
 class Unhurried(FitWorker):
-    """Does the work in a thread of its own, each after a pause of its own; or in vain."""
+    """Runs each fit in a thread, after a different pause for each; some fits fail."""
 
     def __init__(self, pauses_s: Iterable[float], fault: Exception | None = None) -> None:
         super().__init__()
@@ -240,7 +241,7 @@ def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_
 
 @pytest.mark.parametrize("examples", [4, slow(25)])
 def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
-    """Samples with which fits are due: those that nobody takes are not made."""
+    """Even at samples where fits are due: fits that no reader takes are not made."""
 
     @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
     @settings(max_examples=examples)
@@ -257,5 +258,5 @@ def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", Noticing)
-        patch.setattr(fit_times, "SEARCH_GROWTH", 2)  # settled soon: 1, 2, 3, 5, 8 and 12 s
+        patch.setattr(fit_times, "SEARCH_GROWTH", 2)  # the fit settles soon: 1, 2, 3, 5, 8 and 12 s
         holds()

@@ -1,4 +1,5 @@
-"""Steps of the bias and motion of the sensor as records: when, how large, and the same in any cut."""
+"""Steps of the bias and motion of the sensor as records: time and size, the same for any division into
+blocks."""
 
 from collections.abc import Sequence
 
@@ -15,7 +16,7 @@ from walk_support import walk
 
 STEP, TURN, STOP, TILT, END = 5000, 5700, 6100, 6500, 7000
 SIGMA, SIZE = 2.0, 4.0
-"""In counts; the step is of two deviations."""
+"""Noise deviation and size of the step [counts]; the step is two deviations."""
 LSB_PER_DPS = 16.4
 
 
@@ -25,7 +26,10 @@ def true_fits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def record(accel: bool = True) -> RawBlock:
-    """Return a sensor at rest whose y steps, that is turned, and then tilted while its rates stay."""
+    """Return a sensor whose y rate steps at rest.
+
+    Then it is turned, and later tilted while its rates stay the same.
+    """
     rng, n = np.random.default_rng(1), np.arange(END)
     gyro = rng.normal([20, -30, 5], SIGMA, (END, 3))
     gyro[STEP:, 1] += SIZE
@@ -70,7 +74,7 @@ def test_a_step_and_motion_are_told_with_time_and_size() -> None:
     assert {1, 10} <= set(stats.checked)
     last_fit = of(Fit, pipeline.finish())[-1].axes
     assert last_fit["gyro_x"].breaks["motions"] == 2
-    assert last_fit["gyro_y"].breaks["motions"] == 3  # one for the step
+    assert last_fit["gyro_y"].breaks["motions"] == 3  # one motion is due to the step
     assert [one.verdict for one in last_fit.values()] == ["white"] * 3
 
 

@@ -1,4 +1,5 @@
-"""The live fit in the walk: when it is due, what it is of, and what it goes on over."""
+"""The live fit in the pipeline: when it is due, which samples it uses, and which interruptions it
+survives."""
 
 import itertools
 from collections.abc import Iterable
@@ -140,7 +141,7 @@ def test_curves_of_many_devices_come_every_fourth_period() -> None:
 def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     breaks: set[int], news: set[int], period: int, before: int
 ) -> None:
-    """Some samples are lost, each time 70; the record may have begun long before the epoch."""
+    """Several times 70 samples are lost; the record may begin long before the epoch."""
 
     def accepted(*, every: bool) -> list[int]:
         times, found = LookTimes(100.0, grows=True, every=every), []
@@ -190,12 +191,13 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     items, pipeline = walk([hello(), raw(range(100))])
-    assert not of(Fit, items)  # two axes are to come
+    assert not of(Fit, items)  # the fits of two axes are still to come
     assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
 
 def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
-    """Even if a fit of all of it, at the level of all looks, has just been published."""
+    """This holds even if a fit of all samples, at the significance level for repeated tests, was just
+    published."""
     items, pipeline = walk([hello(), raw(range(100))], prompt=False)
     before, last, _ = pipeline.finish()
     items.append(before)
@@ -245,7 +247,7 @@ def test_a_break_in_a_recording_breaks_the_stretch() -> None:
     assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
 
 
-# --- what estimates say of it ---
+# # --- the fit's fields of estimates ---
 
 
 @pytest.mark.parametrize("who", ["host", "device"])

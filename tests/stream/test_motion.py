@@ -1,4 +1,4 @@
-"""Motion within a record: the fit leaves it out, so the bias is known after it as it was before."""
+"""Motion within a record: the fit excludes it, so the bias after the motion is known as well as before."""
 
 from collections.abc import Callable
 
@@ -18,11 +18,12 @@ from walk_support import walk
 
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000
-"""Samples at 100 Hz; a motion is longer than the eight chunks in which a level would be learnt."""
+"""Sample numbers at 100 Hz. The motion is longer than eight chunks, within which a new level would be
+learnt."""
 
 
 def smooth(rng: np.random.Generator, n: int, width: float) -> Array:
-    """Return noise of deviation 1 behind Gauss's window."""
+    """Return noise of deviation 1 through a Gaussian filter."""
     window = np.exp(-0.5 * (np.arange(-4 * width, 4 * width + 1) / width) ** 2)
     found = np.convolve(rng.standard_normal(n), window, "same")
     return np.asarray(found / found.std())
@@ -57,7 +58,7 @@ def columns(items: list[AnyRecord | Block], name: str) -> Array:
 def test_what_is_learnt_at_rest_is_known_after_motion(kind: str) -> None:
     items, pipeline = walk([hello(), record(kind)], live__period_s=5)
     moving, bias, std = (columns(items, name)[:, 0] for name in ("moving", "bias", "bias_std"))
-    assert moving[REST:MOVES].mean() > 0.93  # it is judged after a chunk or two
+    assert moving[REST:MOVES].mean() > 0.93  # motion is detected after a chunk or two
     assert not moving[:REST].any()
     assert not moving[MOVES + 100 :].any()
     assert np.abs(bias[MOVES + 200 :] - OFFSET * LSB_DPS).max() < 3 * std[MOVES + 200]

@@ -1,4 +1,4 @@
-"""The walk as a whole, on made-up events: what comes out, in which order, and what is counted."""
+"""The whole pipeline on made-up events: which records come out, in which order, and what is counted."""
 
 import random
 from pathlib import Path
@@ -41,7 +41,7 @@ def raw(k: int, gyro: tuple[float, ...] | None = None) -> RawSample:
 
 
 def feed(pipeline: Pipeline, *events: Event | RawSample) -> list[AnyRecord]:
-    """The records; each sample is a block of its own."""
+    """Return the records; each sample is a block of its own."""
     blocks = [as_block(event) if isinstance(event, RawSample) else event for event in events]
     return records_of(item for event in blocks for item in pipeline.feed(event))
 
@@ -109,7 +109,10 @@ def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
 
 @pytest.mark.parametrize("sensor_starts", [1, 2])
 def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sensor_starts: int) -> None:
-    """Live, the sample that gave it away is dropped and a HELLO follows; the recording holds neither."""
+    """Live, the sample that revealed the discontinuity is dropped and a HELLO follows.
+
+    The recording holds neither.
+    """
     late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
     after = hello(sensor_starts=sensor_starts)
     events = [hello(), *(raw(k) for k in range(60)), after, late[0], after, *late[1:]]
@@ -149,7 +152,7 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
 
 
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
-    """An offset of some deg/s that nobody removes makes the printed algorithm diverge."""
+    """An offset of some deg/s that is not removed makes the published algorithm diverge."""
     pipeline = pipeline_of(estimator__bias="none", estimator__R=1e-4, **PRINTED)
     events = [raw(k, tuple(g + 500 for g in raw(k).gyro)) for k in range(400)]
     records = feed(pipeline, hello(), *events)
@@ -228,7 +231,7 @@ def test_stats_go_out_before_the_first_event_of_a_new_second() -> None:
 
 @pytest.mark.parametrize("every", [1, 7, 1000])
 def test_thinned_are_samples_and_estimates_alike_and_nothing_else(every: int) -> None:
-    """Also while the start-up window fills; what is estimated is the same."""
+    """This includes the time while the start-up window fills; the estimates themselves do not change."""
     events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101))]
     thin = feed(pipeline_of(output__every=every), *events)
     assert thin == [

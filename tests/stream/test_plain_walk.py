@@ -1,4 +1,4 @@
-"""The pipeline against the walk in plain Python: whatever happens, and in whatever blocks samples come."""
+"""The pipeline against the plain Python oracle, for any incidents and any division of samples into blocks."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -47,7 +47,7 @@ def test_place_time_units_and_counts_are_those_of_the_plain_walk(examples: int) 
 
 
 def test_a_line_through_ten_minutes_gives_the_times_of_the_plain_one() -> None:
-    """Longer than it remembers, with some gaps in it."""
+    """The run is longer than the ten minutes that the clock fit keeps, with some gaps in it."""
     source = Source()
     device = Device(source, Birth(65_000, 2**32 - 10**7), rate_hz=4.0)
     some = [Act("gap" if k % 7 == 6 else "goes on", 0.1, 100, (k, 50)) for k in range(31)]
@@ -63,13 +63,13 @@ SETTINGS: list[dict[str, Any]] = [
     {},
     {"estimator.tuning": "startup", "output.every": 7},
     {"channels": ["gyro_z", "accel_x", "accel_z"], "accel.startup": 35, "accel.window": 50},
-    PRINTED | {"estimator.R": 1e-4, "estimator.bias": "none"},  # runs away
+    PRINTED | {"estimator.R": 1e-4, "estimator.bias": "none"},  # the estimates run away
     {
         "estimator.R": 1e-4,
         "accel.R": 1e-9,
         "accel.startup": 20,
         "channels": ["gyro_x", "accel_x"],
-    },  # are held
+    },  # the guard holds the estimates
     {"estimator.R": [0.2, 0.25, 0.3], "estimator.bias": [0.2, -2.4, 0.0]},  # without a start-up window
     {
         "estimator.bias": [0.5, 0.0, -0.1],
@@ -121,7 +121,8 @@ def test_a_step_a_knock_and_a_turn_are_those_of_the_plain_walk(changes: dict[str
 
 
 class Resumed(NamedTuple):
-    """Records behind a snapshot: of a pipeline and a plain walk that resumed, and of one that went on."""
+    """Records after a snapshot: of a pipeline and an oracle that resumed, and of a pipeline that never
+    stopped."""
 
     pipeline: list[AnyRecord]
     plain: list[AnyRecord]
@@ -138,9 +139,9 @@ def with_snapshot(
     *,
     reset: bool = False,
 ) -> Resumed | None:
-    """Take a snapshot after sample `at`, and resume `lost` samples later; None if there are too few.
+    """Take a snapshot after sample `at`, and resume `lost` samples later; return None if samples are too few.
 
-    reset: the device was, so that nothing but the time tells how much was lost.
+    `reset`: the device was reset, so that only the time tells how many samples were lost.
     """
     first, plain = Pipeline(source, chosen), PlainWalk(source, chosen)
     pipeline = first
@@ -178,7 +179,7 @@ def with_snapshot(
 
 
 def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
-    """Estimates by their numbers on the wire, until an epoch begins but the first `begins`."""
+    """Return the estimates by their number on the wire, until an epoch begins after the first `begins`."""
     found = {}
     for record in records:
         begins -= isinstance(record, Epoch)
@@ -192,7 +193,7 @@ def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[s
 def check_snapshot(
     birth: Birth, some: list[Act], changes: dict[str, Any], at: int, lost: int, *, reset: bool
 ) -> int:
-    """Return how many samples the pipeline that resumed and the one that went on have both estimated."""
+    """Return how many samples both the resumed pipeline and the uninterrupted one have estimated."""
     source = Source(unix_offset_ns=10**18)
     device, chosen = Device(source, birth), load_config(None, PLAIN | changes)
     found = with_snapshot(source, device, some, chosen, at, lost, reset=reset)
@@ -200,7 +201,7 @@ def check_snapshot(
         return 0
     assert_same(found.pipeline, found.plain)
     begun = next(iter(of(Epoch, found.pipeline)), None)
-    if begun is None or begun.reason != "resumed" or lost > WINDOW:  # beyond which nothing is bridged
+    if begun is None or begun.reason != "resumed" or lost > WINDOW:  # longer gaps are not bridged
         return 0
     mine, others = of_first_epoch(found.pipeline, begins=1), of_first_epoch(found.went_on, begins=0)
     both_have = mine.keys() & others.keys()
@@ -212,7 +213,7 @@ def check_snapshot(
 
 @pytest.mark.parametrize("examples", [30, slow(400)])
 def test_a_snapshot_at_any_sample_goes_on_as_the_plain_walk_and_as_if_nothing_had_been(examples: int) -> None:
-    """Estimates, and biases with all that is known of them, go on; host time is regressed anew."""
+    """Estimates continue, and so do biases with all of the tracker's state; the clock fit starts over."""
     common = []
 
     @given(
@@ -234,12 +235,13 @@ def test_a_snapshot_at_any_sample_goes_on_as_the_plain_walk_and_as_if_nothing_ha
 
 
 QUICK = ("longest gap", "odd gap", "date", "boot", "no accelerometer")
-"""Of the first tier."""
+"""Incidents that the first tier tries."""
 
 
 @pytest.mark.parametrize("what", slow_but(QUICK, ACTS))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
-    """At different places in a second, with hardly any of it and with nearly all; the last one rests long."""
+    """Each is tried at different points of a second, with a small and a large amount, then with a long
+    rest."""
     for k, amount in enumerate((0.02, 0.4, 0.6, 0.98)):
         changes = SETTINGS[(ACTS.index(what) + k) % len(SETTINGS)]
         happens = [Act(samples=240 + 7 * k, cuts=(100, 101)), Act(what, amount, 50, (1, 20))]

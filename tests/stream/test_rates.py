@@ -1,4 +1,4 @@
-"""The chain at 10 Hz, 1 kHz and 8 kHz: nothing in it may take the Due's 100 Hz for granted."""
+"""The chain at 10 Hz, 1 kHz and 8 kHz: no part of it may assume the Due's 100 Hz."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -24,7 +24,7 @@ S = 1_000_000_000
 
 
 def events(rate_hz: int, *, gap: bool) -> Iterator[Event]:
-    """LASTS_S seconds of noise, of which LOST_S are missing with `gap`."""
+    """Return LASTS_S seconds of noise, of which LOST_S are missing with `gap`."""
     source = SyntheticSource(f"?rate_hz={rate_hz}&n={LASTS_S * rate_hz}&alpha=0.5&f=-3", realtime=False)
     for event in source.events():
         if not gap or not isinstance(event, RawBlock):
@@ -62,10 +62,10 @@ def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
 
 @pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
 def test_fits_come_once_a_second(rate_hz: int) -> None:
-    """Where somebody looks on; else they come as the record grows."""
+    """This is the case for a watched run; otherwise fits come as the record grows."""
     *fits, last = of(Fit, walk(rate_hz, live__period_s=1.0))
     assert [fit.samples for fit in fits] == [rate_hz * second for second in range(1, LASTS_S + 1)]
-    assert last.samples == LASTS_S * rate_hz  # of everything, at the end of a recording
+    assert last.samples == LASTS_S * rate_hz  # at the end of a recording, the fit uses all samples
 
 
 @pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
@@ -88,7 +88,10 @@ def test_a_window_that_is_too_long_at_this_rate_is_named() -> None:
 def test_in_real_time_what_is_due_within_10_ms_comes_together(
     monkeypatch: pytest.MonkeyPatch, rate_hz: int, most: int
 ) -> None:
-    """Singly, 8 kHz would not keep up; at the Due's 100 Hz each sample comes at its own time."""
+    """Singly, 8 kHz would be too much to process.
+
+    At the Due's 100 Hz each sample is processed at its own time.
+    """
     monkeypatch.setattr("fltea.sources.synthetic.sleep_until", lambda due_ns, closed: None)
     source = SyntheticSource(f"?rate_hz={rate_hz}&n=400", realtime=True)
     blocks = of(RawBlock, source.events())

@@ -1,4 +1,5 @@
-"""Place: nothing is lost uncounted over all wraps, and broken time is never taken for whole."""
+"""Sequence tracking: losses are counted across all wraps, and a break of time is never taken for
+continuity."""
 
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
@@ -13,14 +14,14 @@ from hypothesis import strategies as st
 
 PERIOD_US = 10_000
 HALF_HOUR = 30 * 60 * 100
-"""30 minutes in samples."""
+"""Samples in 30 minutes."""
 
 ANY_GAP = 10**9
 MAX_HOST_DISAGREEMENT_US = 5 * 60 * 10**6
 
 
 class Device(NamedTuple):
-    """A device whose clock differs from the host's and whose counters began anywhere."""
+    """A device whose clock runs at another rate than the host's and whose counters start anywhere."""
 
     first_sequence: int = 0
     first_us: int = 0
@@ -63,7 +64,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
         placed = place_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
-        # the unwrapped values begin with what the first sample says, and then never wrap
+        # the unwrapped values begin with those of the first sample, and then never wrap
         assert placed.seq - device.first_sequence == k
         assert placed.device_us - first_us % 2**32 == device.true_us(k, jitter_us) - first_us
         assert placed.missing == (0 if before is None else k - before - 1)
@@ -112,16 +113,16 @@ def test_only_a_hello_that_tells_something_is_news():
 
 
 BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
-"""Between samples: HELLOs with changes, and the end of the link."""
+"""Events between samples: HELLOs with these changes; None is the end of the link."""
 
 EARLY = Device(first_us=10**6)
-"""Its clock differs from that of the usual one."""
+"""A device whose clock starts earlier than the usual one's."""
 
 LATE = Device(late_ns=301 * 10**9)
 
 SCENARIOS: dict[str, tuple[list[Any], str, str, tuple[int, int, int]]] = {
-    # What happens, with samples as their numbers; the epochs that samples begin; number and lost samples
-    # before the last one; then delivered, lost, gaps.
+    # Columns: events, with samples given as their numbers; samples that begin epochs; number of the last
+    # sample and samples lost before it; then delivered, lost, gaps.
     "the longest gap in an epoch": ([{}, 0, 101], "start", "101 after 100", (2, 100, 1)),
     "a longer gap": ([{}, 0, 102], "start gap", "102 after 101", (2, 101, 1)),
     "the sequence again after a wrap": ([{}, 3, 65539], "start gap", "65539 after 65535", (2, 65535, 1)),
@@ -225,7 +226,8 @@ def test_reset_whose_hello_was_lost(boot_id: int, reason: str):
 @given(st.integers(200, 10 * 3600 * 100), st.integers(0, 100))
 @settings(max_examples=500)
 def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
-    """Sequence and time may agree, by chance, on a gap of an hour; the host's clock knows better."""
+    """Sequence and time may agree by chance on a gap of an hour; the host's clock shows that it is a
+    reset."""
     _, _, placed = after_lost_reset(k_before, k_after)
     assert placed is None
 
@@ -237,7 +239,7 @@ def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
 )
 @settings(max_examples=300)
 def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, step: int, off_us: int):
-    """Beyond 2 % and one period nothing is believed, whatever the wraps make of it."""
+    """A difference above 2 % and one period is always rejected, for any number of wraps."""
     decoder = heard(max_gap=50)
     place_one(decoder, device.sample(0))
     raw = device.sample(step)
@@ -251,7 +253,10 @@ def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, s
 
 
 class Happening(NamedTuple):
-    """What one sample does to the walk. step: 0 says it again; what: something before it."""
+    """The change from one sample to the next.
+
+    `step`: 0 repeats the sample. `what`: an event before the sample.
+    """
 
     step: int
     jitter_us: int = 0
@@ -260,7 +265,7 @@ class Happening(NamedTuple):
 
 
 def device_stream(device: Device, happenings: list[Happening]) -> list[RawSample | str]:
-    """Samples of a device to which this happens, and between them what else is said."""
+    """Yield a device's samples with these changes, and the other events between them."""
     stream: list[RawSample | str] = []
     k, late_ns, sequence, device_us = 0, 0, device.first_sequence, device.first_us
     for step, jitter_us, more_ns, what in happenings:
@@ -306,7 +311,7 @@ def say(decoder: Decoder, what: str, boot: int, starts: int) -> object:
 def test_blocks_of_any_cut_are_placed_as_one_by_one(
     device: Device, some: list[Happening], max_gap: int, known: bool, data: st.DataObject
 ):
-    """Wraps, gaps, duplicates, resets, jitter, silence and everything that may be said in between."""
+    """Includes wraps, gaps, duplicates, resets, jitter, silence and all events in between."""
     decoder, single = Decoder(lambda: 0, max_gap), Decoder(lambda: 0, max_gap)
     if known:
         decoder.on_hello(hello())

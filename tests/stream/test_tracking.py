@@ -1,4 +1,4 @@
-"""The stage of the tracker: what it goes by, what it says of motion, and what it keeps."""
+"""The tracking stage: which models it uses, the motion that it reports, and the state that it keeps."""
 
 import math
 
@@ -27,7 +27,7 @@ LSB_DPS = 1 / 16.4
 
 
 def pushed(first: int, last: int, counts: int) -> RawBlock:
-    """Samples of a sensor that is turned between two of them."""
+    """Return samples of a sensor that is turned between two of them."""
     still = raw(range(1300))
     gyro = still.gyro.copy()
     gyro[first:last, 0] += counts
@@ -82,7 +82,7 @@ def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:
     assert stats.moved == moving.sum()
     other = pipeline.stats().axes["gyro_y"].tracker
     assert other is not None
-    assert other.moved == stats.moved  # the sensor moves, not an axis of it
+    assert other.moved == stats.moved  # the sensor as a whole moves
     begun, ended = of(Motion, items)
     assert (begun.begins, begun.by, begun.samples) == (True, "gyro_x", None)
     assert abs(begun.seq - 700) <= 64
@@ -112,7 +112,7 @@ def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
     _, pipeline = walk([hello(), raw(range(700))], prompt=False, live__on=False)
     rest, _ = walk([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
     expected, found = column(whole, "bias")[700:], column(rest, "bias")
-    # The time between is bridged, by none or one sample.
+    # The time between is bridged by zero or one sample.
     assert np.allclose(found, expected, atol=0.05 * column(whole, "bias_std")[700:].max())
 
 
@@ -163,7 +163,7 @@ def test_a_short_fit_counts_only_if_it_makes_the_samples_much_likelier_than_the_
 
 
 def test_a_mean_of_samples_is_a_noise_that_it_can_go_by() -> None:
-    """The number of them is no figure to be rounded."""
+    """The number of averaged samples is an integer and must not be rounded like a measured figure."""
     one = sensor()
     one.run(drifting(4000, 0.0))
     one.go_by("gyro_x", accepted(one, "low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
@@ -177,7 +177,7 @@ def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one.go_by("gyro_x", accepted(one, "white", Noise((White(0.02),), False, 6000)))
     stats = dict(one.stats())["gyro_x"]
     K = stats.K
-    # It drifts by more than its white noise makes the angle walk: 0.14 deg/s √(0.01 s · 60 s).
+    # The bias drifts more than the white noise makes the angle walk: 0.14 deg/s √(0.01 s · 60 s).
     assert 0.11 < stats.heading_std[60] < 5
     assert sorted(stats.heading_std.values()) == [*stats.heading_std.values()], "it grows"
     assert (stats.bias, stats.bias_std) == (found.bias[-1, 0], found.bias_std[-1, 0])

@@ -1,4 +1,4 @@
-"""Filters tuned by the live fit: what it hands over, and from which sample on."""
+"""Filters tuned by the live fit: which values the fit passes on, and from which sample."""
 
 from typing import Literal
 
@@ -45,10 +45,10 @@ def with_(**changes: Interval) -> AxisFit:
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
-    """With the order that goes with them, whose deviations are those of the wider sides of the intervals."""
+    """With the order of the same fit, whose deviations come from the wider side of each interval."""
     belief = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), belief)
-    # More white noise and less of the state, or the other way round: the data hardly tell, and need not.
+    # More white noise and less state noise, or the reverse: the data barely distinguish them, and need not.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
     assert handed_over(open_, None) == (Variances(0.01, 0.02), belief)
     assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), belief)
@@ -87,7 +87,7 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
-    """The same bank, told by hand."""
+    """The oracle is the same bank, tuned by the test."""
     items, pipeline = walk([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
     found = {r.seq: r.axes for r in of(Estimate, records_of(items))}
     by_hand = walk([hello()], estimator__variant=variant)[1]._config.estimator
@@ -144,7 +144,7 @@ def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"]) -> None:
-    """Twelve axes of α = 0.5, f = -2 in as much white noise, whose s2 and R hardly anything tells apart."""
+    """Twelve axes of α = 0.5, f = -2 in equal white noise, where the data barely distinguish s2 and R."""
     case, axes = Case(0.5, -2.0, 1.0), tuple(f"axis {i}" for i in range(12))
     y = samples(case, len(axes), 25_000)
     bank = Bank(axes, EstimatorConfig(variant=variant), H, None)
@@ -187,7 +187,7 @@ def test_a_saved_walk_goes_on_tuned() -> None:
 
 @pytest.mark.slow
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
-    """True fits, eighty of them beside those forty by which estimates go."""
+    """These are true fits: eighty to publish, and the forty that tune the estimates."""
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))
     rows = [tuple(map(int, generator.step())) for _ in range(9020)]
     block = block_of([RawSample(k, k * 10_000, k * 10_000_000, row) for k, row in enumerate(rows)])

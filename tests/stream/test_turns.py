@@ -1,4 +1,4 @@
-"""Statistics of many devices: each second has them all, and no moment does."""
+"""Statistics of many devices: each is published once a second, spread over the second."""
 
 from itertools import pairwise
 
