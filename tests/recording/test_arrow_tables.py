@@ -1,4 +1,4 @@
-"""Parquet and Feather: lists and structures, times of all kinds, and what their metadata say."""
+"""Parquet and Feather: lists and structures, times of all kinds, and the meaning of their metadata."""
 
 import itertools
 import json
@@ -23,7 +23,7 @@ COUNT = itertools.count()
 
 
 def table(folder: Path, content: Any, **how: Any) -> Stored:
-    """Columns, in several batches, as both kinds of file; they have to be read alike."""
+    """Write columns, in several batches, as both kinds of file; both have to be read alike."""
     made = content if isinstance(content, pa.Table) else pa.table(content)
     path = folder / f"{next(COUNT)}.parquet"
     parquet.write_table(made, path, row_group_size=128)

@@ -1,4 +1,4 @@
-"""All that is missing is asked for by one refusal, and its command, filled in, reads the file."""
+"""One refusal asks for all that is missing, and its command, once completed, reads the file."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_a_rate_that_is_given_needs_no_unit_of_times(tmp_path: Path) -> None:
 
 
 def test_a_sensor_is_asked_for_together_with_columns_and_unit(tmp_path: Path) -> None:
-    """And what is shown of them are the rows of one."""
+    """The examples shown are rows of one sensor."""
     rows = "".join(
         f"{k / 100},gyro,{a:.4f},{b:.4f},{c:.4f}\n{k / 100},accel,0.01,0.02,9.81\n"
         for k, (a, b, c) in enumerate(GYRO)
@@ -56,7 +56,7 @@ def test_a_sensor_is_asked_for_together_with_columns_and_unit(tmp_path: Path) ->
 
 @pytest.mark.parametrize("head", ["timestamp_ns,type,x,y,z\n", ""])
 def test_kinds_of_events_at_their_own_rates_are_asked_for_at_once(head: str, tmp_path: Path) -> None:
-    """As Android numbers its sensors; the accelerometer has half the rate."""
+    """Events are numbered as by Android; the accelerometer has half the rate."""
     rows = "".join(
         f"{1_000_000_000 + k * 10_000_000},4,{a:.4f},{b:.4f},{c:.4f}\n"
         + (f"{1_001_000_000 + k * 10_000_000},1,0.01,0.02,9.81\n" if k % 2 else "")

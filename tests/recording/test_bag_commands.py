@@ -102,7 +102,7 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
 
 
 def of_two_files(folder: Path, kind: str, topics: Sequence[Messages]) -> list[Path]:
-    """The files of a bag, each with these messages."""
+    """Write a bag of two files, each with these messages."""
     folder.mkdir()
     names = [folder / f"long_{number}.{kind}" for number in range(len(topics))]
     for name, messages in zip(names, topics, strict=True):
@@ -134,7 +134,7 @@ def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path
 
 @pytest.mark.parametrize("stamped", [True, False])
 def test_messages_that_only_have_the_times_of_others_are_no_copies(stamped: bool, tmp_path: Path) -> None:
-    """As of a sensor whose clock began again, and of one without stamps whose copies only arrivals tell."""
+    """One sensor's clock began again; another has no stamps, so that only arrivals would show copies."""
     rest = even(60)
     if stamped:
         again = even(60, seed=2)._replace(arrival_ns=[ns + 10**9 for ns in rest.stamp_ns])

@@ -1,4 +1,4 @@
-"""Several sensors in one topic of a bag: one is asked for and read, and samples of two are never mixed."""
+"""Several sensors in one topic of a bag: the user chooses one, and samples of two are never mixed."""
 
 import itertools
 from collections.abc import Sequence
@@ -29,12 +29,12 @@ from hypothesis import strategies as st
 N, RATE_HZ = 400, 200.0
 STAMPS = (START_NS + np.arange(N) * 5_000_000).tolist()
 LEFT, RIGHT = np.random.default_rng(3).normal(0.2, 0.1, (2, N // 2, 3))
-"""Rates of two sensors in deg/s, which take turns."""
+"""Rates of two sensors in deg/s, whose messages alternate."""
 BOTH = np.stack([LEFT, RIGHT], axis=1).reshape(N, 3)
 
 
 def frames(path: Path, names: Sequence[str], topics: Sequence[str] = ("/imu",)) -> Path:
-    """A bag of Imu messages whose frames take turns."""
+    """Write a bag of Imu messages whose frames alternate."""
     return write_bag(path, dict.fromkeys(topics, Messages(STAMPS, np.radians(BOTH), frame=names)))
 
 
@@ -186,7 +186,7 @@ def test_devices_of_px4_by_their_fifos(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
 def test_two_programs_that_write_one_topic(tmp_path: Path, kind: str) -> None:
-    """Both have the same frame; only who wrote a message tells them apart."""
+    """Both have the same frame id, so only the publisher of a message distinguishes them."""
     left, right = (Messages(STAMPS[k::2], np.radians(BOTH[k::2])) for k in range(2))
     path = write_publishers(tmp_path / f"a.{kind}", {"/left": left, "/right": right})
     with pytest.raises(NotStated, match=r"publisher tells several apart \(/left, /right\)"):
@@ -202,7 +202,7 @@ def test_two_programs_that_write_one_topic(tmp_path: Path, kind: str) -> None:
 
 
 def pairs(left: str, right: str, **more: Any) -> list[dict[str, Any]]:
-    """Messages that hold both sensors; names as of `imu.gyro`."""
+    """Write messages that hold both sensors; names as of `imu.gyro`."""
 
     def put(name: str, row: list[float], into: dict[str, Any]) -> None:
         group, _, leaf = name.rpartition(".")
@@ -255,7 +255,7 @@ def test_the_accelerometer_and_the_unit_of_the_sensor_that_is_meant(tmp_path: Pa
         open_bag(path, How(topic="/imu:imu1"))
 
 
-# --- the fields alone ---
+# # --- single fields ---
 
 
 @given(

@@ -1,4 +1,5 @@
-"""What a refusal shows of a file: figures that are right, and no value that nothing says."""
+"""The figures that a refusal shows for a file: they are correct, and no value is shown that nothing
+states."""
 
 import math
 import re
@@ -30,7 +31,7 @@ OPTION = re.compile(r"--([\w-]+) (\S+)")
 
 
 def lines_of(table: str) -> dict[str, tuple[str, list[float], list[float]]]:
-    """The lines of a table of units: what is shown, its figures, and the means, by the unit."""
+    """Return the rows of a table of units, by unit: what is shown, its figures, and the means."""
     found = {}
     for line in table.split("\n"):
         if (option := OPTION.search(line)) is not None:
@@ -54,7 +55,7 @@ LOGARITHM = st.floats(-3, 3).map(lambda exponent: 10**exponent)
 def test_noise_and_mean_are_those_of_the_data(
     n: tuple[float, ...], mean: tuple[float, ...], rate_hz: float | None, unit: str, slope: float
 ) -> None:
-    """Of white noise with N in deg/√h, and a drift over the rows; two digits are shown."""
+    """White noise with N in deg/√h, and a drift over the rows; two digits are shown."""
     std = np.array(n) * math.sqrt(rate_hz or 3600) / 60
     drift = slope * std * np.linspace(-0.5, 0.5, ROWS)[:, np.newaxis] * 20
     dps = NOISE * std + drift + mean
@@ -92,7 +93,7 @@ def test_too_few_rows_show_nothing() -> None:
 
 
 def test_steps_of_a_coarse_sensor_are_noise_too() -> None:
-    """Most of its numbers are the same, so that their median step is 0."""
+    """Most of the steps between samples are 0, so the median step is 0."""
     values = (np.random.default_rng(1).random((ROWS, 3)) < 0.2).astype(float)
     figures = lines_of(units_table(values, None))["deg/s"][1]
     assert figures == pytest.approx(values.std(axis=0), rel=0.1)
@@ -105,7 +106,8 @@ OF_COUNTS = {f"lsb:{g}": float(g) for g in GRAVITY_COUNTS}
 
 
 def at_rest(direction: tuple[float, ...], offset: tuple[float, ...], g: float) -> np.ndarray:
-    """An accelerometer with offsets in parts of 1 g, 5 % in all at most, and 5 mg of noise."""
+    """Return an accelerometer's data with offsets as fractions of 1 g, at most 5 % in all, and 5 mg of
+    noise."""
     there = np.array(direction) / math.hypot(*direction)
     off = np.array(offset) / math.sqrt(3)
     return g * (there + off + 0.005 * NOISE[:200])
@@ -125,7 +127,7 @@ def test_gravity_tells_the_unit_whatever_the_orientation(
 def test_whole_numbers_may_be_counts_and_are_never_taken_for_others(
     direction: tuple[float, ...], offset: tuple[float, ...], unit: str
 ) -> None:
-    """8192 counts, a little more, are nearly 9,807 mm/s²: then nothing is said."""
+    """Slightly more than 8192 counts is close to 9,807 mm/s²: then nothing is said."""
     g = OF_COUNTS.get(unit) or GRAVITY[unit]
     found = gravity_units(np.rint(at_rest(direction, offset, g)))
     alike = ["mg", "cm/s^2"] if unit == "mg" else [unit]
@@ -183,7 +185,7 @@ def test_units_of_times_are_shown_with_the_rate_that_each_means(step: float) -> 
         rate_hz = 1 / (step * unit_s)
         if PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]:
             assert float(shown[unit]) == pytest.approx(rate_hz, rel=1e-5)
-        elif unit in shown:  # somewhat slower or faster ones, too
+        elif unit in shown:  # somewhat slower or faster ones are shown, too
             assert PLAUSIBLE_HZ[0] / 6 < rate_hz < PLAUSIBLE_HZ[1] * 3
     assert times_table(-step) == times_table(0.0) == []
 

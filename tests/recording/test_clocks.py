@@ -37,12 +37,12 @@ def fixed(times: Floats, digits: int = 6) -> list[str]:
 
 
 def assert_asks_the_rate(text: str) -> None:
-    """Whatever uneven times come to is a remark, and no value of an option."""
+    """Check that uneven times are only remarked upon, and give no value of an option."""
     command = text.partition(ASK)[2].partition("\n")[0]
     assert command == "--rate ?"
 
 
-# --- a unit that cannot be ---
+# # --- an impossible unit ---
 
 
 @pytest.mark.parametrize(("step", "unit"), [(10, "ms"), (1, "ms"), (10_000, "us"), (5_000_000, "ns")])
@@ -67,7 +67,7 @@ def test_a_period_is_no_rate(text: str, tmp_path: Path) -> None:
     assert "--rate 0.0001 would be a sample in 1e+04 s" in refusal(tmp_path, text, rate_hz=1e-4)
 
 
-# --- times that are uneven, or misread ---
+# # --- times that are uneven or misread ---
 
 
 def test_parts_of_seconds_that_are_not_padded_advise_no_rate(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_how_many_lines_are_left_out_is_told(tmp_path: Path) -> None:
 def test_times_of_day_without_colons_go_on_at_each_minute(
     begin_s: int, name: str, per_s: int, tmp_path: Path
 ) -> None:
-    """95959.99 and 100000.00 are 0.01 s apart; the day begins again at 0."""
+    """95959.99 and 100000.00 are 0.01 s apart; at midnight the number returns to 0."""
     lost = {1005, 5000, 5001}
     k = np.array([one for one in range(7000) if one not in lost])
     s = (begin_s * 100 + k) % 8_640_000
@@ -170,7 +170,7 @@ def test_losses_and_pauses_are_no_bursts(seed: int, loss: float, pauses: int, pa
 
 @given(st.sampled_from([*range(150, 1000, 13), 476, 833, 952, 990, 999]), st.floats(0, 1), SEEDS)
 def test_rounded_times_tell_the_rate_and_no_losses(rate_hz: float, begin: float, seed: int) -> None:
-    """952 Hz in whole ms are no 1000 Hz of which each twentieth sample is missing."""
+    """952 Hz in whole ms must not be read as 1000 Hz with every twentieth sample missing."""
     elapsed = Elapsed("ms")
     values = np.random.default_rng(seed).normal(size=(N, 1))
     times, begins = elapsed.add(np.floor(begin + np.arange(N) * 1000 / rate_hz), values)
@@ -195,7 +195,7 @@ def test_rounded_times_tell_samples_that_are_missing(rate_hz: float, loss: float
 
 
 def test_a_clock_that_is_just_coarser_than_the_samples_is_refused(tmp_path: Path) -> None:
-    """Of 1010 Hz in whole ms each hundredth sample has the time of the one before."""
+    """At 1010 Hz in whole ms, every hundredth sample repeats the time before it."""
     text = table(np.floor(np.arange(N) / 1.01).astype(int), "time_ms")
     asked = refusal(tmp_path, text)
     assert_asks_the_rate(asked)

@@ -1,4 +1,4 @@
-"""What names of columns say: which axis of which sensor, in which unit, and which are times."""
+"""The meaning of column names: which axis of which sensor, in which unit, and which are times."""
 
 import pytest
 from fltea.recording.column_names import (

@@ -1,4 +1,4 @@
-"""Packed text, archives with several files, libraries that are not there, and topics of PX4."""
+"""Compressed text, archives with several files, libraries that are not installed, and topics of PX4."""
 
 import bz2
 import gzip

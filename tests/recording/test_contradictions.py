@@ -1,4 +1,4 @@
-"""What stands in one file and contradicts itself is refused, and what merely differs a little is not."""
+"""A file whose statements contradict each other is refused; one whose statements differ slightly is not."""
 
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def test_columns_that_have_the_length_of_gravity_are_no_rates(
         tmp_path, text, units="dps", **how
     )
     assert stored(tmp_path, text, units="dps", overrule=True, **how).samples == N
-    in_g = table("a,b,c", ACCEL / 9.81)  # which is a usual offset in deg/s
+    in_g = table("a,b,c", ACCEL / 9.81)  # these values would be a usual offset in deg/s
     assert stored(tmp_path, in_g, units="dps", **how).samples == N
     assert "gravity in g" in refusal(tmp_path, in_g, units="rad/s", **how)
     assert stored(tmp_path, text.replace("a,b,c", "gx [dps],gy [dps],gz [dps]"), rate_hz=100.0).samples == N

@@ -1,4 +1,4 @@
-"""Files as people have them, of each format and each logger: what they hold, and what is asked for."""
+"""Files as users have them, of each format and each logger: their content, and what the user is asked for."""
 
 import re
 import shlex
@@ -23,15 +23,17 @@ from fltea.sources.text_events import TextEvents
 EVIDENCE = {"given", "stated", "dialect", "convention", "measured"}
 
 OURS = {"fltea.npz", "fltea.mcap", "fltea.ndjson"}
-"""Of fltea itself, which have nothing to ask and so no reading; the second is of another rest."""
+"""Files of fltea itself: nothing has to be asked, so there is no reading. fltea.mcap is of another rest."""
 
 READ = [name for name in OPTIONS if name not in UNREAD_DIALECTS]
 SLOW = {"asam.mf4"}
-"""Whose library takes seconds to load."""
+"""Files whose library takes seconds to load."""
 
 NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
-"""Lines that come live have no file's name; nobody sends UTF-16 line by line; a few rows do not show that the
-column of times is an empty one."""
+"""Files that live lines cannot match: a pipe has no file name; nobody sends UTF-16 line by line.
+
+And a few rows do not show that the column of times is empty.
+"""
 LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 
 
@@ -43,7 +45,7 @@ def gyro_of(events: Sequence[Event]) -> np.ndarray:
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in READ]
 )
 def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is opened once, for the replay and for `summarise`: a process apart takes a while."""
+    """It is opened once for both the replay and `summarise`, since a reader process takes a while."""
     how = how_of(OPTIONS[name])
     if name != "fltea.mcap":
         opened = open_recording(HERE / name, how)
@@ -71,7 +73,8 @@ def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("name", [name for name in READ if OPTIONS[name]])
 def test_what_a_file_does_not_say_is_asked_for(name: str) -> None:
-    """Without its options, and without each of them, since nothing else says what that one does."""
+    """Without all its options, and without each one, since nothing else in the file states what the option
+    does."""
     truth = pairs(OPTIONS[name])
     for left_out in (set(truth), *({flag} for flag in truth)):
         given = {flag: value for flag, value in truth.items() if flag not in left_out}
@@ -81,7 +84,7 @@ def test_what_a_file_does_not_say_is_asked_for(name: str) -> None:
 
 
 def assert_asks(error: UsageError, given: dict[str, str]) -> None:
-    """Check that an error asks, by a command in which nothing has a value but what was given."""
+    """Check that an error asks for the missing options, in a command that has only the values given."""
     assert isinstance(error, NotStated)
     _, _, command = str(error).partition(ASK)
     assert command.startswith("fltea identify ")

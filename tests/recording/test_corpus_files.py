@@ -1,4 +1,4 @@
-"""The corpus is written alike at each run: what differs in it after one, somebody has changed."""
+"""The corpus is written identically at each run, so a difference after a run shows a manual change."""
 
 import datetime
 import shutil
@@ -12,7 +12,7 @@ import scipy.io
 
 
 def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
-    """What the libraries write, by the name of the file."""
+    """Return what the libraries write, by the name of the file."""
     folder.mkdir()
     for text in corpus_files.HERE.glob("*.csv"):
         shutil.copy(text, folder)
@@ -25,7 +25,8 @@ def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
 def test_two_runs_write_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = written(tmp_path / "first", monkeypatch)
     begin = time.time()
-    while int(time.time() / 2) == int(begin / 2):  # a file in a zip archive has a time of two seconds' steps
+    # a file in a zip archive has a time in steps of two seconds
+    while int(time.time() / 2) == int(begin / 2):
         time.sleep(0.05)
     second = written(tmp_path / "second", monkeypatch)
     assert {"matlab.mat", "phyphox.xlsx", "h5py.h5", "pandas.parquet", "numpy.npz"} <= set(first)

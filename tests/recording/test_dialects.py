@@ -1,4 +1,5 @@
-"""The table of dialects: what each row says is there in its file, and nothing less is recognised."""
+"""The table of dialects: what each row describes is present in its file, and an incomplete match is not
+recognised."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -22,7 +23,7 @@ from fltea.settings.limits import DEFAULT_LIMITS
 
 TABLE = dialects.dialects()
 APART = {"ronin.h5": "hdf5", "ardupilot.mat": "mat"}
-"""Files that are read by libraries."""
+"""Files that are read by libraries in a reader process."""
 
 FILES = [
     (one, name)
@@ -35,7 +36,7 @@ of_each = pytest.mark.parametrize("one", TABLE, ids=lambda one: one.name)
 
 
 class Seen(NamedTuple):
-    """What was known of a file when its dialect was looked for."""
+    """What was known of a file when its dialect was determined."""
 
     names: Sequence[str]
     facts: Facts
@@ -44,20 +45,21 @@ class Seen(NamedTuple):
 
     @property
     def columns(self) -> Sequence[str]:
-        """The names, with those of lines beside, or the positions where there are none."""
+        """Return the names, with the names given by neighbouring lines, or the positions if there are no
+        names."""
         return (*self.names, *self.facts.beside) or [str(place + 1) for place in range(self.fields)]
 
     def dialect(self) -> Dialect | None:
         return dialect_of(self.names, self.facts, tag=self.tag, fields=self.fields)
 
     def all(self) -> list[Dialect]:
-        """Return every dialect that it is in, not only the first."""
+        """Return every dialect that matches the file, not only the first."""
         return [one for one in TABLE if dialects._is_in(one, self.names, self.facts, self.tag, self.fields)]
 
 
 @cache
 def seen(name: str) -> Seen:
-    """What is known of a file of the corpus when its columns are chosen."""
+    """Return what is known of a corpus file when its columns are chosen."""
     calls: list[Seen] = []
 
     def watched(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
@@ -135,7 +137,7 @@ def test_the_file_of_a_row_is_in_it_and_has_its_columns(one: Dialect, name: str)
 
 @of_each
 def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
-    """Else a name that is mistyped is never noticed."""
+    """Otherwise a mistyped name would never be noticed."""
     files = [seen(name).columns for name in one.corpus if (one, name) in FILES]
     has_accel = any(accel_axis_of(name) for names in files for name in names) or not one.names
     assert not (one.accel and has_accel) or any(columns_of(one.accel, names) for names in files)
@@ -145,7 +147,7 @@ def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
 
 @of_each_file
 def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, name: str) -> None:
-    """Then some file of the general row is not in the special one."""
+    """Then some file of the general row does not match the special one."""
     first, *others = seen(name).all()
     assert first is one
     for other in others:
@@ -153,7 +155,7 @@ def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, n
 
 
 def without_a_fact(one: Dialect, found: Seen) -> Iterator[tuple[str, Seen]]:
-    """Yield what a file would be without each of the facts that it is recognised by."""
+    """Yield a file's facts, each time without one of the facts by which it is recognised."""
     for pattern in one.names:
         names, beside = (
             tuple(name for name in some if not re.fullmatch(pattern, name))
@@ -186,7 +188,7 @@ def test_without_any_one_fact_it_is_not_recognised_nor_taken_for_another(one: Di
     for what, found in lacking:
         other = found.dialect()
         assert other is not one, what
-        # What is more general may still hold; but it says the same of these columns, or asks.
+        # A more general dialect may still match; but it gives the same columns, or asks.
         if other is not None and not one.unread:
             assert other.gyro_unit in ("", one.gyro_unit), (what, other.name)
             assert bool(other.unread or other.gyro)
@@ -241,7 +243,7 @@ def test_numbers_of_a_head(head: str, number: float | None) -> None:
 
 
 def test_two_columns_of_one_axis_are_a_doubt() -> None:
-    """Unless the beginning of the sensor's names tells them apart."""
+    """The columns are ambiguous unless the prefix of the sensor's names distinguishes them."""
     assert columns_of([["a", "b", "c"], ["p|q", "r", "s"]], ["s", "r", "q"]) == (2, 1, 0)
     assert columns_of([["a", "b", "c"]], ["a", "b"]) == ()
     assert columns_of([["p|q", "r", "s"]], ["p", "q", "r", "s"]) == ()

@@ -1,4 +1,4 @@
-"""Workbooks of Excel: which sheet is meant, and what empty cells and the names of sheets mean."""
+"""Workbooks of Excel: which sheet is meant, and the meaning of empty cells and of the names of sheets."""
 
 import gc
 from collections.abc import Iterator, Sequence
@@ -18,12 +18,12 @@ from fltea.settings.limits import DEFAULT_LIMITS
 pytestmark = pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
-"""Readers leave files open, since the process apart ends with them."""
+"""Ignore files left open: normally they are closed when the reader process ends."""
 
 
 @pytest.fixture(autouse=True)
 def closed_files() -> Iterator[None]:
-    """What the reader left open is closed here, and not in the middle of another test."""
+    """Close what the reader left open here, and not in the middle of another test."""
     yield
     gc.collect()
 
@@ -38,12 +38,12 @@ Rows = list[Sequence[Any]]
 
 
 def sheet(values: np.ndarray, *names: str) -> Rows:
-    """A line of names, and times with three numbers a row."""
+    """Return a row of names, and rows of a time with three numbers."""
     return [names, *([t, *row] for t, row in zip(TIMES_S, values.tolist(), strict=True))]
 
 
 def workbook(folder: Path, sheets: dict[str, Rows], **how: Any) -> Stored:
-    """Sheets by their names, written and read."""
+    """Write sheets by their names, and read the workbook."""
     path = folder / "rest.xlsx"
     book = openpyxl.Workbook()
     book.remove(book.active)

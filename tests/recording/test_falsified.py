@@ -1,4 +1,5 @@
-"""One fact of a file is taken away or falsified: it is asked for, refused or shown, not followed."""
+"""If one fact of a file is removed or falsified, the user is asked, or the file is refused, or the change is
+shown."""
 
 import gc
 from collections.abc import Callable, Iterator
@@ -26,7 +27,7 @@ from pyarrow import parquet
 pytestmark = pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
-"""Readers leave files open, since the process apart ends with them."""
+"""Ignore files left open: normally they are closed when the reader process ends."""
 
 TEXT = [n for n in OPTIONS if n.endswith((".txt", ".csv", ".gcsv")) and n not in UNREAD_DIALECTS]
 
@@ -38,7 +39,7 @@ def states_unit(case: Case, found: Figures) -> bool:
 
 
 def times_alone(case: Case, found: Figures) -> bool:
-    """Whether all times that the file has are falsified, and are shown to be what the rate is from."""
+    """Whether all times of the file are falsified, and the reading shows that the rate comes from them."""
     return case.what == "all of them" and found.says("clock", "measured", "the times of")
 
 
@@ -52,7 +53,7 @@ def head_is_shown(case: Case, found: Figures) -> bool:
 
 
 def given(case: Case, found: Figures) -> bool:
-    """Whether it is the user's word: the file says nothing, or its logger something else, which is noted."""
+    """Whether the user's word decides: the file says nothing, or its logger contradicts, which is noted."""
     flag = case.kind.removeprefix("claimed ")
     noted = f"as {flag} says" in found.notes or flag in pairs(case.of.options)
     return noted and (flag == "--time-unit" or any(found.says(q, "given", flag) for q in ("unit", "clock")))
@@ -75,7 +76,8 @@ UNDETECTABLE: dict[str, tuple[str, Shown]] = {
         lambda case, found: found.says("accelerometer", "missing"),
     ),
 }
-"""What the figures follow, since the file is consistent in itself: why, and how the reading shows it."""
+"""Falsifications that the figures follow, since the file stays consistent: the reason, and how the reading
+shows it."""
 
 OTHER_CLOCK_WITHOUT_UNIT = {
     *(name for name in TEXT if name.startswith("mavlink_")),
@@ -84,11 +86,11 @@ OTHER_CLOCK_WITHOUT_UNIT = {
     "gopro.csv",
     "gopro_zxy.csv",
 }
-"""In which a second clock could count thousandths of what the first one does."""
+"""Files in which a second clock could count thousandths of what the first clock counts."""
 
 
 def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
-    """Whether what is another is the rate alone, or all axes by the same factor."""
+    """Whether only the rate differs, or all axes by the same factor."""
     if case.kind in ("two sensors by turns", "names of the sensors swapped"):
         return True
     factors = found.noise / truth.noise
@@ -98,7 +100,10 @@ def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
 
 
 def wrong_in_silence(case: Case, truth: Figures, read: Callable[[], Figures]) -> str:
-    """Return what came out where it is neither refused, nor as before, nor shown; else ""."""
+    """Return the wrong result if the file is neither refused nor read as before and nothing is shown.
+
+    Else "".
+    """
     try:
         found = read()
     except UsageError:
@@ -138,7 +143,10 @@ def renamed(names: dict[str, str]) -> Columns:
 
 
 class Table(NamedTuple):
-    """A falsified table. columns: arrays, and numbers that are rates. shows: question, evidence and value."""
+    """A falsified table.
+
+    `columns`: arrays, and numbers that are rates. `shows`: question, evidence and value.
+    """
 
     columns: Columns
     shows: tuple[str, str, str] | None = None
@@ -161,7 +169,7 @@ TABLES = {
     "an axis is shorter": Table({**WHOLE, "gyro_y_dps": GYRO_DPS[:-1, 1]}),
     "an axis is no number": Table({**WHOLE, "gyro_y_dps": np.full(len(TIMES_S), "0.1")}),
 }
-"""By the fact that is falsified; of each, what shows it where nothing else in the file could tell it."""
+"""By the falsified fact: what shows it if nothing else in the file could reveal it."""
 
 
 def write_hdf5(path: Path, columns: Columns) -> None:
@@ -180,13 +188,13 @@ WRITERS: dict[str, Callable[[Path, Columns], None]] = {
 
 @pytest.fixture(autouse=True, scope="module")
 def closed_files() -> Iterator[None]:
-    """What readers left open is closed here, and not in the middle of another test."""
+    """Close what readers left open here, and not in the middle of another test."""
     yield
     gc.collect()
 
 
 def read_here(path: Path, how: How) -> Figures:
-    """Read a file as the program does, but not in a process apart, which takes a while to start."""
+    """Read a file as the program does, but without a reader process, which takes a while to start."""
     opened = open_one_file(path)
     if opened.file is not None:
         opened.file.close()
@@ -204,7 +212,7 @@ def read_here(path: Path, how: How) -> Figures:
 def test_no_falsified_table_is_wrong_in_silence(name: str, fact: str, tmp_path: Path) -> None:
     table, write = TABLES[fact], WRITERS[name]
     if name == "rest.parquet" and not all(np.size(one) == len(TIMES_S) for one in table.columns.values()):
-        return  # such a file cannot be: its columns are all alike, and hold no single number
+        return  # such a file cannot exist: its columns are all alike, and hold no single number
     write(tmp_path / name, WHOLE)
     truth = read_here(tmp_path / name, How())
     assert truth.noise == pytest.approx(GYRO_DPS.std(axis=0))

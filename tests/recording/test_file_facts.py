@@ -1,4 +1,4 @@
-"""What files say beside their arrays, or in their attributes: units, scales, and names of columns."""
+"""What files state next to their arrays, or in attributes: units, scales, and names of columns."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -99,14 +99,14 @@ def test_a_name_and_the_unit_beside_it_agree(tmp_path: Path) -> None:
     assert matlab(tmp_path, arrays, units="dps", overrule=True).whole().gyro == pytest.approx(GYRO)
 
 
-# --- what a file says of the columns of an array, and of their scale ---
+# # --- what a file states about the columns of an array, and about their scale ---
 
 TABLE = np.c_[TIMES_S, GYRO, GYRO[:, :1] + 9.81]
 COLUMNS = {"columns": ["t", "gx", "gy", "gz", "ax"], "units": ["s", *["rad/s"] * 3, "m/s^2"]}
 
 
 def beside(array: str, attributes: dict[str, Any], mark: str) -> dict[str, Any]:
-    """Facts of an array, as attributes (@) or as arrays beside it (_)."""
+    """Return facts of an array, as attributes (@) or as neighbouring arrays (_)."""
     return {f"{array}{mark}{name}": value for name, value in attributes.items()}
 
 

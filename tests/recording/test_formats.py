@@ -1,4 +1,5 @@
-"""The tables of formats and dialects are whole: each row has a file, its extra, a place in the documents."""
+"""The tables of formats and dialects are complete: each row has a file, its extra, and an entry in the
+documentation."""
 
 import fnmatch
 import re
@@ -126,7 +127,7 @@ def test_what_begins_as_a_document_in_a_file_is_not_called_a_stream(tmp_path: Pa
 
 
 def test_the_table_is_cheap_to_load() -> None:
-    """Help names all endings, and a program's start on a Raspberry Pi takes a second as it is."""
+    """Help lists all extensions, and the program's start on a Raspberry Pi already takes a second."""
     program = "import sys; from fltea.recording import formats; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert {"numpy", "h5py", "pyarrow", "fltea.recording.kind"} & {*done.stdout.split()} == set()

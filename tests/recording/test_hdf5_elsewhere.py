@@ -1,4 +1,4 @@
-"""Files of HDF5 may say that their data stand in other files; those are not read, and that is said."""
+"""HDF5 files whose data are in other files: those are not read, and the message says so."""
 
 import os
 from collections.abc import Callable

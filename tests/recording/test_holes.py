@@ -1,4 +1,4 @@
-"""Holes, and lengths that lie, in the middle of a recording: what stands before and behind them is read."""
+"""Holes and false lengths in the middle of a recording: everything before and after them is read."""
 
 import re
 from itertools import chain
@@ -22,10 +22,10 @@ from mcap_support import files, kill, record, replay, transport
 
 
 class Case:
-    """A recording in many chunks, to be changed by each test.
+    """A recording in many chunks, for each test to change.
 
-    places: of each record its kind, where it begins and where it ends. chunks: begins and ends of chunks;
-    messages: what is in each.
+    `places`: kind, begin and end of each record. `chunks`: begin and end of each chunk. `messages`: content
+    of each chunk.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -133,7 +133,7 @@ LIES = [0, 1, 20, 1000, WINDOW_BYTES, 10**6, 2**31, 2**40, 2**63, 2**64 - 1]
 @settings(max_examples=50, deadline=None)
 @given(which=st.integers(0, 10_000), lie=st.one_of(st.sampled_from(LIES), st.integers(0, 200_000)))
 def test_a_length_that_lies_costs_no_chunk_and_is_named(case: Case, which: int, lie: int) -> None:
-    """The fields of a chunk say how long it is, and what else has been skipped is searched."""
+    """A chunk's fields show its true length, and all other skipped bytes are searched."""
     first, *_, last = (k for k, (kind, _, _) in enumerate(case.places) if kind == Opcode.CHUNK)
     kind, begin, end = case.places[first + which % (last - first)]
     if lie == end - begin - HEAD.size:
@@ -159,7 +159,7 @@ def test_of_a_wrong_length_it_is_not_said_that_the_recording_is_short(case: Case
 
 
 def test_a_search_among_chunks_that_are_none_has_an_end(case: Case) -> None:
-    """Heads of chunks within chunks cost some readings of the file, not one each."""
+    """False chunk heads within chunks cost a few passes over the file, not one pass each."""
     size, fake = 3_000_000, bytearray()
     while len(fake) < size:
         length = min(10**6, size - len(fake))

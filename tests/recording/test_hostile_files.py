@@ -1,4 +1,5 @@
-"""Whatever a file claims of itself: little memory, exit code 2, and a reason; never a traceback."""
+"""Whatever size a file claims, refusing it takes little memory, with exit code 2 and a reason, never a
+traceback."""
 
 import json
 import subprocess
@@ -25,11 +26,11 @@ from tiers import slow_but
 RIG = Path(__file__).parents[1] / "rig"
 SMALL = ["--set", "estimator.startup=2", "--format", "none", "--once"]
 MOST_MB = 350
-"""A limit of 64 MB, twice for a moment, and what the commands load meanwhile."""
+"""A limit of 64 MB, momentarily held twice, and what the commands load in the meantime."""
 
 
 def probed(*commands: Sequence[object]) -> tuple[list[tuple[object, str]], float]:
-    """Exit code and stderr of each command, and by how many MB the process grew."""
+    """Return exit code and stderr of each command, and by how many MB the process grew."""
     lines = json.dumps([[str(word) for word in command] for command in commands])
     done = subprocess.run(
         [sys.executable, RIG / "command_probe.py"], input=lines, capture_output=True, text=True, check=True
@@ -72,7 +73,7 @@ def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str,
     results, grown_mb = probed(["info", path], ["recover", path, "--in-place"])
     assert [code for code, _ in results] == [1, 0], results
     assert grown_mb < MOST_MB
-    assert recover(path, in_place=False).out is None  # whole now
+    assert recover(path, in_place=False).out is None  # the file is now complete
 
 
 @pytest.mark.parametrize("kind", slow_but([6], hostile_files.SPARSE_KINDS))
@@ -96,7 +97,7 @@ def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
     assert len(samples_of(ReplaySource(path, limits=high).events())) > 190
     for command in all_commands(path, tmp_path / "out.npz"):
         if command[0] == "identify":
-            continue  # two seconds of samples are too short for it
+            continue  # two seconds of samples are too short for this command
         results, _ = probed(
             [*command, "--set", "replay.max_chunk_mb=0.001"],
             [*command, "--set", "replay.max_chunk_mb=1"],
@@ -140,7 +141,7 @@ def test_the_limit_of_arrays_can_be_raised(tmp_path: Path) -> None:
 
 
 def test_a_day_at_100_hz_passes_as_it_is() -> None:
-    """With all that `export` writes: counts and m/s² of three axes, two times, number, epoch."""
+    """A day with all that `export` writes: counts and m/s² of three axes, two times, number, epoch."""
     rows = 24 * 3600 * 100
     assert rows * 8 * (3 + 3 + 4) < Limits().whole_bytes
 

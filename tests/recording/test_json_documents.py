@@ -1,4 +1,4 @@
-"""Documents of JSON: several sensors as parts of one, what stands beside a table, and what pandas writes."""
+"""JSON documents: several sensors as parts of one, facts next to a table, and what pandas writes."""
 
 import json
 from pathlib import Path
@@ -34,7 +34,7 @@ def refusal(folder: Path, content: Any, **how: Any) -> str:
 
 
 def rows(values: np.ndarray, names: str = "x y z", *, timed: bool = True) -> list[dict[str, float]]:
-    """Objects, each with the numbers of a sample by their names, and its time."""
+    """Return objects, each with a sample's numbers by name, and its time."""
     found = [dict(zip(names.split(), row, strict=True)) for row in values.tolist()]
     return [{"t": t, **row} for t, row in zip(TIMES_S.tolist(), found, strict=True)] if timed else found
 
@@ -149,7 +149,7 @@ def test_an_index_of_dates_is_the_times(
 ) -> None:
     how = {"orient": orient, "date_format": date_format, "double_precision": 12}
     if orient == "table" and date_format == "epoch":
-        return  # pandas refuses it
+        return  # pandas refuses to write it
     text = frame(dated=True).to_json(date_unit=date_unit, **how)
     assert is_right(document(tmp_path, text))
 
@@ -184,7 +184,7 @@ def test_what_python_writes_for_missing_numbers_is_missing(tmp_path: Path) -> No
     assert found.whole().gyro == pytest.approx(np.delete(DPS, [7, 9], axis=0))
 
 
-# --- beside the table ---
+# # --- facts next to the table ---
 
 
 BESIDE: dict[str, dict[str, Any]] = {

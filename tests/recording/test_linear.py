@@ -1,6 +1,6 @@
-"""Reading is linear: what is done for twice the rows is twice as much, whatever stands among them.
+"""Reading takes linear time: twice the rows take twice the work, whatever lies between the rows.
 
-Work is counted, and not timed: calls, and the bytes and lines that they look at.
+Work is counted, not timed: calls, and the bytes and lines that each call examines.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 
 ROWS = 4000
-"""More than the sample that tells what columns are, which is looked at more than once."""
+"""More rows than the sample by which the meaning of columns is found; that sample is examined repeatedly."""
 
 HEADER = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
 VALUES = np.round(np.random.default_rng(4).normal(size=(2 * ROWS, 3)), 3)
@@ -45,7 +45,7 @@ def row(k: int) -> str:
 
 
 def every(rows: int, line: str, head: str = HEADER) -> Callable[[int], Iterator[str]]:
-    """A line before the first of every so many rows."""
+    """Insert a line before the first of every few rows."""
 
     def lines(n: int) -> Iterator[str]:
         yield head
@@ -63,7 +63,7 @@ def plain(n: int) -> Iterator[str]:
 
 
 def pages(n: int) -> Iterator[str]:
-    """With a column that nobody reads, and whose name is another one on each page."""
+    """Return pages with an unused column whose name differs on each page."""
     for k in range(n):
         if k % 10 == 0:
             yield HEADER.strip() + f",page {k}\n"
@@ -109,7 +109,7 @@ def sensors(n: int) -> Iterator[str]:
 
 
 def by_position(before: int) -> dict[str, Any]:
-    """Columns behind so many others, the first of which has the times."""
+    """Return columns behind many others, the first of which holds the times."""
     columns = [str(before + place) for place in (1, 2, 3)]
     return {"columns": columns, "units": "dps", "time_column": "1", "time_unit": "s"}
 
@@ -145,7 +145,7 @@ TEXTS: dict[str, tuple[Callable[[int], Iterator[str]], dict[str, Any]]] = {
 
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """Count what is called, and how many bytes or lines it is given."""
+    """Count the calls, and how many bytes or lines they receive."""
     done: Counter[str] = Counter()
 
     def watch(owner: Any, name: str, size: Callable[..., int] = lambda *_: 0) -> None:
@@ -185,7 +185,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def assert_linear(done: list[Counter[str]]) -> None:
-    """Check that nothing is done more than twice as often for twice the rows, but for the beginning."""
+    """Check that twice the rows lead to at most twice the work, apart from the beginning of a file."""
     small, large = done
     for what, count in large.items():
         assert count <= 2.1 * small[what] + 200, f"{what}: {small[what]} and {count}"
@@ -255,7 +255,8 @@ JUNK: dict[str, Callable[[int], str]] = {
     "quotes": lambda k: f'"a{k},1,2\n',
     "wrong checksums": lambda k: f"$VNYMR,1,2,3,4,5,6,7,8,9,1,2,{k}*00\n",
 }
-"""Lines of which few or none are rows. Calls of Python's own functions would be too many to count all."""
+"""Texts in which few or no lines are rows. There calls of Python's own functions would be too many to
+count."""
 
 
 @pytest.mark.parametrize("head", ["", "".join(plain(100))])
@@ -279,7 +280,7 @@ def test_a_line_that_is_no_row_costs_a_few_calls(name: str, head: str, tmp_path:
 
 
 def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None:
-    """However short they are, and however many bytes have been read."""
+    """However short the first lines are, and however many bytes have been read."""
     path = tmp_path / "rest.csv"
     path.write_text("x\n" * (HEAD_LINES - 2) + "".join(plain(100)))
     assert open_csv(path).samples == 100
@@ -290,7 +291,7 @@ def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("end", ["", "\n"])
 def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: Counter[str]) -> None:
-    """Before the columns are known: words, numbers with labels, or one line that never ends."""
+    """Before the columns are known: words, numbers with labels, or one endless line."""
     done = []
     for n in (ROWS, 2 * ROWS):
         work.clear()
@@ -304,7 +305,7 @@ def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: C
 
 
 def test_a_document_that_never_ends_is_not_joined_again_and_again() -> None:
-    """Each piece is a part of a line; a reader that joined all of them each time would take hours."""
+    """Each piece is a part of one line; joining all pieces each time would take hours."""
     documents = text_forms.YamlDocuments()
     for _ in range(20_000):
         documents.feed(b"0123456789")

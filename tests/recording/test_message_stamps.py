@@ -1,4 +1,4 @@
-"""Stamps of messages: which samples are missing, and at what rate they come."""
+"""Stamps of messages: which samples are missing, and the sampling rate."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ PERIOD_NS = 5_000_000
 
 
 def kept(seed: int, share: float, longest: int = 1) -> Times:
-    """Numbers of samples, some of them lost."""
+    """Return numbers of samples, with some samples lost."""
     rng = np.random.default_rng(seed)
     lost = rng.random(N) < share
     for begin in np.flatnonzero(lost):
@@ -43,7 +43,7 @@ def test_samples_are_numbered_as_the_sensor_took_them(
 @given(seed=st.integers(0, 2**32), batch=st.integers(2, 40))
 @settings(max_examples=10)
 def test_samples_that_are_stamped_when_a_batch_is_read(seed: int, batch: int) -> None:
-    """A driver reads a FIFO: so many samples have the same stamp, or almost."""
+    """A driver reads a FIFO, so several samples have (almost) the same stamp."""
     rng = np.random.default_rng(seed)
     number = np.arange(N)
     stamps = (number // batch + 1) * batch * PERIOD_NS + (number % batch) * int(rng.integers(0, 3)) * 10_000
@@ -58,7 +58,7 @@ def test_samples_that_are_stamped_when_a_batch_is_read(seed: int, batch: int) ->
 def test_late_stamps_are_no_gap() -> None:
     stamps = np.arange(N) * PERIOD_NS
     late = stamps.copy()
-    for begin in (100, 700, 1500):  # the computer was busy: 20 messages wait, and are stamped at once
+    for begin in (100, 700, 1500):  # the computer was busy: 20 messages wait, and are then stamped together
         late[begin : begin + 20] = np.maximum(late[begin : begin + 20], stamps[begin + 20] - 20_000)
     found = judge(late, None)
     assert not len(found.gap_row)
@@ -79,11 +79,12 @@ def test_a_gap_between_late_stamps() -> None:
 def test_late_stamps_just_before_and_after_a_gap() -> None:
     number = np.setdiff1d(np.arange(N), np.arange(1000, 1007))
     stamps = number * PERIOD_NS
-    stamps[997:1000] += np.array([4, 8, 12]) * PERIOD_NS // 10  # later and later, none by a step of its own
+    # increasingly late, none of them by a whole step
+    stamps[997:1000] += np.array([4, 8, 12]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
     stamps[1000:1003] += np.array([19, 14, 9]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
-    stamps[999] += 3 * PERIOD_NS  # nobody can know on which side of this one the samples were lost
+    stamps[999] += 3 * PERIOD_NS  # it cannot be known on which side of this stamp the samples were lost
     assert judge(stamps, None).missing.sum() == 7
 
 
@@ -136,12 +137,13 @@ def test_any_stamps(stamps: list[int]) -> None:
 def test_a_stamp_that_repeats_the_one_before_is_no_lost_sample(
     seed: int, behind_ns: int, jitter_ns: int, lost: int
 ) -> None:
-    """A driver takes the time before the new one is there: the sample comes, with an old stamp."""
+    """The driver takes the time before the new one is available: the sample comes with an old stamp."""
     rng = np.random.default_rng(seed)
     n = 24_000
     number = np.arange(n) + lost * (np.arange(n) >= 12_000)
     stamps = number * PERIOD_NS + np.rint(rng.normal(0, jitter_ns, n)).astype(np.int64)
-    places = np.setdiff1d(np.arange(2, n - 2, 3), np.arange(11_990, 12_010))  # beside a gap nobody can tell
+    # next to a gap this cannot be decided
+    places = np.setdiff1d(np.arange(2, n - 2, 3), np.arange(11_990, 12_010))
     again = rng.choice(places, 48, replace=False)
     stamps[again] = stamps[again - 1] + behind_ns
     found = judge(stamps, None)

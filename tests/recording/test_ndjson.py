@@ -1,4 +1,4 @@
-"""fltea's own NDJSON read back: what is in it comes out; what is wrong is named by line and reason."""
+"""Read fltea's own NDJSON back: all content is kept, and errors name the line and the reason."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def test_ndjson_keeps_hello_and_samples_in_order(tmp_path: Path) -> None:
 
 
 def test_epochs_that_another_version_wrote_are_read(tmp_path: Path) -> None:
-    """Of an epoch only its reason matters for a replay; what it was estimated with has changed before."""
+    """A replay needs only an epoch's reason; its estimator settings have changed between versions."""
     old = '{"class":"epoch","epoch":1,"reason":"restart","host_ns":7,"estimator":{"engine":"reference"}}'
     found, _ = read_ndjson(ndjson_file(tmp_path, HELLO, old, SAMPLE))
     assert isinstance(found[1], EpochMark)

@@ -1,4 +1,4 @@
-"""One file of a recording: it says of its messages what the library's own writer says."""
+"""One file of a recording: its statements about its messages equal those of the library's own writer."""
 
 import io
 from pathlib import Path
@@ -85,7 +85,7 @@ def by_the_library(story: list[Any]) -> io.BytesIO:
 
 
 def told(file: Any) -> list[Any]:
-    """All messages and metadata, and what the summary says of them."""
+    """Return all messages and metadata, and what the summary states about them."""
     file.seek(0)
     reader = make_reader(file, validate_crcs=True)
     found: list[Any] = [

@@ -1,4 +1,5 @@
-"""Readers apart keep within the limits of a session, say what ended them, and end with who started them."""
+"""Reader processes keep within the session's limits, say what ended them, and end with the process that
+started them."""
 
 import os
 import resource
@@ -122,12 +123,12 @@ def test_what_a_reader_takes_too_much_of_ends_it() -> None:
     assert ended_by(ProcessLimits(here, 1, 60, GB), "busy") == -signal.SIGXCPU
     assert ended_by(ProcessLimits(here, 60, 1, GB), "sleep") == -signal.SIGALRM
     assert ended_by(ProcessLimits(here, 60, 1, GB), "wait") == 0
-    assert ended_by(ProcessLimits(here + 1, 60, 60, GB), "sleep") == 1  # who started it is not there any more
+    assert ended_by(ProcessLimits(here + 1, 60, 60, GB), "sleep") == 1  # its parent process is gone
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="prctl(2) is of Linux")
 def test_a_reader_ends_with_who_started_it() -> None:
-    """Its stdout, which both have open, ends when both are gone."""
+    """Its stdout, which both processes hold open, ends when both are gone."""
     words = [sys.executable, "-c", PARENT, HELD]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None

@@ -1,4 +1,7 @@
-"""Any bytes, and real files that were changed anywhere: records or an error that says why; nothing else."""
+"""Any bytes, and real files with changes anywhere, lead to records or to an error that says why.
+
+Nothing else.
+"""
 
 import contextlib
 import gzip
@@ -37,14 +40,14 @@ from tiers import slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
-"""Twice the limits, and what is made of a recording within them."""
+"""Twice the limits, and what a recording within them needs."""
 
 Change = tuple[float, bytes, int]
 places = st.floats(0, 1, exclude_max=True)
 LENGTHS = [byte * count for byte in (b"\x00", b"\xff") for count in (1, 2, 4, 8)]
-"""The least and the largest length of what follows, as formats write it."""
+"""The smallest and the largest length of what follows, as formats write it."""
 holes = st.tuples(places, st.integers(13, 3000)).map(lambda hole: (hole[0], bytes(hole[1]), hole[1]))
-"""Zeros, as they are left where a file that is being written is cut short or punched."""
+"""Zeros, as a file has that was cut short while being written, or in which a hole was punched."""
 
 changes = st.lists(
     st.one_of(
@@ -55,7 +58,7 @@ changes = st.lists(
     min_size=1,
     max_size=4,
 )
-"""Where, what is put there, and how much goes for it."""
+"""An offset, the bytes put there, and how many bytes they replace."""
 
 WHOLE = [0, -1, 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 10**30]
 NUMBERS = [*WHOLE, 1e-320, 1e-9, 1e308, 1e999, True, None]
@@ -71,7 +74,7 @@ def changed(data: bytes, how: list[Change]) -> bytes:
 
 
 def walk(path: Path) -> None:
-    """All that reads recordings, to its end."""
+    """Run all code that reads recordings, to its end."""
     how = How(rate_hz=100.0, units="dps") if path.suffix == ".npy" else AS_IT_SAYS
     out = path.with_name("out.npz")
     for what in (
@@ -109,7 +112,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    """One file of every kind, as fltea writes it."""
+    """Return one file of every kind, as fltea writes it."""
     folder = tmp_path_factory.mktemp("real")
     lines, _ = record(folder, transport(samples=60, boots=2))
     (mcap,) = folder.glob("*.mcap")
@@ -169,7 +172,7 @@ def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path, 
 @settings(max_examples=12)
 @pytest.mark.parametrize("name", ["ardupilot.bin", "labview.tdms", "asam.mf4", "px4.ulg", "matlab.mat"])
 def test_logs_that_were_changed_anywhere(name: str, folder: Path, how: list[Change]) -> None:
-    """Their libraries take a second to begin, so each is looked at once."""
+    """Their libraries take a second to start, so each file is read once."""
     path = folder / name
     path.write_bytes(changed((HERE / name).read_bytes(), how))
     with contextlib.suppress(FlteaError):
@@ -196,7 +199,7 @@ def test_ndjson_with_odd_values(real: Files, folder: Path, line: int, key: int, 
 
 
 ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
-"""Those of counts."""
+"""The arrays of counts."""
 
 
 @pytest.mark.slow
@@ -210,7 +213,7 @@ ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
 def test_npz_with_odd_numbers(
     real: Files, folder: Path, name: str, value: Any, row: int | None, kind: str
 ) -> None:
-    """In one place or in all."""
+    """The odd numbers are at one index or everywhere."""
     with np.load(io.BytesIO(real["rest.npz"])) as archive:
         arrays = {key: archive[key] for key in archive.files}
     with np.errstate(all="ignore"):
@@ -231,7 +234,7 @@ def test_npz_with_odd_numbers(
 @given(how=changes, name=st.sampled_from(ARRAYS))
 @settings(max_examples=50)
 def test_npz_with_changed_arrays(real: Files, folder: Path, how: list[Change], name: str) -> None:
-    """Behind the checksums of the archive."""
+    """The arrays are changed, with correct checksums in the archive."""
     with zipfile.ZipFile(io.BytesIO(real["rest.npz"])) as archive:
         arrays: dict[str, Any] = {key[:-4]: archive.read(key) for key in archive.namelist()}
     arrays[name] = changed(arrays[name][:300], how) + arrays[name][300:]
@@ -239,7 +242,7 @@ def test_npz_with_changed_arrays(real: Files, folder: Path, how: list[Change], n
 
 
 def mcap_of(*messages: tuple[str, int, int, int, bytes], **info: str) -> bytes:
-    """Messages by topic, outside of chunks: nothing stands between them and the reader."""
+    """Write messages by topic, outside of chunks, so that nothing checks them before the reader."""
     builder = RecordBuilder()
     topics = {"wire": 1, "link": 2, "estimate": 3}
     for topic, number in topics.items():
@@ -308,7 +311,7 @@ def test_mcap_with_an_odd_head(real: Files, folder: Path, key: str, value: str) 
 @given(key=st.integers(0, 40), value=odd)
 @settings(max_examples=25)
 def test_mcap_with_an_odd_hello(real: Files, folder: Path, key: int, value: Any) -> None:
-    """Of the device, as the head of a file keeps it, before bytes that are those of a real one."""
+    """The device's HELLO, as the file's head keeps it, precedes bytes of a real device."""
     hello = next(json.loads(line) for line in real["run.ndjson"].splitlines() if b'"hello"' in line)
     hello[sorted(hello)[key % len(hello)]] = value
     chunks = [item.data for item in transport(samples=60) if hasattr(item, "data")]

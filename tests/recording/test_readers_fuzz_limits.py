@@ -1,4 +1,4 @@
-"""Files that reach outside themselves or have wide messages, and sessions with few resources: an error."""
+"""Files that refer to others or have wide messages, and sessions with few resources, lead to an error."""
 
 import contextlib
 import json
@@ -46,22 +46,23 @@ PLACES = st.sampled_from(
 def test_hdf5_never_reads_another_file(
     folder: Path, places: list[tuple[str, str, str]], is_pandas: bool
 ) -> None:
-    """A pipe would be waited for, and /dev/zero never ends: neither is opened."""
+    """Reading a pipe would wait, and /dev/zero never ends: neither is opened."""
     path = folder / "a.h5"
     with h5py.File(path, "w") as file:
         if is_pandas:
             file.create_group("imu").attrs.update({"pandas_type": "frame", "nblocks": 1})
             file["imu/block0_items"] = [b"gyro_x_dps"]
         for place, kind, target in places:
-            with contextlib.suppress(ValueError, OSError, RuntimeError):  # the place is taken
+            with contextlib.suppress(ValueError, OSError, RuntimeError):  # the name exists already
                 _put(file, place, kind, target)
     before = os.getcwd()
     os.chdir(folder)
     try:
-        with contextlib.suppress(FlteaError, KeyError):  # `foreign` makes a sentence of what a library raises
+        # `by_library` turns what a library raises into a message
+        with contextlib.suppress(FlteaError, KeyError):
             sheet = hdf5.read(path, "")
             for block in sheet.blocks(range(len(sheet.names))):
-                assert not (block == 0).any()  # nothing of the other files, and nothing made up
+                assert not (block == 0).any()  # no values of the other files, and no invented ones
     finally:
         os.chdir(before)
 
@@ -125,7 +126,7 @@ def test_messages_of_any_width(
 )
 @settings(max_examples=6)
 def test_a_session_with_little_of_anything(name: str, addresses: int, seconds: int) -> None:
-    """It is read, or refused for the session's sake; the file is not to blame."""
+    """The file is read, or refused because of the session's limits; the file is not blamed."""
     session = {resource.RLIMIT_AS: addresses, resource.RLIMIT_CPU: seconds}
     said: FlteaError | None = None
     with pytest.MonkeyPatch.context() as patch:

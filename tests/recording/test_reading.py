@@ -1,4 +1,5 @@
-"""Each question about a file, with each kind of evidence: the strongest counts, contradictions are told."""
+"""Each question about a file, with each kind of evidence: the strongest decides, contradictions are
+reported."""
 
 import shlex
 from collections.abc import Sequence
@@ -20,12 +21,12 @@ from hypothesis import strategies as st
 
 PLAIN = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
 OF_DIALECT = ["time", "gFx", "gFy", "gFz", "wx", "wy", "wz"]
-"""Of Physics Toolbox: s, g, rad/s."""
+"""Columns of Physics Toolbox: s, g, rad/s."""
 OF_CONVENTION = [
     "field.header.stamp",
     *(f"field.{what}.{axis}" for what in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
 ]
-"""Of ROS 1: ns, rad/s, m/s²."""
+"""Columns of ROS 1: ns, rad/s, m/s²."""
 N = 60
 IN_G = np.hstack([np.arange(N)[:, np.newaxis] / 100, np.full((N, 3), 0.1), np.full((N, 3), 0.6)])
 IN_G[:, 6] = 0.53
@@ -40,7 +41,7 @@ def read(
     tag: str = "",
     **how: Any,
 ) -> Chosen:
-    """What columns are, of these names and this row of units."""
+    """Return the meaning of columns with these names and this row of units."""
     facts = Facts() if facts is None else facts
     return choose("rest", names, row, width or len(names or ()), How(**how), facts, tag)
 
@@ -52,7 +53,7 @@ def refusal(*arguments: Any, **how: Any) -> str:
 
 
 def said(chosen: Chosen, question: str) -> Answer:
-    """The only answer to a question."""
+    """Return the only answer to a question."""
     (found,) = [answer for answer in chosen.answers if answer.question == question]
     return found
 
@@ -150,14 +151,14 @@ def test_what_is_asked_for_can_be_typed() -> None:
     assert text == f"rest: nothing says this; and that. {ASK}--c 1 --a ? --b ?\ntable"
 
 
-# --- the strongest evidence counts ---
+# # --- the strongest evidence decides ---
 
 UNITS = ["deg/s", "rad/s", "mdeg/s", "mrad/s", "deg/h"]
 MAYBE = st.none() | st.sampled_from(UNITS)
 
 
 def expected(given_: str | None, stated: set[str], told: str | None) -> tuple[str, str] | None:
-    """The unit and its evidence; ("", why) of a contradiction; None: it is missing."""
+    """Return the unit and its evidence; ("", reason) for a contradiction; None if it is missing."""
     if len(stated) > 1:
         return None if given_ is None and not stated else ("", "differ")
     if given_ is not None:

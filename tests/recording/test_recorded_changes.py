@@ -1,4 +1,4 @@
-"""Steps and motions ride along in recordings: as channels, counted by `info`, and exported as tables."""
+"""Steps and motions in recordings: stored as channels, counted by `info`, and exported as tables."""
 
 import csv
 from pathlib import Path
@@ -22,7 +22,7 @@ CHANGES = [STEP, DOWN, MOVES, RESTS, replace(MOVES, host_ns=12 * 10**9)]
 
 
 def recorded(folder: Path, *changes: Step | Motion, **settings: object) -> list[AnyRecord]:
-    """Record a device at rest, and then these; return all records."""
+    """Record a device at rest, then these records; return all records."""
     live, sink = record(folder, transport(samples=60), end=False, **settings)
     for one in changes:
         sink.write(one)

@@ -1,4 +1,4 @@
-"""Units of rates, and .npz files: what is in them comes out; what is wrong is named by file and reason."""
+"""Units of rates, and .npz files: all content is kept, and errors name the file and the reason."""
 
 import math
 from pathlib import Path
@@ -38,7 +38,8 @@ def test_rates_that_no_gyroscope_has_are_left_out(value: str, units: str, tmp_pa
 )
 def test_units(units: str, value: float, dps: float, tmp_path: Path) -> None:
     found = stored(tmp_path, f"gx\n{value}\n", columns=["gx"], units=units, rate_hz=100.0).whole()
-    assert found.gyro[0, 0] == pytest.approx(dps)  # counts stay counts, and their scale stands beside
+    # the values stay counts, and their scale is given separately
+    assert found.gyro[0, 0] == pytest.approx(dps)
     assert found.lsb_per_dps == (16.4 if units == "lsb:16.4" else None)
 
 
@@ -72,7 +73,7 @@ def test_npz_of_counts(tmp_path: Path) -> None:
 
 
 def test_npz_of_rates_and_numbers_in_brackets(tmp_path: Path) -> None:
-    """The scale of a file with deg/s would be of no use; numbers may come as arrays of one."""
+    """The scale of a file with deg/s is ignored; single numbers may come as arrays of length one."""
     rates = {"gyro_dps": np.ones((2, 1)), "fs_hz": np.array([99.0])}
     found = open_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, **rates)).whole()
     assert (found.rate_hz, found.lsb_per_dps, found.gyro.shape) == (99.0, None, (2, 1))
@@ -155,7 +156,7 @@ def test_numbers_that_lack_samples_take_their_time(tmp_path: Path) -> None:
 
 
 def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:
-    """Neither for its size nor for what unpickling it could do."""
+    """Neither because of its size nor because unpickling it could run code."""
     beside = {"note": np.array({"a": 1}, dtype=object), "large": np.zeros(1 << 20)}
     path = npz_file(tmp_path, **beside)
     assert open_npz(path, Limits(max_mb=0.001)).whole().gyro.tolist() == GOOD["gyro_raw"].tolist()
@@ -170,7 +171,7 @@ def test_other_files_are_no_npz(data: bytes | None, tmp_path: Path) -> None:
 
 
 def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
-    """Any byte changed: a usage error or the samples as they were. The end cut off: a usage error."""
+    """Any changed byte gives a usage error or the original samples; a cut-off end gives a usage error."""
     path = tmp_path / "rest.npz"
     gyro = np.random.default_rng(1).integers(-99, 99, (8, 1))
     np.savez_compressed(path, **{**GOOD, "gyro_raw": gyro})

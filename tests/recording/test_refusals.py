@@ -1,4 +1,4 @@
-"""What a stranger's file is taken for, and what is said of one that is none."""
+"""What a foreign file is recognised as, and the error for a file that is no recording."""
 
 import json
 import shlex

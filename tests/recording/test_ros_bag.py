@@ -80,7 +80,7 @@ def test_packed_bags(tmp_path: Path, kind: str, packed: str) -> None:
 @pytest.mark.parametrize("profile", ["ros1", "ros2", ""])
 @pytest.mark.parametrize("packed", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD, None])
 def test_mcap_by_other_hands(tmp_path: Path, profile: str, packed: CompressionType | None) -> None:
-    """Whatever wrote it: with chunks or without, also messages of ROS 1, also without a profile."""
+    """Whatever program wrote it: with or without chunks, with messages of ROS 1, or without a profile."""
     rest = even(50)
     how = {"compression": packed or CompressionType.NONE, "use_chunking": packed is not None}
     path = write_mcap(tmp_path / "a.mcap", rest, profile=profile, chunk_size=4000, **how)
@@ -137,7 +137,7 @@ def test_messages_of_xcdr_2_are_aligned_to_four_bytes(frame: str) -> None:
     found = read_imu([packed], "cdr")
     assert found.gyro.tolist() == [[1.5, 2.5, 3.5]]
     assert found.accel.tolist() == [[4.5, 5.5, 6.5]]
-    assert not len(read_imu([b"\0\2\0\0" + packed[4:]], "cdr").row)  # a list of parameters
+    assert not len(read_imu([b"\0\2\0\0" + packed[4:]], "cdr").row)  # a parameter list
 
 
 # --- topics ---
@@ -184,7 +184,7 @@ def test_acceleration_that_was_not_measured_is_none(tmp_path: Path) -> None:
 
 
 def missing_in(stored: Stored, n: int) -> list[int]:
-    """Which of n samples are not there, by the numbers of the others."""
+    """Return the missing numbers among n samples, given those present."""
     whole = stored.whole()
     assert whole.seq is not None
     return np.setdiff1d(np.arange(n), whole.seq).tolist()

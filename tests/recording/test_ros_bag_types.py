@@ -1,4 +1,4 @@
-"""Bags with types that ROS itself does not have: PX4's, and those whose definition stands in the bag."""
+"""Bags with types that ROS does not define: PX4's, and those whose definition is in the bag."""
 
 import contextlib
 import sqlite3
@@ -117,7 +117,7 @@ def test_types_of_px4(tmp_path: Path, kind: str, name: str) -> None:
 
 
 def test_a_layout_of_px4_that_is_not_known_is_refused(tmp_path: Path) -> None:
-    """A later release has a field more; where the definition stands in the bag it is read."""
+    """A later release has an additional field; if the bag holds the definition, it is read."""
     kind, definition, make = "SensorGyro", PX4_GYRO.format("bool is_external\n"), sample
     messages = [{"is_external": False, **make(k)} for k in range(N)]
     path = write_types(
@@ -203,7 +203,7 @@ def test_a_type_that_its_definition_describes(tmp_path: Path, kind: str) -> None
 
 
 def test_a_type_that_is_made_for_it_comes_first(tmp_path: Path) -> None:
-    """Other messages with an angular velocity may be estimates."""
+    """Other messages with an angular velocity may hold estimates."""
     other = custom_bag(tmp_path / "a.db3", "rad/s")
     imu = write_bag(tmp_path / "b.db3", {"/imu": even(90)})
     for first, second in ((other, imu), (imu, other)):

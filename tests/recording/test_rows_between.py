@@ -1,4 +1,4 @@
-"""Rows between two samples of an even clock, which another sensor or a second clock puts there."""
+"""Rows between two samples of an even clock, which come from another sensor or a second clock."""
 
 from pathlib import Path
 
@@ -13,13 +13,13 @@ from text_files import refusal, stored
 N = 400
 SEEDS = st.integers(0, 1 << 20)
 PERIODS = st.sampled_from([1.0, 0.01, 1 / 333, 5000.0, 1e7])
-"""Of times in s, µs and ns."""
+"""Sampling periods, in s, µs and ns."""
 
 NOWHERE = st.sets(st.integers(1, N - 2), max_size=40)
 
 
 def jitter(seed: int, most: float) -> np.ndarray:
-    """Of each time, in periods, up to `most` in all of a step."""
+    """Draw the jitter of each time, in periods, up to `most` in total for a step."""
     return np.random.default_rng(seed).uniform(-most / 2, most / 2, N)
 
 
@@ -28,7 +28,7 @@ def even(period: float) -> Floats:
 
 
 def with_rows(times: np.ndarray, places: set[int], seed: int, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times with rows between a sample and the next one, at any phase; and which of them these are."""
+    """Return times with rows between one sample and the next, at any phase, and which rows these are."""
     phases = np.random.default_rng(seed).uniform(0.22, 0.78, len(places))
     extra = times[sorted(places)] + phases * period
     both = np.concatenate([times, extra])
@@ -47,7 +47,7 @@ def test_extra_rows_are_found_and_only_these(
 
 @given(SEEDS, PERIODS, NOWHERE)
 def test_they_are_found_where_the_clock_is_not_quite_even(seed: int, period: float, places: set[int]) -> None:
-    """Of steps that differ by 4 %: enough for a sensor's clock."""
+    """Steps differ by 4 %, which is even enough for a sensor's clock."""
     alone = {place for place in places if not {place - 1, place - 2} & places}
     times, extra = with_rows((np.arange(N) + jitter(seed, 0.04)) * period, alone, seed, period)
     assert between(times, period).tolist() == extra.tolist()
@@ -63,7 +63,7 @@ def test_jitter_and_missing_rows_are_not_touched(
 
 @given(PERIODS, st.integers(1, N - 2), st.floats(0.21, 0.79))
 def test_a_row_that_comes_late_is_a_sample(period: float, place: int, late: float) -> None:
-    """Its neighbours are two periods apart, so it is no row too many."""
+    """Its neighbours are two periods apart, so the row is not surplus."""
     times = even(period)
     times[place] += late * period
     assert not between(times, period).any()
@@ -103,7 +103,7 @@ def text(times: np.ndarray, values: np.ndarray) -> str:
 def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
     share: float, rate_hz: float, tmp_path: Path
 ) -> None:
-    """Rows that are interpolated between samples would make them look filtered, and the rate too high."""
+    """Interpolated rows between samples would make the samples look filtered, and the rate too high."""
     n = 3000
     random = np.random.default_rng(5)
     truth = np.round(random.normal(size=n), 4)
@@ -124,7 +124,7 @@ def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
 
 
 def test_a_clock_with_many_rows_between_is_none(tmp_path: Path) -> None:
-    """Two steps in ten are then no period of it."""
+    """With two such steps in ten, the clock has no period."""
     times, _ = with_rows(np.arange(3000) / 100, {*range(2, 2998, 10)}, 3, 0.01)
     assert "the steps of 'time_s' are too uneven for a sensor's clock" in refusal(
         tmp_path, text(times, np.sin(times))

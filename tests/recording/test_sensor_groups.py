@@ -1,4 +1,5 @@
-"""Tables with several sensors, scales and rates: labels by name, values by place, a rate in its group."""
+"""Tables with several sensors, scales and rates: labels by name, values by position, rates belong to
+groups."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +27,7 @@ from table_support import (
     with_attributes,
 )
 
-# --- labels by name, values by place ---
+# # --- labels by name, values by position ---
 
 
 def three(x: Any, y: Any, z: Any) -> dict[str, Any]:
@@ -161,7 +162,7 @@ def test_groups_are_the_path_before_the_axis(path: list[str], axis: str) -> None
 
 
 def rates(folder: Path, read: Callable[..., Stored], **scalars: float) -> Stored:
-    """A gyroscope in `imu`, and rates by their paths, with _ for /."""
+    """Return a gyroscope in `imu`, and rates by their paths, with _ for /."""
     tree: dict[str, Any] = {"imu": {"gyro_dps": GYRO}, "mic": {"sound": OTHER[:, 0]}}
     for path, rate_hz in scalars.items():
         group, _, name = path.rpartition("_")

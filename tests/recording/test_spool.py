@@ -1,4 +1,4 @@
-"""Columns in temporary files, and recordings that are read a block at a time: as if they were in memory."""
+"""Columns in temporary files, and recordings read block by block: the result is as if they were in memory."""
 
 import io
 

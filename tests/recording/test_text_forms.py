@@ -19,7 +19,7 @@ ECHOED = [f"{1.6e18 + k * 1.01e8:.0f},{1.6e18 + k * 1e8:.0f},imu" for k in range
 def rows(
     separator: str = ",", decimal: str = ".", times: Sequence[str] = S, rads: bool = False, end: str = "\n"
 ) -> str:
-    """GYRO at 10 Hz, each row with its time before it."""
+    """Return GYRO at 10 Hz, each row preceded by its time."""
     numbers = (
         [time, *(repr(v / DEG if rads else v) for v in row)] for time, row in zip(times, GYRO, strict=True)
     )
@@ -75,7 +75,7 @@ HOW: dict[str, dict[str, object]] = {
     "milliseconds by what the user says": {"units": "dps", "time_unit": "ms"},
     "columns that are named, in their order": {"columns": ["b", "c", "a"], "units": "dps"},
 }
-"""What the user says of some of them."""
+"""Options that some of these files need."""
 
 
 @pytest.mark.parametrize("name", FORMS)

@@ -1,4 +1,4 @@
-"""The head of a text: names with blanks, units of times, and what plain words state."""
+"""The head of a text: names with blanks, units of times, and facts in plain words."""
 
 from pathlib import Path
 
@@ -14,9 +14,9 @@ GYRO_DPS = np.round(np.random.default_rng(3).normal([0.5, -0.3, 0.2], 0.2, (N, 3
 
 
 def table(head: str, separator: str = ",", times_s: float | None = 1.0, factor: float = 1.0) -> str:
-    """Rows behind a head.
+    """Return rows behind a head.
 
-    Times_s: of one in the column of times; None: there is none. factor: of the rates.
+    `times_s`: unit of the column of times [s]; None: no such column. `factor`: factor of the rates.
     """
     rows = []
     for k, rates in enumerate(GYRO_DPS * factor):
@@ -138,7 +138,7 @@ UNITS = {
     "# scale: 131 LSB/(deg/s)": 131.0,
     "# gyro sensitivity 17.50 mdps/LSB": 1 / 0.0175,
 }
-"""Heads that state a unit, and how many of it are 1 deg/s."""
+"""Heads that state a unit, and how many of that unit make 1 deg/s."""
 
 
 @pytest.mark.parametrize("head", UNITS)
@@ -208,7 +208,7 @@ def test_scales_in_a_head_hold_whatever_unit_is_given(tmp_path: Path) -> None:
 
 
 def test_seconds_in_two_columns_are_one_clock_beside_another(tmp_path: Path) -> None:
-    """As bagpy writes a topic of ROS: the time of recording beside that of the message."""
+    """bagpy writes a topic of ROS so, with the time of recording next to that of the message."""
     head = (
         "Time,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y,angular_velocity.z"
     )
@@ -235,7 +235,7 @@ def test_dates_of_a_logger_are_not_in_its_unit_of_numbers(tmp_path: Path) -> Non
 @pytest.mark.parametrize("form", ["{:,.0f}", "{:,.1f}"])
 @pytest.mark.parametrize("is_german", [True, False])
 def test_numbers_with_signs_between_thousands_are_refused(tmp_path: Path, form: str, is_german: bool) -> None:
-    """53.456 would be read for 53,456, a thousand times less."""
+    """53.456 would be read in place of 53,456, a thousand times less."""
     signs = str.maketrans(",.", ".,") if is_german else {}
     separator = ";" if is_german else ","
 
@@ -261,7 +261,7 @@ def test_addresses_and_decimal_signs_are_no_thousands(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sign", ["", ":"])
 def test_an_accelerometer_on_other_lines_is_said_not_to_be_read(tmp_path: Path, sign: str) -> None:
-    """As Adafruit's examples print it."""
+    """Adafruit's examples print it so."""
     text = "".join(
         f"Acceleration{sign} X: 0.20, Y: -0.30, Z: 9.80 m/s^2\nGyro X: {x}, Y: {y}, Z: {z} rad/s\n\n"
         for x, y, z in np.radians(GYRO_DPS)

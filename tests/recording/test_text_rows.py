@@ -1,4 +1,4 @@
-"""Lines of text as rows: any bytes, cut anywhere, against a plain decoder of one line after the other."""
+"""Lines of text as rows: any bytes, cut anywhere, compared with a plain decoder of single lines."""
 
 import json
 import math
@@ -25,7 +25,7 @@ Row = tuple[int, list[float]]
 
 
 def rows_of(parser: TextReader, *parts: bytes) -> list[Row]:
-    """Number and values, those of the axes and then the time; None where there is no number."""
+    """Return the row's number and its values, the axes and then the time; None where there is no number."""
     found: list[Rows] = [rows for part in parts for rows in parser.feed(part)] + parser.finish()
     return [
         (number, [None if math.isnan(value) else value for value in row])  # type: ignore[misc]
@@ -35,7 +35,7 @@ def rows_of(parser: TextReader, *parts: bytes) -> list[Row]:
 
 
 def plain(lines: list[bytes]) -> list[Row]:
-    """What the fields t,gx,gy hold, one line after the other, by the simplest means."""
+    """Decode the fields t,gx,gy line by line, by the simplest means."""
     number = 0
     found: list[Row] = []
     for line in lines:

@@ -1,4 +1,4 @@
-"""Logs of PX4 that are damaged anywhere: what stands before and behind is read, and what is not is told."""
+"""Logs of PX4 that are damaged anywhere: intact parts before and after are read, and losses are reported."""
 
 import struct
 from io import BytesIO
@@ -49,7 +49,7 @@ def test_a_whole_log_is_read_as_it_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("length", [0, 1, 65_535, MESSAGE - 3 + MESSAGE, (MESSAGE - 3) ^ 0x2000])
 def test_a_length_that_is_wrong_costs_one_message(length: int, tmp_path: Path) -> None:
-    """Also one that ends where a later message begins."""
+    """This includes a length that ends where a later message begins."""
     found = read(tmp_path, put(WHOLE, MIDDLE, struct.pack("<H", length)))
     assert found.whole().seq.tolist() == [k for k in range(N) if k != N // 2]
     assert (
@@ -106,7 +106,7 @@ def test_padding_behind_the_last_field_may_be_logged_or_not(tmp_path: Path) -> N
 
 
 def test_a_log_with_a_part_appended_after_a_crash(tmp_path: Path) -> None:
-    """The message that was being written before it is cut; holes in front do not move the part."""
+    """The message being written before the crash is cut; holes before the appended part do not move it."""
     flags = bytes(8) + b"\x01" + bytes(7) + struct.pack("<3Q", MIDDLE + 20, 0, 0)
     data = WHOLE[: MIDDLE + 20] + WHOLE[MIDDLE + MESSAGE :]
     data = put(data, 16 + 3, flags)

@@ -1,4 +1,5 @@
-"""Steps of a bias and motions of the sensor: one sentence for page, table and log, and marks in figures."""
+"""Steps of a bias and motions of the sensor: the same sentence on page, table and log, and marks in the
+figures."""
 
 import re
 import time
@@ -187,7 +188,7 @@ def test_the_page_says_what_the_bias_did_and_that_the_sensor_moves() -> None:
 
 
 def test_marks_are_sent_when_there_are_new_ones_and_a_shaken_sensor_costs_little() -> None:
-    """The page may get 3 kB/s; this is before it is packed, which makes a third of it."""
+    """The page may receive 3 kB/s; this is the size before compression, which leaves a third."""
     history = told(records("n=400"))
     reader = Reader(history)
     reader.read(axis="gyro_x", parts="marks", window=1)

@@ -1,4 +1,4 @@
-"""The page of a device that estimates by itself: its own estimates alone, or beside the host's."""
+"""The page of a device that estimates: its own estimates alone, or in addition to the host's."""
 
 from collections.abc import Callable
 
@@ -40,7 +40,7 @@ def test_device_alone_is_drawn_as_published_at_a_pace_of_its_own(late: int) -> N
     assert history.estimator("gyro_y") == "device"
     shown = columns(history, "gyro_y")
     published = [e.axes["gyro_y"].fltea.alpha or 0.0 for e in found if isinstance(e, Estimate)]
-    drawn = shown["alpha"][1:]  # in the first row the axes get known
+    drawn = shown["alpha"][1:]  # the first row comes before the axes are known
     assert np.isfinite(drawn).all(), "each until the next comes"
     assert min(published) <= drawn.min() < drawn.max() <= max(published)
     assert np.isfinite(shown["y"]).all(), "every sample is drawn"
@@ -55,7 +55,7 @@ def test_what_a_device_estimated_is_not_drawn_for_ever() -> None:
 
 
 def test_axes_of_the_accelerometer_are_the_hosts_and_leave_the_devices_alone() -> None:
-    """Their estimates come in records of their own."""
+    """The accelerometer's estimates come in records of their own."""
     found: list[AnyRecord] = []
     for record in with_breaks([700], accel=True):
         if isinstance(record, Estimate):
@@ -111,7 +111,7 @@ def test_engine_is_named_with_whose_the_estimates_are(
     assert facts.settings(told(found(records(NOISE)), who=who)).endswith(words + memory)
 
 
-# --- beside the host's ---
+# # --- device and host ---
 
 
 def test_the_devices_estimates_stand_beside_and_the_hosts_stay_as_they_are() -> None:
@@ -146,7 +146,7 @@ def test_largest_difference_is_that_of_what_is_shown_and_no_bucket_hides_it(sign
 
 
 def test_rows_that_are_kept_longer_than_they_are_shown_do_not_count() -> None:
-    """One estimate in 2 s: the table of two minutes, with rows of 0.4 s, goes back further."""
+    """With one estimate in 2 s, the table of two minutes, with rows of 0.4 s, reaches further back."""
     found = both(records("n=700&rate_hz=5"), lambda seq: 5e-6 if seq == 60 else 1e-8)
     history = told(found, who="both")
     at_most = [history.course.farthest(window, "gyro_x")[0] for window in (1, 2)]

@@ -1,4 +1,4 @@
-"""What the page remembers of a device is what its records say, neither more nor less."""
+"""The page's history of a device holds exactly what the device's records say."""
 
 import msgspec
 import numpy as np
@@ -21,13 +21,13 @@ def test_a_row_is_a_bucket_of_samples_with_what_is_estimated_then() -> None:
     samples = {s.seq: s for s in of(Sample, found)}
     estimates = {e.host_ns: e.axes["gyro_y"] for e in of(Estimate, found)}
     assert len(shown["time"]) == pytest.approx(50, abs=2)
-    for i, time_ms in [*enumerate(shown["time"])][1:]:  # in the first one the axes get known
+    for i, time_ms in [*enumerate(shown["time"])][1:]:  # the first row comes before the axes are known
         inside = [s for s in samples.values() if s.host_ns * 1e-6 // 100 == time_ms // 100]
         y = np.array([s.gyro_dps[1] for s in inside]) - bias
         assert time_ms == pytest.approx(np.mean([s.host_ns for s in inside]) * 1e-6)
         assert (shown["y_low"][i], shown["y_high"][i]) == pytest.approx((y.min(), y.max()))
         assert shown["y"][i] == pytest.approx(y.mean())
-        known = [estimates[s.host_ns - 10_000_000] for s in inside]  # each came after its sample
+        known = [estimates[s.host_ns - 10_000_000] for s in inside]  # each estimate came after its sample
         assert shown["alpha"][i] == pytest.approx(np.mean([e.fltea.alpha for e in known]))
         assert shown["f_std"][i] == pytest.approx(np.mean([e.fltea.f_std for e in known]))
         assert shown["state"][i] == pytest.approx(np.mean([e.bias - bias for e in known]))

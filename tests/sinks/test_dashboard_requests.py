@@ -1,4 +1,4 @@
-"""The page's buttons: only our own page may press them, and what they do is real."""
+"""The page's buttons: only our own page may use them, and they have a real effect."""
 
 import base64
 import html
@@ -29,7 +29,7 @@ AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "g
 
 
 class Fake:
-    """A recorder that notes what it is asked for."""
+    """A recorder that notes each request."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, str, bool]] = []
@@ -60,7 +60,7 @@ class Served:
         return ask(self.port, path, method, **{BY_SCRIPT: "1", **headers})
 
     def hear(self, axes: dict[str, AxisFit] = AXES, **of_hello: str) -> list[Fit]:
-        """Let the page hear a device with such fits."""
+        """Give the page a device with such fits."""
         found = with_fits(records("n=600"), axes) if axes else records("n=600")
         for record in found:
             changes = of_hello if isinstance(record, Hello) else {}
@@ -77,7 +77,7 @@ def test_the_page_is_for_those_who_know_the_password(tmp_path: Path) -> None:
     paths = "/", "/state?device=due", "/report.html?device=due"
     try:
         assert served.ask("GET", "/", Authorization=good).status == 200
-        with ThreadPoolExecutor(len(paths)) as pool:  # who is wrong waits for the answer
+        with ThreadPoolExecutor(len(paths)) as pool:  # a wrong password is answered with a delay
             assert [*pool.map(lambda path: served.ask("GET", path).status, paths)] == [401] * len(paths)
     finally:
         served.sink.close()
@@ -95,17 +95,17 @@ def server() -> Iterator[Served]:
 
 @pytest.fixture
 def served(server: Served) -> Served:
-    """The one server, with a recorder that was asked for nothing and a history in which nothing happened."""
+    """Share one server among tests, with a recorder that has no requests and a history without events."""
     server.fake.asked, server.fake.fail = [], ""
     server.sink._histories["due"] = DeviceHistory("due", "host")
     return server
 
 
-# --- who may ---
+# # --- access ---
 
 
 def test_no_other_site_presses_the_buttons_and_none_reads_the_files(served: Served) -> None:
-    """A page of another site can send no header of ours, and its browser names it."""
+    """A page of another site cannot send our header, and the browser states its origin."""
     served.hear()
     record = "/recording?device=due&want=on"
     assert ask(served.port, record, "POST").status == 403
@@ -211,7 +211,7 @@ def test_recording_in_words(view: RecordingView, may: bool, level: str, can: boo
         assert json.loads(json.dumps(facts, allow_nan=False)) == facts
 
 
-# --- to take home ---
+# # --- downloads ---
 
 
 def test_report_holds_fit_curves_counts_settings_and_times(served: Served) -> None:

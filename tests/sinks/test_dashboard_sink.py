@@ -1,4 +1,4 @@
-"""The page's output: it opens, serves, ends, and knows only what records say."""
+"""The output for the page: it opens, serves, ends, and depends only on records."""
 
 import ast
 import json
@@ -41,7 +41,7 @@ def test_it_serves_what_it_is_given_and_its_end_leaves_no_thread_and_frees_the_p
 
 
 def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
-    """200 took 260 MB, though 20 were allowed, since they shared one session."""
+    """200 visitors took 260 MB, though 20 were allowed, since they shared one session."""
     reports: list[str] = []
     config = DashboardConfig(address=0, visitors=1)
     sink = DashboardSink(config, {"due": "host"}, lambda kind, text: reports.append(kind))
@@ -57,9 +57,10 @@ def test_a_visitor_too_many_is_told_how_to_be_let_in() -> None:
 
 
 def test_the_page_knows_only_what_records_say() -> None:
-    """Neither estimator nor walk: nothing native that a thread which outlives the program could hold.
+    """It imports neither the estimator nor the pipeline, so no thread that outlives the program holds native
+    objects.
 
-    Nor do the documents that it writes know more.
+    The same holds for the documents that it writes.
     """
     folder = Path(page.__file__).parent
     found = {module for file in folder.glob("*.py") for module in modules_of(file)}
@@ -77,7 +78,7 @@ def test_the_page_knows_only_what_records_say() -> None:
 
 
 def modules_of(file: Path) -> set[str]:
-    """Our own modules that a file imports from."""
+    """Return our own modules that a file imports from."""
     nodes = ast.walk(ast.parse(file.read_text()))
     names = {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
     return {name for name in names if name.startswith("fltea.")}

@@ -1,4 +1,4 @@
-"""A page is sent what is new to it, and nothing is kept for it."""
+"""A page is sent only what is new to it, and the server keeps no state for it."""
 
 import json
 
@@ -66,7 +66,7 @@ def test_only_new_rows_are_sent_and_of_them_what_there_is() -> None:
 
 
 def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
-    """In rows that go on, as those of the axis that is open do; the spectra are a part."""
+    """The rows continue, as those of the expanded axis do; the spectra are a part of the update."""
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))
     history = told(found)
@@ -87,7 +87,7 @@ def test_the_last_minutes_of_all_axes_come_without_one_that_is_open() -> None:
 
 
 def test_a_spectrum_is_drawn_again_for_a_tenth_more_samples_or_another_verdict() -> None:
-    """Not with each fit: it is what costs most of a visitor's second."""
+    """The spectrum is not sent with each fit, since it is the largest part of an update."""
     found = records("n=400")
     last = next(r for r in reversed(found) if isinstance(r, Sample))
     history = told(found)
@@ -104,7 +104,7 @@ def test_a_spectrum_is_drawn_again_for_a_tenth_more_samples_or_another_verdict()
 
 
 def test_a_second_costs_little() -> None:
-    """Bytes before they are packed, which makes a third of them; the page of before took 28,000."""
+    """Sizes in bytes before compression, which leaves a third; an earlier page took 28,000."""
     found = records("n=1500")
     begin = next(i for i, r in enumerate(found) if isinstance(r, Sample) and r.seq == 1300)
     history = told(found[:begin])

@@ -1,4 +1,5 @@
-"""The page's past: nothing recent is lost, nothing grows, and a bucket is what its samples say."""
+"""The page's history: nothing recent is lost, memory does not grow, and a bucket summarises its own
+samples."""
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ KINDS = ("mean", "max", "min", "mean", "max")
 
 
 def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: float = 10.0) -> np.ndarray:
-    """Rows as the history writes them: time, number, and one value to be summed up in three ways."""
+    """Fill in rows as the history does: time, number, and one value that is summarised in three ways."""
     rows = np.array([[begin_ms + k * step_ms, k, v, v, v] for k, v in enumerate(values)])
     for row in rows:
         tiers.append(row)
@@ -18,7 +19,7 @@ def fill(tiers: Tiers, values: list[float], begin_ms: float = 1e12, step_ms: flo
 
 
 @given(st.lists(st.floats(-1e6, 1e6) | st.just(float("nan")), min_size=1, max_size=900))
-@example([float("nan")] * 300)  # a 0 in its place would be drawn as an estimate
+@example([float("nan")] * 300)  # a 0 in place of NaN would be drawn as an estimate
 def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
     tiers = Tiers(KINDS)
     rows = fill(tiers, values)
@@ -37,7 +38,7 @@ def test_buckets_are_what_their_samples_say(values: list[float]) -> None:
                 assert np.isnan(row[2:]).all()
                 continue
             assert (row[2], row[4]) == (good.min(), good.max())
-            if window == 0:  # of the coarser ones the mean is one of means
+            if window == 0:  # in coarser tiers the mean is a mean of means
                 assert row[0] == pytest.approx(inside[:, 0].mean())
                 assert row[3] == pytest.approx(good.mean(), rel=1e-9, abs=1e-6)
 

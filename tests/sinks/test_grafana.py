@@ -1,4 +1,4 @@
-"""The Grafana dashboard asks for nothing that the metrics do not have."""
+"""The Grafana dashboard queries only metrics that exist."""
 
 import json
 import re
@@ -18,11 +18,12 @@ SUFFIXES = {
     "histogram": ("_bucket", "_sum", "_count"),
 }
 OF_PROMETHEUS = {"le", "job", "instance"}
-"""Labels that the format or the scraping adds."""
+"""Labels that the format or Prometheus adds."""
 
 
 def metrics() -> dict[str, set[str]]:
-    """Name of every time series to its labels; families have their names before there is any device."""
+    """Return the labels of every time series by its name; metric families exist before there is any
+    device."""
     ours = list(Families({}, {}, list).collect())
     process = list(ProcessCollector(registry=CollectorRegistry()).collect())
     return {
@@ -33,7 +34,7 @@ def metrics() -> dict[str, set[str]]:
 
 
 def expressions(part: Any) -> Iterator[str]:
-    """Every query of panels and of variables."""
+    """Return every query of panels and of variables."""
     if isinstance(part, dict):
         for key, value in part.items():
             if key in ("expr", "definition") and isinstance(value, str):
@@ -45,7 +46,7 @@ def expressions(part: Any) -> Iterator[str]:
 
 
 def unknown(expression: str, known: dict[str, set[str]]) -> set[str]:
-    """Names of metrics and labels of an expression that there are not."""
+    """Return names of metrics and labels in an expression that do not exist."""
     names = set(re.findall(r"\b(?:fltea|process)_\w+", expression))
     there = set().union(*(known.get(name, set()) for name in names))
     labels = set(re.findall(r"(\w+)\s*(?:=~|!=|!~|=)\s*\"", expression))

@@ -1,4 +1,5 @@
-"""Where servers listen and who may ask them: by which names, from which pages, and what hinders it."""
+"""Where servers listen, and which requests are accepted: by host name, by the page of origin, and error
+cases."""
 
 import errno
 import socket
@@ -17,7 +18,8 @@ OTHERS = ["evil.example", "evil.example:9100", "localhost.evil.example", "127.0.
 
 @pytest.mark.parametrize("host", [*MACHINE, *OTHERS, "", "[::1"])
 def test_only_names_of_this_machine_and_bare_addresses_are_own(host: str) -> None:
-    """DNS rebinding: somebody else's name comes to point here, and his page reads what we serve."""
+    """DNS rebinding: a foreign name is made to point to this machine, so that a foreign page could read our
+    answers."""
     assert is_own(host, own_names("127.0.0.1", ())) == (host in MACHINE)
 
 

@@ -1,4 +1,4 @@
-"""The log: a line an error, never a flood, and what was left out is told."""
+"""The log has one line per error, never a flood, and says how many errors were left out."""
 
 import pytest
 from fltea.records.records import Error, Gap

@@ -1,4 +1,4 @@
-"""Metrics as Prometheus reads them: over HTTP, with its own parser."""
+"""Metrics over HTTP, read with Prometheus's own parser."""
 
 import socket
 import threading
@@ -47,7 +47,7 @@ Labels = frozenset[tuple[str, str]]
 
 
 def scrape(url: str) -> dict[tuple[str, Labels], float]:
-    """Every sample by name and labels."""
+    """Return every sample by name and labels."""
     with urllib.request.urlopen(url, timeout=PATIENCE_S) as answer:
         text = answer.read().decode()
     for family in text_string_to_metric_families(text):
@@ -71,7 +71,7 @@ def value(found: dict[tuple[str, Labels], float], name: str, **labels: str) -> f
 
 @pytest.fixture
 def serve(monkeypatch: pytest.MonkeyPatch) -> Iterator[Serve]:
-    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # the end comes sooner
+    monkeypatch.setattr("fltea.sinks.metrics.sink.POLL_S", 0.01)  # so that the sink ends sooner
 
     def start(
         *records: Any, sink_queues: Any = list, told: list[str] | None = None, **settings: Any
@@ -96,7 +96,7 @@ def test_nothing_is_said_of_devices_before_they_speak(serve: Serve) -> None:
 
 
 EXPECTED = Path(__file__).with_name("metrics.txt").read_text(encoding="utf-8")
-"""All that is shown of a device, in base units; of an axis that is not valid that alone."""
+"""All metrics of a device, in base units; an axis that is not valid shows only that."""
 
 
 def test_every_figure_under_its_name_and_in_base_units(serve: Serve) -> None:
@@ -130,7 +130,7 @@ def test_the_newest_fit_of_every_axis(serve: Serve) -> None:
 
 
 def test_every_field_of_the_statistics_becomes_a_metric(serve: Serve) -> None:
-    """A field that is added to the record is not forgotten here."""
+    """A field that is added to the record cannot be forgotten here."""
     sink = serve(STATS)
     before = scrape(sink.url)
     for part in ("link", "sample_counts", "board"):
@@ -227,7 +227,7 @@ def test_several_at_once_while_records_come(serve: Serve) -> None:
             number += 1
             sink.write(msgspec.structs.replace(STATS, device=f"d{number % 40}"))
             sink.write(Error(f"k{number % 40}", "text", 1))
-            time.sleep(0)  # or those who ask would wait for the interpreter
+            time.sleep(0)  # otherwise clients would wait for the interpreter
     assert [one.exception() for one in asked] == [None] * 16
 
 
@@ -243,7 +243,10 @@ def test_address_may_be_of_version_6() -> None:
 
 
 def test_only_who_asks_by_a_name_of_this_machine_is_answered(serve: Serve) -> None:
-    """A request without any name is no browser's; which names there are: test_listening."""
+    """A request without any host name does not come from a browser.
+
+    Test_listening says which names are accepted.
+    """
     sink = serve(STATS, names=("Lab.example",))
     named = [{"Host": host} for host in ("127.0.0.1", "LOCALHOST:9100", "lab.example")]
     for how in ({"skip_host": True}, *named):
@@ -255,7 +258,7 @@ def test_only_who_asks_by_a_name_of_this_machine_is_answered(serve: Serve) -> No
 
 
 def test_board_that_is_ever_another_makes_few_series(serve: Serve) -> None:
-    """Each label is a time series that Prometheus keeps for weeks."""
+    """Each label makes a time series that Prometheus keeps for weeks."""
     told: list[str] = []
     sink = serve(told=told)
     series = set()

@@ -1,4 +1,4 @@
-"""The MQTT sink without a broker: what waits, what is lost, and when it tries again."""
+"""The MQTT sink without a broker: which messages wait, which are lost, and when the sink tries again."""
 
 import pytest
 from fltea.sinks.mqtt import delivery
@@ -93,7 +93,7 @@ def test_slow_network_loses_streams_and_holds_back_what_is_rare(bench: MakeBench
     b.wait(1)
     b.happens(Up())
     assert len(b.connection.on("gap")) == 1
-    # Not the five of before.
+    # the five earlier records are not among them
     assert f"; {IN_FLIGHT} records were lost" in b.told[-1][1]
 
 
@@ -138,7 +138,8 @@ OUTAGES = st.lists(
 
 @given(OUTAGES, st.sampled_from([0, 1]))
 def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int) -> None:
-    """Whatever the broker does: none vanishes, and none but an unsure one is counted twice."""
+    """Whatever the broker does, no record vanishes, and only an unacknowledged record may be counted
+    twice."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(delivery, "IN_FLIGHT", 6)
         patch.setattr(delivery, "BACKLOG", 4)
@@ -162,7 +163,7 @@ def test_every_record_is_acknowledged_waiting_or_lost(steps: list[str], qos: int
                         done.add((id(c), mid))
                     c.acknowledge()
                     last = [q for _, _, q, _ in c.sent]
-                    # After the last that proves anything.
+                    # After the last message whose acknowledgement proves anything.
                     unsure = last[::-1].index(1) if 1 in last else len(last)
                     acknowledged -= unsure
                     done -= {(id(c), mid) for mid in range(len(last) - unsure + 1, len(last) + 1)}
@@ -196,7 +197,7 @@ def test_backoff_grows_and_begins_anew_after_a_good_connection(bench: MakeBench)
     assert waits == [0.5, 1.0, 2.0, 5.0, 10.0, 30.0, 30.0, 30.0]
     b.happens(Up())
     b.wait(1)
-    b.happens(Down("broker_lost", "gone"))  # hung up on at once: no good connection
+    b.happens(Down("broker_lost", "gone"))  # a connection that is closed immediately counts as failed
     b.wait(29)
     made = len(FakeConnection.made)
     b.wait(1)

@@ -57,7 +57,8 @@ def test_password_in_the_address_is_refused_and_not_repeated(password: str, form
         with pytest.raises(UsageError, match="FLTEA_MQTT_PASSWORD") as refused:
             load_config(None, {"mqtt.broker": form.format(secret_word)})
         said.append(str(refused.value))
-    assert said[0] == said[1]  # whatever the password is; one may be a part of the message's own words
+    # the same message for any password, since a password may equal a word of the message
+    assert said[0] == said[1]
 
 
 @pytest.mark.parametrize(
@@ -102,7 +103,7 @@ def test_login_from_a_file_goes_before_the_environment(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("FLTEA_MQTT_USER", "other")
-    for mark in ("", "\ufeff"):  # which editors of Windows begin a file with
+    for mark in ("", "\ufeff"):  # editors of Windows may begin a file with this mark
         file = secret(tmp_path, f"{mark}me:hunter2:with:colons\n", 0o640)
         broker = Broker(MqttConfig(broker="pi", password_file=file))
         assert (broker.user, broker.password) == ("me", "hunter2:with:colons")

@@ -1,4 +1,4 @@
-"""The MQTT sink by itself: topics, payloads, and the status of the device."""
+"""The MQTT sink alone: topics, payloads, and the status of the device."""
 
 import json
 
@@ -160,7 +160,7 @@ def test_status_follows_the_samples(bench: MakeBench) -> None:
 
 
 def test_status_is_said_again_with_the_time_since_when(bench: MakeBench) -> None:
-    """The will of an earlier, half-dead connection may have overwritten it."""
+    """The will of an earlier, half-dead connection may have overwritten the status."""
     b = bench()
     b.wait(29)
     assert len(b.statuses()) == 1
@@ -184,7 +184,8 @@ def test_will_and_farewell(bench: MakeBench) -> None:
 
 
 def test_farewell_waits_for_acknowledgements(bench: MakeBench, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A broker that is hung up on while it answers may publish the will after the farewell."""
+    """If the connection is closed during a broker's answer, the broker may publish the will after the
+    farewell."""
     b = bench()
     b.write(gap())
     naps: list[bool] = []
@@ -231,7 +232,7 @@ def test_another_board_while_the_broker_is_away(bench: MakeBench) -> None:
     assert b.connection.on("status", "b1")[-1]["status"] == "stalled"
 
 
-# --- a board that says another name in every HELLO ---
+# # --- a board that states another name in every HELLO ---
 
 
 def topics() -> set[str]:
@@ -239,7 +240,7 @@ def topics() -> set[str]:
 
 
 def test_ever_new_names_get_few_topics_and_are_told_once(bench: MakeBench) -> None:
-    """768 retained topics in 8 s were found on a broker."""
+    """768 retained topics were once made on a broker in 8 s."""
     b = bench()
     for k in range(100):
         b.write(hello(device_id=f"n{k}"), sample(k))

@@ -1,4 +1,4 @@
-"""What a disk that fails costs a recording: what came meanwhile, counted, and nothing else."""
+"""A disk that fails: the recording lacks what arrived meanwhile, which is counted, and nothing else."""
 
 import errno
 import os
@@ -19,9 +19,9 @@ from mcap_support import MONOTONIC_NS, files, messages, replay, sink_in, transpo
 
 
 class Recorder:
-    """A recorder whose disk lets only so much be written, then fails as disks do: after a part of a block.
+    """A recorder whose disk takes a limited number of bytes and then fails in the middle of a block.
 
-    room: None leaves it to the real disk. told: what it reported.
+    `room`: bytes left; None uses the real disk. `told`: the errors that the recorder reported.
     """
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch, **settings: Any) -> None:
@@ -37,7 +37,7 @@ class Recorder:
         self.sink = sink_in(folder, self.told, **settings)
 
     def feed(self, items: list, room: int | None = None) -> None:
-        """Let items come while there is so much room."""
+        """Feed items to the recorder while the disk has this much room."""
         self.room = room
         for item in items:
             self.now_ns = item.host_ns
@@ -112,7 +112,7 @@ def test_a_replay_counts_what_a_full_disk_cost(tmp_path: Path, recorder: Recorde
     missing = 2000 - len(samples)
     gaps = [record for record in records if type(record).__name__ == "Gap"]
     assert sum(gap.missing for gap in gaps) == missing > 400
-    assert max(gap.missing for gap in gaps) < 1100  # it resumed, and did not wait for the next HELLO
+    assert max(gap.missing for gap in gaps) < 1100  # it resumed without waiting for the next HELLO
     assert [r.kind for r in of(Error, records)] == ["cut_recording", "recording_gap"]
     assert "bytes of the wire were not recorded (disk_full)" in of(Error, records)[1].message
     assert stats is None or stats.sample_counts.lost == missing

@@ -1,4 +1,4 @@
-"""What another program costs a recording that takes its file away: what was in the file, counted; no more."""
+"""Another program takes the recording's file away: only what was in the file is lost, and that is counted."""
 
 import os
 import shutil
@@ -21,7 +21,10 @@ from tools.faults.daemon import read_recording
 
 
 class Recorder:
-    """A recorder that flushes after each item. told: what it reported; all: what came to it."""
+    """A recorder that flushes after each item.
+
+    `told`: the errors that it reported. `all`: the items that it received.
+    """
 
     def __init__(self, folder: Path, **settings: Any) -> None:
         self.told: list[tuple[str, str]] = []
@@ -45,7 +48,7 @@ def flushed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def check_account(folder: Path, recorder: Recorder) -> int:
-    """All that came is in the files or counted, as items and as bytes; the number of items lost."""
+    """Check that every item and byte is in the files or counted as lost; return the number of lost items."""
     found = read_recording(folder)
     came = b"".join(item.data for item in recorder.all if isinstance(item, Chunk))
     assert len(found.wire) + sum(gap.bytes for gap in found.gaps) == len(came)
@@ -118,7 +121,7 @@ def test_what_the_deleted_file_said_is_missing_is_said_again(tmp_path: Path) -> 
     recorder.sink.close()
     assert recorder.kinds() == ["record_deleted", "record_resumed"] * 2
     (gap,) = read_recording(tmp_path).gaps
-    assert recorder.sink.lost == gap.items - 7  # which the queue before it counts
+    assert recorder.sink.lost == gap.items - 7  # the queue before the recorder counts those
     assert len(b"".join(wire_data(files(tmp_path)[0]))) + gap.bytes == sum(
         len(item.data) for item in items if isinstance(item, Chunk)
     )
@@ -178,7 +181,7 @@ def test_the_folder_is_not_made_again_below_a_disk_that_was_taken_away(
     assert recorder.kinds() == ["record_deleted", "record_failed"]
     assert record_session.NO_DISK in recorder.told[1][1]
     assert not folder.exists()
-    folder.mkdir()  # who makes it means it
+    folder.mkdir()  # a folder that somebody makes again is meant to be used
     monkeypatch.setattr(clock, "host_ns", lambda: MONOTONIC_NS + record_module.RETRY_NS)
     recorder.feed(items[200:])
     recorder.sink.close()

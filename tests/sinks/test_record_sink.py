@@ -1,4 +1,4 @@
-"""The recorder: what is in its files, and when they end."""
+"""The recorder: what its files hold, and when they end."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -107,7 +107,7 @@ TYPES = {"string": str, "boolean": bool, "integer": int, "number": int | float, 
 
 
 def fits(value: Any, schema: dict) -> bool:
-    """Whether a value fits a schema, as far as ours go."""
+    """Whether a value fits a schema, for the keywords that our schemas use."""
     kind = schema["type"]
     if not isinstance(value, TYPES[kind]) or (isinstance(value, bool) and kind != "boolean"):
         return False
@@ -122,7 +122,8 @@ def fits(value: Any, schema: dict) -> bool:
 
 @pytest.mark.parametrize("kind", [*KINDS.values(), LinkMessage])
 def test_schemas_are_such_as_foxglove_reads(kind: type[msgspec.Struct]) -> None:
-    """Its parser knows these words alone, wants the properties of every object, and throws at all else."""
+    """Foxglove's parser knows these words alone, requires the properties of every object, and refuses
+    everything else."""
 
     def check(schema: dict) -> None:
         allowed = {"title", "type", "properties", "required", "items", "enum"}
@@ -201,7 +202,7 @@ def test_files_end_by_age_and_size_and_nothing_falls_between(
 
 
 def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> None:
-    """The index of all metadata stays in memory until the file ends; the bytes hold every HELLO anyway."""
+    """The metadata index stays in memory until the file ends; the recorded bytes hold every HELLO anyway."""
     items: list[TransportEvent] = [Opened(MONOTONIC_NS, OFFSET_NS)]
     items += [
         Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).boot(), MONOTONIC_NS + k, OFFSET_NS)
@@ -303,7 +304,7 @@ def test_folder_that_cannot_be(tmp_path: Path) -> None:
 
 def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     items = transport(samples=400)
-    sink = sink_in(tmp_path, rotate_s=1.2)  # so that the file's head knows a HELLO
+    sink = sink_in(tmp_path, rotate_s=1.2)  # long enough for the file's head to hold a HELLO
     for item in items[:150]:
         sink.write(item)
     sink.on_overflow(33)
@@ -313,4 +314,4 @@ def test_a_too_slow_recorder_marks_the_place(tmp_path: Path) -> None:
     assert error.kind == "recording_gap"
     assert "33 items" in error.message
     after = next(s.seq for s in of(Sample, records) if s.seq > 160)
-    assert after in (200, 201)  # nothing is believed before the next HELLO, which comes every second
+    assert after in (200, 201)  # samples are rejected until the next HELLO, which comes every second

@@ -1,4 +1,4 @@
-"""What the native device prints of its samples is byte for byte what their blocks are printed as."""
+"""What the native device prints of its samples is byte for byte what is printed for their blocks."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -34,8 +34,8 @@ wanted = st.builds(Wanted, *[st.booleans()] * 4)
 class Printing:
     """Pipelines whose device prints.
 
-    The printer is made anew with the first block of which it does not say what stands in all of its records.
-    compared: rows that were printed as their blocks are; made: printers.
+    A new printer is made with the first block whose records have other constant fields. `compared`: rows
+    whose native print equals the print of their block. `made`: number of printers.
     """
 
     def __init__(self, changes: dict[str, Any], wanted: Wanted) -> None:
@@ -69,7 +69,7 @@ class Printing:
 
 
 def with_unknown(events: Iterable[Event]) -> Iterator[Event]:
-    """Let every third temperature be unknown."""
+    """Make every third temperature unknown."""
     for event in events:
         if isinstance(event, RawBlock) and event.temperature is not None:
             known = np.arange(len(event.temperature)) % 3 > 0
@@ -109,7 +109,7 @@ def test_rows_without_the_columns_of_a_text_are_not_printed() -> None:
         assert isinstance(block, RawBlock)
         events[k] = block._replace(accel=None)
     printing.feed(events)
-    assert printing.missed >= 10 * 4  # without the accelerometer, and with it again
+    assert printing.missed >= 10 * 4  # the pipelines with and without the accelerometer both missed rows
     assert printing.compared > 400
 
 

@@ -1,4 +1,4 @@
-"""Sinks: lines that any JSON reader takes, and a table that loses neither numbers nor units."""
+"""Sinks: JSON lines that any JSON reader accepts, and a table that loses neither numbers nor units."""
 
 import io
 import json
@@ -125,7 +125,7 @@ def refuse_constant(text: str) -> None:
 
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=6, max_size=6))
 def test_never_a_number_that_is_none(values: list[float]) -> None:
-    """The pipeline puts null in its place; should one slip through, the line is still JSON."""
+    """The pipeline puts null in place of NaN; if a NaN should remain, the line is still JSON."""
     line = written(estimate(gyro_x=axis_estimate(*values, True)))
     axis = json.loads(line, parse_constant=refuse_constant)["axes"]["gyro_x"]["fltea"]
     for found, value in zip(axis.values(), values, strict=False):
@@ -187,7 +187,7 @@ def test_stream_that_takes_little_at_a_time_gets_everything(at_a_time: int) -> N
 
 
 def test_a_full_pipe_that_does_not_block_is_waited_for() -> None:
-    """Whoever shares the pipe may have made it so."""
+    """Another process that shares the pipe may have made it non-blocking."""
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     sink = NdjsonSink(io.FileIO(writer, "wb"), samples=True)
@@ -230,7 +230,7 @@ def test_full_disk_is_no_closed_pipe() -> None:
 
 
 def test_record_that_cannot_be_encoded_is_no_closed_pipe() -> None:
-    """An end that nobody asked for must not look like one."""
+    """An error must not look like an intended end."""
     with pytest.raises(UnicodeEncodeError):
         written(Error("silent", "a lone surrogate: \udcff", 1))
 
@@ -319,10 +319,10 @@ def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
         ([HELLO], ["no estimate yet"], []),
         ([HELLO, EPOCH, STATS], ["start-up window: 123 samples to go"], []),
         ([HELLO, estimate(), EPOCH], ["no estimate yet"], ["0.412"]),
-        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # of the same sensor, until the next one
+        ([HELLO, FIT, EPOCH], ["Fractional"], []),  # of the same sensor, until its next fit
         ([HELLO, estimate(), EPOCH, estimate()], [BARS[0]], []),
         ([estimate(gyro_x=WITHOUT_STD)], ["0.412"], ["0.412 ±", "None"]),
-        # rich takes [bold] and [5 s] for markup unless told otherwise
+        # rich takes [bold] and [5 s] for markup unless that is switched off
         ([HELLO, ERROR], ["silent: nothing [bold]came[/bold] for [5 s]"], []),
         ([HELLO, Gap(40, 3, 1, 0)], ["gap: 3 samples lost from number 40"], []),
         ([HELLO, STEP], ["gyro_x: step of +0.104 ± 0.022 deg/s at 0:00:07"], []),
@@ -404,7 +404,7 @@ def test_axes_of_the_accelerometer_have_their_unit() -> None:
     assert "m/s²" in text
 
 
-# --- its parts ---
+# # --- parts of the table ---
 
 
 def test_sparkline() -> None:

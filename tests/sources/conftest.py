@@ -1,4 +1,4 @@
-"""What the tests of sources share."""
+"""Fixtures that the tests of sources share."""
 
 import contextlib
 import os
@@ -11,7 +11,7 @@ import pytest
 
 @pytest.fixture
 def now_ns(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """The time of all clocks, in one place; sleeping moves it on."""
+    """Replace all clocks by one time, which sleeping advances."""
     now_ns = [0]
     monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
     monkeypatch.setattr(time, "time_ns", lambda: now_ns[0] + 10**18)
@@ -24,6 +24,6 @@ def fifo(tmp_path: Path) -> Iterator[Path]:
     path = tmp_path / "pipe"
     os.mkfifo(path)
     yield path
-    for flags in (os.O_RDONLY, os.O_WRONLY):  # let go of who still waits for the other side
+    for flags in (os.O_RDONLY, os.O_WRONLY):  # release threads that still wait for the other end
         with contextlib.suppress(OSError):
             os.close(os.open(path, flags | os.O_NONBLOCK))

@@ -1,4 +1,4 @@
-"""Sources without a wire: what they say, as frames, comes out of the frames again."""
+"""Sources without a wire: their samples, written as frames, are the same when the frames are read."""
 
 import msgspec
 import pytest

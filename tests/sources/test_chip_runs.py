@@ -36,7 +36,7 @@ def test_a_run_without_gaps(who_am_i: int) -> None:
 @EACH_FAMILY
 @pytest.mark.parametrize("share", [-0.6, 0.6])
 def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float) -> None:
-    """The clocks of some chips differ by 10 % from part to part."""
+    """The clocks of some chips differ by 10 % between specimens."""
     ppm = share * chip_of(who_am_i).clock_error * 1e6
     pi = pi_with(who_am_i, clock_ppm=ppm).run_until(6.0)
     pi.check(ppm)
@@ -46,7 +46,7 @@ def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float
 
 @EACH_FAMILY
 def test_a_program_that_is_held_up(who_am_i: int) -> None:
-    """For less than the FIFO holds, which loses nothing, and for longer."""
+    """A pause shorter than the FIFO's capacity loses nothing, a longer one does."""
     pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
     holds_ms = facts.holds * facts.period_ms
     pi.host.stall(SETTLED_S * S, (holds_ms - 50) * MS)
@@ -71,7 +71,7 @@ def test_a_bus_that_fails_for_less_than_the_fifo_holds_sets_no_sensor_up_again(w
 
 @EACH_FAMILY
 def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
-    """Also those of the transfer that selects a bank: what is read then would be another register."""
+    """This includes the transfer that selects a bank, after whose failure another register would be read."""
     pi, chance = pi_with(who_am_i), random.Random(5)
 
     def inject(messages: object) -> int | None:
@@ -87,7 +87,7 @@ def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
 
 @pytest.mark.parametrize("who_am_i", [who for family, who in FIRST.items() if family != "mpu9250"])
 def test_a_chip_in_the_place_of_another(who_am_i: int) -> None:
-    """An MPU-9250 is taken out, and a chip of another family put in: another rate, another epoch."""
+    """An MPU-9250 is replaced by a chip of another family: the rate changes, and a new epoch begins."""
     pi, facts = pi_with(FIRST["mpu9250"]), EMULATED[who_am_i]
     pi.at(2.0, pi.chip.power_off)
 

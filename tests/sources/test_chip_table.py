@@ -1,6 +1,6 @@
-"""The table of chips is whole: what a new one lacks is named, with the file that it belongs in.
+"""The table of chips is complete: the error names what a new one lacks, and the file in which it belongs.
 
-That the driver reads it as its data sheet says, `test_i2c_driver.py` and `test_chip_runs.py` show for each.
+`test_i2c_driver.py` and `test_chip_runs.py` check that the driver reads each as its data sheet says.
 """
 
 import importlib

@@ -1,4 +1,5 @@
-"""The numbers of samples from counts and times alone, against a sensor that is known from both ends."""
+"""The numbers of samples from counts and times alone, compared with a simulated sensor whose truth is
+known."""
 
 import random
 
@@ -12,7 +13,7 @@ S = 1_000_000_000
 
 
 class Sensor:
-    """Takes sample k at begin + k periods, and is looked at every now and then."""
+    """Takes sample k at begin + k periods; the driver reads its FIFO now and then."""
 
     def __init__(self, ppm: float, begin_ns: int = 7 * MS, drift_per_s: float = 0.0) -> None:
         self.clock = FifoClock(100.0, 0.03)
@@ -29,14 +30,14 @@ class Sensor:
         return self.begin_ns + t + self.drift * t * t / 2 / S
 
     def count(self, at_ns: int) -> int:
-        """Samples taken by then."""
+        """Return the number of samples taken until then."""
         n = int((at_ns - self.begin_ns) / self.period_ns) + 3
         while self.time_ns(n - 1) > at_ns:
             n -= 1
         return n
 
     def look(self, ms: float = 0.0) -> bool:
-        """Read all that waits; whether it is in step."""
+        """Read all that waits; return whether the clock agrees with the truth."""
         self.now_ns += round((ms or self._random.uniform(20, 30)) * MS)
         before_ns, after_ns = self.now_ns - 350_000, self.now_ns
         waiting = self.count(self.now_ns - 150_000) - self.taken
@@ -53,7 +54,10 @@ class Sensor:
         return self
 
     def lose(self, seconds: float, poll_ms: float = 1.0) -> tuple[int, int, int]:
-        """Nobody reads for a while, and the FIFO is emptied; missing, doubt and the truth."""
+        """Stop reading for a while and empty the FIFO.
+
+        Return the missing samples, whether they are in doubt, and the truth.
+        """
         self.now_ns += round(seconds * S)
         empty_ns, had = self.now_ns, self.count(self.now_ns)
         while (waiting := self.count(self.now_ns) - had) == 0:
@@ -105,7 +109,7 @@ def test_samples_that_vanish_or_appear_are_noticed(slipped: int) -> None:
 
 
 def test_a_sensor_that_warms_up_stays_in_step() -> None:
-    """500 ppm in five minutes: a straight line through all of it would be off by samples."""
+    """500 ppm in five minutes: a straight line through all counts would be wrong by whole samples."""
     sensor = Sensor(0, drift_per_s=500e-6 / 300).run(300)
     missing, doubt, truth = sensor.lose(2)
     assert (missing, doubt) == (truth, 0)
@@ -121,7 +125,7 @@ def test_after_a_set_up_the_numbers_go_on_by_time() -> None:
 
 
 def test_a_late_count_teaches_nothing() -> None:
-    """One that was held up for half a second, and stands alone in its second."""
+    """A count that was delayed for half a second, and is the only one in its second."""
     sensor = Sensor(0).run(20)
     sensor.now_ns += S // 2
     waiting = sensor.count(sensor.now_ns - S // 2 + 10 * MS) - sensor.taken

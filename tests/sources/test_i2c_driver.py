@@ -1,4 +1,4 @@
-"""The driver against the emulated chips: what it writes, what it believes, what it tries again."""
+"""The driver with the emulated chips: what it writes, which values it accepts, and what it retries."""
 
 import errno
 import itertools
@@ -23,7 +23,7 @@ EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: S
 
 
 class Bench:
-    """Driver, bus and chip, and nothing else."""
+    """Driver, bus and chip alone."""
 
     def __init__(self, model: type[Mpu9250 | Icm20948] = Mpu9250, family: str = "", **chip: object) -> None:
         self.host = FakeHost()
@@ -46,7 +46,7 @@ class Bench:
         self.chip.advance(self.host.now_ns)
 
     def fail(self, *numbers: int) -> None:
-        """Let the next transactions fail with these errnos, 0 for none."""
+        """Let the next transactions fail with these errnos, 0 for success."""
         left = list(numbers)
         self.bus.inject = lambda messages: (left.pop(0) or None) if left else None
 
@@ -68,10 +68,11 @@ def icm() -> Bench:
 
 def test_firmware_and_host_mean_the_same_registers() -> None:
     found = re.findall(r"constexpr uint8_t k(\w+) = (\w+);", HEADER.read_text(encoding="utf-8"))
-    # `kSmplrtDiv` is SMPLRT_DIV, and so on.
+    # `kSmplrtDiv` stands for SMPLRT_DIV, and so on.
     firmware = {re.sub(r"(?<=[a-z])(?=[A-Z0-9])", "_", name).upper(): int(value, 0) for name, value in found}
     host = {name: value for name, value in vars(reg).items() if name.isupper()}
-    theirs_alone = {"ACCEL_XOUT_H", "RAW_READY"}  # they poll the output registers; here the FIFO is read
+    # the firmware polls the output registers; here the FIFO is read
+    theirs_alone = {"ACCEL_XOUT_H", "RAW_READY"}
     assert len(firmware) == 15
     assert {name: host[name] for name in firmware.keys() - theirs_alone} == {
         name: value for name, value in firmware.items() if name not in theirs_alone
@@ -108,7 +109,8 @@ def test_an_unknown_chip_is_refused_by_its_number_and_nothing_is_written_to_it()
         Bench(who_am_i=0x12).driver.identify()
     assert (refused.value.code, refused.value.detail) == (FaultCode.SENSOR_UNKNOWN, 0x12)
     bench = Bench(Icm20948)
-    bench.chip.bank = 2  # as if another program had been ended in its midst: looks like any other chip
+    # as if another program had been killed halfway: the chip then seems to be of another kind
+    bench.chip.bank = 2
     with pytest.raises(SensorFault) as refused:
         bench.driver.identify()
     assert refused.value.code == FaultCode.SENSOR_UNKNOWN
@@ -157,7 +159,7 @@ def test_a_bus_that_is_gone_is_not_asked_again(bench: Bench, number: int) -> Non
 
 
 def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
-    """What it had read is gone: a second try would give the rest as if it were the beginning."""
+    """The bytes already read are gone: a second try would take the rest for the beginning."""
     bench.wait(35)
     bench.fail(errno.EIO)
     before = bench.bus.transactions

@@ -1,4 +1,4 @@
-"""Samples that an I²C source loses, or might: each is delivered at its true number, or counted."""
+"""Samples that an I²C source loses, or might lose: each is delivered with its true number, or counted."""
 
 import errno
 import random
@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from smbus2 import i2c_msg
 
 SETTLED_S = 12.0
-"""From here on the sensor's clock is known well enough to count any loss exactly."""
+"""Time after which the sensor's clock is known well enough to count any loss exactly."""
 AT_RANDOM = settings(phases=[Phase.generate])
-"""To shrink an example that runs for seconds would take minutes."""
+"""Settings without shrinking, which would take minutes for examples that run for seconds."""
 ERRNOS = [errno.EREMOTEIO, errno.EIO, errno.ETIMEDOUT, errno.ENXIO, errno.EAGAIN]
 
 
@@ -46,7 +46,8 @@ def test_a_stall_of_2_s_is_counted_to_the_sample(at_s: float, for_s: float, ppm:
 
 
 def once(pi: Pi, register: int, do: Callable[[tuple[i2c_msg, ...]], int | None]) -> Pi:
-    """Do something just before the next transaction that begins with this register, once all is settled."""
+    """Do something just before the next transaction that begins with this register, once the clock has
+    settled."""
 
     def inject(messages: tuple[i2c_msg, ...]) -> int | None:
         if pi.host.now_ns < SETTLED_S * S or bytes(messages[0])[0] != register:
@@ -62,12 +63,15 @@ def once(pi: Pi, register: int, do: Callable[[tuple[i2c_msg, ...]], int | None])
 
 @pytest.mark.parametrize("register", [0x72, 0x3A, 0x74, 0x19])
 def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
-    """Before the count, the flag, the samples, the settings: what the FIFO holds changes behind each."""
+    """The stall comes before reading the count, the flag, the samples or the settings.
+
+    The FIFO's content changes each time.
+    """
     pi = Pi()
     once(pi, register, lambda messages: pi.host.let_pass(2 * S)).run_until(SETTLED_S + 4)
     pi.check()
     assert pi.told == ["fifo_overflow"]
-    # What a full FIFO holds is not lost, unless its count was made before it ran over.
+    # Samples in a full FIFO are not lost, unless the count was read before the overflow.
     assert sum(pi.missing) == pytest.approx(201 - (36 if register in (0x72, 0x19) else 3), abs=5)
 
 
@@ -80,7 +84,8 @@ def test_a_fifo_that_is_emptied_before_it_is_read_gives_no_sample() -> None:
 
 
 def test_a_clock_that_is_read_late_turns_no_time_back() -> None:
-    """The count was made 15 ms before the program learns the time: the next samples come from within them."""
+    """The count was read 15 ms before the program reads the time, and the next samples were taken within
+    those 15 ms."""
     pi = Pi()
     once(pi, 0x72, lambda messages: pi.host.stall(pi.host.now_ns + 50_000, 15 * MS)).run_until(SETTLED_S + 2)
     pi.check()
@@ -88,7 +93,7 @@ def test_a_clock_that_is_read_late_turns_no_time_back() -> None:
 
 
 def test_a_whole_sample_that_went_with_a_broken_transfer_is_missed() -> None:
-    """The FIFO is aligned afterwards, as if nothing had happened."""
+    """The FIFO is aligned afterwards, as if nothing had been lost."""
     pi = Pi()
 
     def break_off(messages: tuple[i2c_msg, ...]) -> int:
@@ -203,7 +208,7 @@ def test_samples_that_somebody_else_took() -> None:
     pi = Pi()
 
     def steal() -> None:
-        if len(pi.chip.fifo) >= 28:  # one alone may be missed a little late
+        if len(pi.chip.fifo) >= 28:  # a single sample may be missed a little late
             [pi.chip.fifo.pop() for _ in range(len(pi.chip.fifo) // 14 * 14)]
 
     for k in range(60):

@@ -1,4 +1,5 @@
-"""Layout of scans and meaning of counts, against the kernel's documentation and a slow, plain decoder."""
+"""Layout of scans and meaning of counts, compared with the kernel's documentation and a slow, plain
+decoder."""
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def elements(draw: st.DrawFn) -> list[Element]:
 
 
 def plainly(elements: list[Element], data: bytes) -> list[dict[str, int]]:
-    """Walks byte by byte, with Python's own integers."""
+    """Decode byte by byte, with Python's own integers."""
     scans, at = [], 0
     largest = max(element.size for element in elements)
     while at < len(data):
@@ -104,10 +105,11 @@ def test_half_a_scan_is_refused() -> None:
     st.floats(0.0, 3.0),
 )
 def test_counts_mean_what_the_kernels_documentation_says(order, signs, scales, offsets, angle) -> None:
-    """(raw + offset) * scale, turned by the mount matrix; counts stay counts where axes are only swapped."""
+    """(raw + offset) * scale, turned by the mount matrix; if axes are only swapped, the values stay
+    counts."""
     mount = np.zeros((3, 3))
     mount[range(3), order] = signs
-    mount *= np.linalg.det(mount)  # no mirror
+    mount *= np.linalg.det(mount)  # exclude reflections
     turned = mount @ [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     counts = np.array([[1.0, -20.0, 300.0], [32767.0, -32768.0, 0.0]])
     truth = ((counts + offsets) * scales) @ turned.T

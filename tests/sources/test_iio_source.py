@@ -1,4 +1,4 @@
-"""A device of the kernel as events: a tree of files and a FIFO in place of /sys and the node in /dev."""
+"""A kernel device as events: a folder of files and a FIFO take the place of /sys and the node in /dev."""
 
 import errno
 import json
@@ -32,17 +32,17 @@ class Player:
         self._writer = -1
 
     def open(self) -> None:
-        """Let the source open the device, then be the kernel."""
+        """Let the source open the device, then act as the kernel."""
         assert isinstance(next(self.events), Tick)
         self._writer = os.open(self.device.node, os.O_WRONLY)
 
     def play(self, data: bytes, kind: type[Event] = RawBlock) -> list[Any]:
-        """Write, and give events up to the first of a kind."""
+        """Write data, and return events up to the first of a kind."""
         os.write(self._writer, data)
         return self.until(kind)
 
     def until(self, kind: type[Event]) -> list[Any]:
-        """Events up to the first of a kind, without ticks."""
+        """Return events up to the first of a kind, without ticks."""
         found = []
         for event in self.events:
             found += [] if isinstance(event, Tick) else [event]
@@ -121,7 +121,8 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
 def test_a_mount_matrix_that_all_sensors_share(
     tmp_path: Path, name: str, query: str, gyro: list[float], accel: list[float]
 ) -> None:
-    """ICM-42600, LSM6DSx and ST share one by all (`mount_matrix`), others by direction."""
+    """ICM-42600, LSM6DSx and ST drivers have one file for all channels (`mount_matrix`), others one for each
+    direction."""
     device = imu(tmp_path)
     device.put(name, device.get("in_anglvel_mount_matrix"))
     (device.folder / "in_anglvel_mount_matrix").unlink()
@@ -133,7 +134,7 @@ def test_a_mount_matrix_that_all_sensors_share(
 
 
 def test_a_trigger_that_the_driver_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As inv_mpu6050 does with all but its own."""
+    """inv_mpu6050 refuses all triggers except its own."""
     device, write = imu(tmp_path), Path.write_text
 
     def refuse(path: Path, text: str, encoding: str) -> int:
@@ -248,7 +249,7 @@ def test_a_node_that_does_not_open_and_a_buffer_that_does_not_start_leave_all_as
 
 
 def refuse_to_write(monkeypatch: pytest.MonkeyPatch, name: str, content: str, number: int) -> None:
-    """Let writing this to a file of this name fail."""
+    """Let writing this value to a file of this name fail."""
     write = Path.write_text
 
     def refuse(path: Path, text: str, encoding: str | None = None) -> int:
@@ -291,7 +292,7 @@ def test_urls_that_are_none(rest: str) -> None:
 
 
 def test_the_real_command(tmp_path: Path) -> None:
-    """`--once` ends when the device is lost; until then all samples have come out."""
+    """`--once` ends when the device is lost; all earlier samples have been published."""
     device = imu(tmp_path)
 
     def play() -> None:

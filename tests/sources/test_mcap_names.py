@@ -1,4 +1,4 @@
-"""Which files a name means: a folder, a session, a file of it; and what is refused."""
+"""Which files a name selects: a folder, a session, one of its files; and which names are refused."""
 
 from pathlib import Path
 

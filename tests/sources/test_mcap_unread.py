@@ -1,4 +1,4 @@
-"""No file of a recording is left out in silence: what cannot be read is named, counted, and ends with 1."""
+"""No file of a recording is skipped silently: what cannot be read is named and counted, with exit code 1."""
 
 import json
 import os
@@ -27,7 +27,7 @@ from mcap_support import record, replay, transport
 
 
 def taken(records: list[AnyRecord]) -> list[tuple[object, ...]]:
-    """The samples without their temperature, which made-up ones have only in their frames."""
+    """Return the samples without their temperature, which simulated samples have only in their frames."""
     return [(one.seq, one.device_us, one.gyro_dps, one.accel_ms2) for one in of(Sample, records)]
 
 
@@ -72,7 +72,10 @@ def test_a_part_under_another_number_is_read_once_and_named(
 
 @pytest.fixture(params=["head", "chunk"])
 def damaged(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """One of a recording's files, with a wrong byte in its head or in a chunk; the rest is long enough."""
+    """Damage one of a recording's files by a wrong byte in its head or in a chunk.
+
+    The other files are long enough.
+    """
     record(tmp_path, transport(samples=1200), rotate_s=1.0)
     file = parts(tmp_path)[1]
     data = bytearray(file.read_bytes())

@@ -1,4 +1,5 @@
-"""A replay of MCAP files: the same estimates to the last bit, whatever was cut off, damaged or is missing."""
+"""A replay of MCAP files gives the same estimates to the last bit, whatever was cut off, damaged or is
+missing."""
 
 import os
 import tracemalloc
@@ -28,7 +29,7 @@ from mcap_support import OFFSET_NS, SMALL, files, kill, record, replay, transpor
 
 @pytest.fixture
 def many_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A chunk after every item: the finest that there can be."""
+    """Write a chunk after every item, which makes the smallest chunks possible."""
     monkeypatch.setattr(record_module, "FLUSH_NS", 0)
 
 
@@ -43,7 +44,7 @@ def test_all_records_of_a_live_run_come_again(rotation: dict[str, float], tmp_pa
     again = replay(tmp_path)
     for kind, n in ((Sample, 3 * 297), (Estimate, 3 * 277), (Gap, 6), (Epoch, 3)):
         assert len(of(kind, live)) == n
-        assert of(kind, again) == of(kind, live)  # numbers, times and estimates, bit by bit
+        assert of(kind, again) == of(kind, live)  # numbers, times and estimates agree bit by bit
     assert without(of(Hello, again), "source", "host_ns") == without(of(Hello, live), "source", "host_ns")
     kinds = [error.kind for error in of(Error, live)]
     assert [error.kind for error in of(Error, again)] == kinds == ["unplugged", "unplugged"]
@@ -66,7 +67,7 @@ def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
 
 
 def test_host_times_follow_each_epochs_own_clock(tmp_path: Path) -> None:
-    """The wall clock was set between two boots: the times of the second epoch are of the new one."""
+    """The wall clock was set between two boots: the second epoch has the new wall-clock times."""
     hour_ns = 3600 * 10**9
     items = transport(samples=100, boots=2)
     second = items.index(next(i for i in items[1:] if isinstance(i, Opened)))
@@ -83,7 +84,7 @@ def test_a_later_file_can_be_replayed_alone(tmp_path: Path) -> None:
     assert isinstance(again[0], Hello)
     numbers = [sample.seq for sample in of(Sample, again)]
     assert numbers == [s.seq for s in of(Sample, live) if s.seq >= numbers[0]]
-    assert 308 <= numbers[0] <= 313  # at once, by the HELLO of the file's head
+    assert 308 <= numbers[0] <= 313  # the first sample is used, thanks to the HELLO in the file's head
     gyro = {s.seq: s.gyro_dps for s in of(Sample, live)}
     assert all(sample.gyro_dps == gyro[sample.seq] for sample in of(Sample, again))
 
@@ -113,7 +114,8 @@ def spoil(folder: Path, chunk: int, place: int, bits: int) -> None:
 @pytest.mark.usefixtures("many_chunks")
 @pytest.mark.parametrize("chunk", [0, 250])
 def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
-    """Also the first, which says what the channels are: those of the wire have always the same numbers."""
+    """This includes the first chunk, which defines the channels: wire channels always have the same
+    numbers."""
     record(tmp_path, transport(samples=500), channels=())
     spoil(tmp_path, chunk, 60, 0xFF)
     again = replay(tmp_path)
@@ -121,7 +123,7 @@ def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
     assert all("is damaged at byte" in error.message for error in of(Error, again))
     samples = of(Sample, again)
     assert samples[-1].seq == 499
-    assert 0 < 500 - len(samples) <= 110  # up to the next HELLO
+    assert 0 < 500 - len(samples) <= 110  # samples are lost up to the next HELLO
 
 
 @pytest.mark.usefixtures("many_chunks")
@@ -140,14 +142,14 @@ def test_no_changed_byte_of_the_wire_is_ever_believed(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("many_chunks")
 def test_chunks_that_are_not_there_are_noticed_by_their_numbers(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=300), channels=())
-    spoil(tmp_path, 120, 0, Opcode.CHUNK ^ 0x7F)  # a kind that no reader knows and all skip
+    spoil(tmp_path, 120, 0, Opcode.CHUNK ^ 0x7F)  # an unknown kind of record, which every reader skips
     (error,) = of(Error, replay(tmp_path))
     assert error.kind == "recording_gap"
     assert "chunks from the wire are missing" in error.message
 
 
 def _places(data: bytes) -> list[tuple[int, int, int]]:
-    """Offset, kind and length of every record."""
+    """Return offset, kind and length of every record."""
     found, at = [], 8
     while at < len(data) - 8:
         kind, length = HEAD.unpack_from(data, at)
@@ -179,7 +181,8 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
             continue
         events = list(McapRecording(before, "x").events())
         chunks = sum(end <= length for end in ends)
-        bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])  # the first is `Opened`
+        # the first item is `Opened`
+        bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])
         frames = FrameReader().feed(bytes_in)
         samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]
         assert len([event for event in in_samples(events) if isinstance(event, RawSample)]) == len(samples)

@@ -1,4 +1,4 @@
-"""Replay: a recording becomes the events that a device would have sent, every run the same ones."""
+"""Replay: a recording becomes the events that a device would have sent, the same in every run."""
 
 import time
 from collections.abc import Iterator
@@ -70,7 +70,7 @@ def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
 
 
 def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
-    n, rate_hz = 70_000, 10.0  # 7000 s: one wrap of each
+    n, rate_hz = 70_000, 10.0  # 7000 s: sequence and time wrap once each
     path = npz_file(tmp_path, gyro_raw=None, gyro_dps=np.zeros((n, 1)), fs_hz=rate_hz)
     found = samples(ReplaySource(path))
     assert max(raw.sequence for raw in found) == 65535
@@ -84,7 +84,7 @@ def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
     assert place.counts.lost == 0
 
 
-# --- times of a CSV file: gaps are gaps, and no sample is ever disbelieved ---
+# # --- times of a CSV file: gaps are counted as gaps, and no sample is rejected ---
 
 
 def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
@@ -111,7 +111,7 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
     [
         (8000.0, np.round(np.arange(8000) / 8000, 4)),  # in whole tenths of a ms: steps of 0.1 and 0.2
         (100.0, np.delete(np.arange(400) / 100, [50, 51, 52])),
-        (100.0, np.arange(400) / 100 + 100 * (np.arange(400) >= 300)),  # a pause: nobody knows what it was
+        (100.0, np.arange(400) / 100 + 100 * (np.arange(400) >= 300)),  # a pause whose cause is unknown
     ],
     ids=["rounded times", "a gap", "a pause"],
 )
@@ -169,7 +169,8 @@ def test_shuffle_is_a_permutation_and_times_stay(tmp_path_factory: pytest.TempPa
     assert [raw[:3] for raw in shuffled] == [raw[:3] for raw in plain]
     assert [raw.gyro for raw in shuffled] != [raw.gyro for raw in plain]
     assert sorted(raw.gyro for raw in shuffled) == sorted(raw.gyro for raw in plain)
-    assert all(raw.accel == tuple(g + 1000 for g in raw.gyro) for raw in shuffled)  # a sample stays whole
+    # the values of one sample stay together
+    assert all(raw.accel == tuple(g + 1000 for g in raw.gyro) for raw in shuffled)
 
 
 def test_shuffle_is_the_seeds_and_says_so(tmp_path: Path) -> None:
@@ -230,7 +231,7 @@ def test_missing_file_folder_and_unknown_ending(tmp_path: Path) -> None:
 
 
 def test_name_that_is_no_text_is_written_as_far_as_it_is(tmp_path: Path) -> None:
-    path = tmp_path / "r\udcffst.npz"  # what Python makes of the byte 0xFF in a name
+    path = tmp_path / "r\udcffst.npz"  # Python's form of the byte 0xFF in a name
     npz_file(tmp_path).rename(path)
     first = next(ReplaySource(path).events())
     assert first.source == f"replay:{tmp_path}/r?st.npz"
@@ -273,7 +274,7 @@ def test_real_pace_waits_for_each_sample(tmp_path: Path, now_ns: list[int]) -> N
 
 
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Python sleeps on after a signal, so a wait is made of short ones."""
+    """Python continues to sleep after a signal, so a wait consists of short ones."""
     source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), how=How(overrule=True), realtime=True)
     slept_s: list[float] = []
 
@@ -297,7 +298,8 @@ def test_pace_comes_from_the_configuration(tmp_path: Path) -> None:
 
 
 def live_events() -> Iterator[Event]:
-    """Lost samples, a port or a sensor that was away, an overlong gap, and a restart, with late arrivals."""
+    """Return live events: lost samples, a lost port or sensor, an overlong gap, and a restart, with late
+    arrivals."""
     rng = np.random.default_rng(3)
     now_ns = 5_000_000_000
     for boot_id, away in (

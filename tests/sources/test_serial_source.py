@@ -1,4 +1,4 @@
-"""The serial source's judgement, with transport events made up and time under control."""
+"""The serial source's diagnosis of a device, with simulated transport events and time."""
 
 from typing import Any
 
@@ -31,7 +31,7 @@ SAMPLE = wire.Sample(1, -2, 3, 4, -5, 6, 700, 4)
 
 
 class Script:
-    """Drives the judgement of a wire, event by event."""
+    """Feeds transport events to the diagnosis, one by one."""
 
     def __init__(self) -> None:
         self.source = WireEvents("/dev/none")
@@ -57,7 +57,7 @@ def hello_bytes(sequence: int = 0, **changes: object) -> bytes:
 
 
 def names(events: list[Event]) -> list[str]:
-    """Kinds of the troubles among events, and of the others what they are."""
+    """Return the kinds of the troubles among events, and the types of the other events."""
     return [event.kind if isinstance(event, Trouble) else type(event).__name__ for event in events]
 
 
@@ -97,7 +97,7 @@ def test_each_message_becomes_its_event(script: Script) -> None:
 
 
 def test_a_status_that_measured_no_time_says_nothing_of_it(script: Script) -> None:
-    """So a recording of a source that has no such thing replays as it was."""
+    """A recording of a source without these measurements then replays unchanged."""
     status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG, 0, 0)
     *_, health = script.hears(hello_bytes() + encode(status, 0, 0), 3)
     assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog", None, None)
@@ -121,7 +121,7 @@ def test_silence_is_told_once_and_again_after_speech_or_a_minute(script: Script)
     assert names(script.later(LIMIT + 61 * S)) == ["silent"]
     script.hears(hello_bytes(), 70 * S)
     assert names(script.later(76 * S)) == ["silent"]
-    # The first byte after a silence is not five seconds of rubbish.
+    # The first byte after a silence is not five seconds of invalid bytes.
     assert script.hears(hello_bytes()[:1], 76 * S + 1) == []
     assert names(script.hears(hello_bytes()[1:], 76 * S + 2)) == ["Hello"]
 
@@ -136,14 +136,15 @@ def test_rubbish_for_five_seconds_is_a_wrong_baud_rate(script: Script) -> None:
 
 
 def read(source: SerialSource, monkeypatch: pytest.MonkeyPatch, items: Any) -> Any:
-    """Events of a source whose reader gives these items."""
+    """Return the events of a source whose reader gives these items."""
     monkeypatch.setattr(Reader, "events", lambda reader, timeout_s: iter(items))
     monkeypatch.setattr(Reader, "start", lambda reader: None)
     return source.events()
 
 
 def test_being_held_up_ourselves_proves_nothing(monkeypatch) -> None:
-    """Stopped for eight seconds: the device is not judged by what we did not hear."""
+    """The program was stopped for eight seconds, so the device is not judged by what was not read
+    meanwhile."""
     now_ns = [S]
     monkeypatch.setattr(clock, "host_ns", lambda: now_ns[0])
 

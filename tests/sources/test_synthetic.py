@@ -1,4 +1,4 @@
-"""Noise without a wire: reproducible, at the sensor's scale, and every key checked."""
+"""Synthetic noise: reproducible, at the sensor's scale, and every key checked."""
 
 import time
 

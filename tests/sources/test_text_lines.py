@@ -1,4 +1,4 @@
-"""Live text as events: numbers, times, gaps, restarts, and what is told; time under control."""
+"""Live text as events: sample numbers, times, gaps, restarts, and reported errors; time is simulated."""
 
 import os
 import threading
@@ -38,7 +38,7 @@ def the_trouble(events: Iterable[Event]) -> Trouble:
 def steady(
     text: TextEvents, first: int, last: int, late_s: float = 0.0, rate_hz: float = 100.0
 ) -> list[Event]:
-    """Lines one by one, each at its time."""
+    """Return lines, each at its time."""
     return [
         event
         for k in range(first, last)
@@ -258,8 +258,8 @@ def test_a_port_is_read_from_its_first_whole_line_and_told_when_it_vanishes() ->
     controller, port = os.openpty()
     source = SerialText(f"{os.ttyname(port)}?baud=115200", RATE)
     events = source.events()
-    assert isinstance(next(events), Tick)  # it is open
-    os.write(controller, b"9\n1\n2\n")  # the end of a line, as nobody knows how it began
+    assert isinstance(next(events), Tick)  # the port is open
+    os.write(controller, b"9\n1\n2\n")  # the end of a line whose beginning is unknown
     found = until(events, RawBlock)
     assert of(RawBlock, found)[-1].gyro.ravel().tolist() == [1, 2]
     os.close(port)
@@ -284,7 +284,7 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
 
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
-    """Ten seconds from line to line: a read holds more than the 71 minutes in which times wrap."""
+    """Lines are ten seconds apart, so one read holds more than the 71 minutes in which times wrap."""
     text = opened(
         How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps", overrule=True)
     )

@@ -1,4 +1,4 @@
-"""Text is read once: what a file gives, a pipe gives, too, with the same samples; or both refuse it."""
+"""A file and a pipe with the same text give the same samples, or both are refused."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -19,7 +19,10 @@ DEG = 180 / np.pi
 
 
 class Found(NamedTuple):
-    """What a text holds. seq: numbers of the samples since the first of their run."""
+    """The content of a text.
+
+    `seq`: numbers of the samples since the first of their run.
+    """
 
     gyro: list[list[float]]
     accel: list[list[float]] | None
@@ -93,7 +96,7 @@ FORMS: dict[str, tuple[str, dict[str, Any], float]] = {
         DEG,
     ),
 }
-"""Beside those of which hypothesis makes texts, below."""
+"""Examples in addition to those that hypothesis makes, below."""
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -174,7 +177,7 @@ def texts(draw: st.DrawFn) -> bytes:
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     comma = separator != "," and draw(st.booleans())
     header = draw(st.sampled_from(HEADERS)).replace(",", separator)
-    # A pipe finds the rate from its first 2 s, a file from all: here they are the same.
+    # A pipe finds the rate from its first 2 s, a file from all rows: in these texts both are equal.
     step = draw(st.sampled_from(["0.01", "0"] if "time_s" in header else ["10", "10", "10", "0.01", "0"]))
     columns = 6 if "ax" in header else 3
     lines = []
@@ -208,6 +211,6 @@ def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
         assert isinstance(from_file, str), from_pipe
         assert isinstance(from_pipe, str), from_file
         return
-    if from_file.accel is None:  # a pipe gives it up to the first line without it
+    if from_file.accel is None:  # a pipe gives the accelerometer up to the first line without it
         from_pipe = from_pipe._replace(accel=None)
     assert from_file == from_pipe
