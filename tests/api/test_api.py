@@ -1,4 +1,4 @@
-"""The API: what comes out is what the command says, misuse is told, and importing it is light."""
+"""The API: its results equal the command's, misuse is reported, and importing it is quick."""
 
 import inspect
 import math
@@ -188,7 +188,7 @@ def test_rates_less_their_bias_integrate_to_a_heading_that_is_as_far_off_as_is_s
     assert (np.diff(moved.bias_std[100:], axis=0) >= 0).all(), "of a prediction"
     off = (moved.rate - rate).sum(axis=0) / 100
     said = np.array([*live.heading_std(30.0).values()])
-    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 24 axes: 99.8 % of right ones
+    assert 0.6 < np.sqrt(np.mean((off / said) ** 2)) < 1.4  # 24 axes: 99.8 % of correct ones
     assert (moved.bias_std[-1] > moved.bias_std[100]).all()
     assert (live.samples, live.fit(curves=False)["0"].left_out["lost"]) == (rest, turn)
 
@@ -268,7 +268,7 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
     assert (found.rate_hz, found.units["gyro_x"], found.counts.used) == (RATE_HZ, "deg/s", 1500)
     report = found.identify()
     alone = fltea.identify(found["gyro_x"], RATE_HZ, unit="deg/s", axis="gyro_x", lsb=1 / LSB_PER_DPS)
-    # The axes may have one walk of the offset.
+    # The axes may share one walk of the offset.
     of_walk = ("now", "walk", "filter", "text", "details", "allan", "allan_curve")
     by_walk = dict.fromkeys(of_walk)
     both = report["gyro_x"], alone
@@ -283,7 +283,7 @@ def test_a_recording_is_its_axes(tmp_path: Path) -> None:
 
 
 def test_all_stretches_count_and_time_goes_on_in_gaps(tmp_path: Path) -> None:
-    """A gap of 300 samples after 1,000: two stretches, and what the command says of them."""
+    """A gap of 300 samples after 1,000 gives two stretches; the command reports the same."""
     raw, seq = counts(2500), np.arange(2500) + np.where(np.arange(2500) >= 1000, 300, 0)
     path = npz(tmp_path / "a.npz", raw, time_s=seq / RATE_HZ, seq=seq, accel_raw=raw, accel_lsb_per_g=16384.0)
     found = fltea.open(path)
@@ -381,7 +381,7 @@ def test_noise_that_runs_away_is_refused(alpha: float, f: float, rate_hz: float,
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.5, -14.0), (1.0, -199.0), (1.8, -5e3), (1.0, 0.0), (1.99, -1.0)])
 def test_noise_within_the_bound_does_not_run_away(alpha: float, f: float) -> None:
-    """It grows as a random walk at most: twice as far after four times as long."""
+    """It grows at most as a random walk: twice as far after four times as long."""
     y = fltea.simulate(8000, alpha=alpha, f=f, Q=1.0, R=0.0, unit="deg/s", warmup=0).y
     assert np.abs(y).max() < 8 * np.abs(y[:2000]).max()
 
@@ -439,7 +439,7 @@ def test_a_notebook_is_shown_words_figures_and_curves() -> None:
     found = fltea.identify(NOISE, 100.0, unit="deg/s", axis="<gyro>")
     shown = found._repr_html_()
     assert "<strong>&lt;gyro&gt;: white</strong>" in shown
-    assert "undefined" in shown  # the order of white noise
+    assert "undefined" in shown  # white noise has no order
     assert f"σ = {found.std:.3g} deg/s" in shown
     assert shown.count("<svg") == 2
     ElementTree.fromstring(shown.replace("<br>", "<br/>"))
@@ -487,7 +487,7 @@ def test_figures_of_an_axis_are_those_of_the_command_in_the_units_of_data_sheets
 
 
 def test_what_there_is_no_curve_or_bias_of_is_not_known() -> None:
-    """Stretches may all be too short for a curve, and bad data have no bias."""
+    """All stretches may be too short for a curve, and bad data have no bias."""
     whole = fltea.identify(NOISE, 100.0, unit="deg/s")
     found = replace(whole, allan_curve=None, now=None)
     assert str(found.B) == str(found.bias) == "not known"

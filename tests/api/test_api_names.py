@@ -1,4 +1,4 @@
-"""Every name that Python shows of the API is explained where it is defined, and named in notebook.md."""
+"""Every public name of the API is explained where it is defined, and named in notebook.md."""
 
 import ast
 import importlib
@@ -42,7 +42,7 @@ def public(kind: type) -> set[str]:
 
 
 def explained(kind: type) -> set[str]:
-    """Names with a docstring: of a method or property its own, of a field the string that follows it."""
+    """Return names with a docstring; that of a field is the string that follows it."""
     found = set()
     for one in kind.__mro__:
         if not one.__module__.startswith("fltea"):

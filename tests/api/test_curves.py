@@ -1,4 +1,4 @@
-"""Curves as SVG: in the chart's coordinates they are what the fit says."""
+"""Curves as SVG: in the chart's coordinates they agree with the fit."""
 
 import math
 import re
@@ -15,7 +15,10 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 
 class Chart:
-    """A chart that was read back. lines: points in pixels by colour; tips: what its points say."""
+    """A chart that was read back.
+
+    `lines`: points in pixels by colour. `tips`: tooltips of its points.
+    """
 
     def __init__(self, text: str) -> None:
         root = ElementTree.fromstring(text)
@@ -33,7 +36,7 @@ class Chart:
 
 
 def test_marks_are_the_lines_of_the_coefficients() -> None:
-    """σ = N/√τ, 0.664 B and K √(τ/3): where the deviation is that, the lines cover it."""
+    """σ = N/√τ, 0.664 B and K √(τ/3): where the deviation has that value, the lines cover it."""
     tau = [0.1, 0.4, 1.6, 6.4]
     for name, adev in (
         ("N", [0.3 / math.sqrt(t) for t in tau]),

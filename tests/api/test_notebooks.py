@@ -1,7 +1,7 @@
-"""The example notebooks say what they said when a kernel ran them.
+"""The example notebooks give the output that a kernel stored in them.
 
-A kernel of its own takes forty packages and seconds for each notebook; so the cells run here, one after the
-other, and what they print is held against the outputs that a kernel left in the file.
+A kernel takes forty packages and seconds for each notebook. So the cells run here, one after the other, and
+their output is compared with the output that a kernel left in the file.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ def test_a_notebook_says_what_it_said(path: Path, tmp_path: Path, monkeypatch: p
 
 
 def _run(source: str, names: dict[str, Any]) -> tuple[str, Any]:
-    """What a cell prints, and the value of its last line where that is an expression by itself."""
+    """Return what a cell prints, and the value of its last line if that is an expression."""
     *lines, last = source.splitlines()
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
@@ -60,12 +60,13 @@ def _run(source: str, names: dict[str, Any]) -> tuple[str, Any]:
 
 
 def _assert_alike(found: str, stored: str, source: str) -> None:
-    """The same words, and numbers that differ in the last digit at most: processors differ in rounding."""
+    """Check that the words are equal, and numbers differ in the last digit at most: processors differ in
+    rounding."""
     assert NUMBER.sub("#", found) == NUMBER.sub("#", stored), source
     numbers = [float(n) for n in NUMBER.findall(found)]
     assert numbers == pytest.approx([float(n) for n in NUMBER.findall(stored)], rel=0.02, abs=0.0011), source
 
 
 def _words(html: str) -> str:
-    """What is read, without the curves."""
+    """Return the text without the curves."""
     return re.sub(r"<svg.*?</svg>|<[^>]*>", " ", NUMBER.sub("#", html), flags=re.S)

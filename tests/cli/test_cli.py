@@ -25,7 +25,7 @@ FAST = ("run", "-s", "synthetic:?n=700", "--pace", "fast")
 
 
 def plain(text: str) -> str:
-    """Text without the frames that help and usage errors are drawn in."""
+    """Return text without the frames that are drawn around help and usage errors."""
     return re.sub(r"[\s│]+", " ", text)
 
 
@@ -150,7 +150,7 @@ def test_failure_while_running_ends_with_1() -> None:
     ids=["usage", "ours", "help"],
 )
 def test_a_process_ends_as_within_this_one(arguments: tuple[str, ...]) -> None:
-    """So what the tests above see within this process is what a user sees."""
+    """This shows that the tests above, within this process, see what a user sees."""
     result, here = fltea(*arguments), fltea_here(*arguments)
     assert (result.returncode, result.stdout, result.stderr) == (here.returncode, here.stdout, here.stderr)
 
@@ -196,7 +196,7 @@ def test_error_records_go_to_stderr_too(tmp_path: Path) -> None:
 
 
 def test_a_width_of_nothing_is_not_known() -> None:
-    """COLUMNS=0: nothing was printed at all, and the exit code was 0."""
+    """With COLUMNS=0 nothing was once printed at all, and the exit code was 0."""
     result = fltea_here(*FAST, "--once", "--format", "table", *QUICK, columns=0)
     assert (result.returncode, result.stderr) == (0, "")
     assert "gyro_z" in result.stdout
@@ -232,7 +232,7 @@ def capture(tmp_path: Path, frames: int) -> Path:
 
 
 def ended_by(number: int, process: subprocess.Popen[bytes]) -> bytes:
-    """The rest of what a command writes after a signal; it ends with 0, and says nothing on stderr."""
+    """Return the rest of a command's output after a signal; it ends with 0 and an empty stderr."""
     process.send_signal(number)
     output, errors = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, errors) == (0, b"")
@@ -250,13 +250,13 @@ def test_signal_ends_a_run_with_0_and_a_whole_line(number: signal.Signals) -> No
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_a_wait_between_rare_samples(number: signal.Signals) -> None:
     with started("run", "-s", "synthetic:?rate_hz=0.001&f=-0.1", *QUICK) as process:
-        lines = [process.stdout.readline() for _ in range(2)]  # hello and epoch: it waits now, for 1000 s
+        lines = [process.stdout.readline() for _ in range(2)]  # after hello and epoch it waits for 1000 s
         records = strict_records(b"".join(lines) + ended_by(number, process))
     assert [type(one) for one in records] == [Hello, Epoch, Fit, Stats]
 
 
 def piped(text: str) -> tuple[int, bytes, bytes]:
-    """Exit code, output and errors of a run whose samples come through a pipe."""
+    """Return exit code, output and errors of a run whose samples come through a pipe."""
     flags = ["--once", "--samples", "--columns", "gx", "--units", "dps"]
     flags += ["--time-column", "t_ms", "--startup", "50"]
     with started("run", "-s", "stdin:", *flags, "--format", "ndjson", stdin=subprocess.PIPE) as process:
@@ -311,7 +311,7 @@ def test_signal_ends_an_inspection_with_its_sum(number: signal.Signals) -> None:
 
 
 def written(command: str, folder: Path, frames: int = 9000) -> list[str | Path]:
-    """A command that writes to stdout, and ends by itself but for the one at its own pace."""
+    """Return a command that writes to stdout; it ends on its own, unless it runs in real time."""
     match command:
         case "inspect":
             return ["inspect", capture(folder, frames)]
@@ -346,7 +346,7 @@ def test_closed_pipe_ends_quietly(command: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", ["table", "inspect", "ndjson"])
 def test_pipe_closed_from_the_start_ends_quietly(command: str, tmp_path: Path) -> None:
-    """What is written only at the end meets the closed pipe there."""
+    """Output that is written only at the end meets the closed pipe there."""
     reader, writer = os.pipe()
     os.close(reader)
     with open(writer, "wb") as closed:

@@ -1,4 +1,4 @@
-"""Command lines and files that nobody writes by accident: an exit code, a sentence, never a traceback.
+"""Command lines and files that nobody writes by accident give an exit code and a sentence, never a traceback.
 
 Every option of every command takes every word of `WORDS`, as every setting does by --set; a seed chooses.
 """
@@ -77,7 +77,7 @@ FILES = [
         "../" * 1500,
     ),
 ]
-"""No devices: tests run as root too, and many of these options write."""
+"""There are no devices among these, since tests also run as root, and many of the options write files."""
 URLS = [
     *(
         "http://[",
@@ -141,7 +141,7 @@ WHOLE = {
         "--image",
     ],
 }
-"""Files that are read whole."""
+"""Files that are read completely."""
 
 
 @pytest.fixture(autouse=True)
@@ -219,12 +219,12 @@ WRITES = {
     "run": ([*FAST, "--pace", "fast", "-s", "synthetic:?n=120", "--state", "state"], ["state"]),
     "record": (["record", "-s", "synthetic:?n=100", "--for", "0.1", "kept"], ["kept/*.mcap"]),
 }
-"""Commands that write, and the files that come of it."""
+"""Commands that write, and the files that they make."""
 
 
 @pytest.mark.parametrize("umask", [0o000, 0o027, 0o077], ids=oct)
 def test_files_have_the_rights_that_the_umask_leaves(umask: int) -> None:
-    """Neither more than it leaves, nor so few that what was written cannot be read by others whom it lets."""
+    """Neither more than the umask leaves, nor so few that permitted users cannot read the file."""
     before = os.umask(umask)
     try:
         for command, _ in WRITES.values():

@@ -1,4 +1,4 @@
-"""Man pages and completion: made of the command line itself, whole, and what their readers take."""
+"""Man pages and completion are generated from the command line, complete, and accepted by their readers."""
 
 import functools
 import os
@@ -24,7 +24,7 @@ WIDE = 10_000
 
 @functools.cache
 def seen(name: str) -> str:
-    """A page as `man` shows it, without warnings, in lines so long that no word is divided."""
+    """Return a page as `man` shows it, without warnings, with lines long enough that no word is divided."""
     groff = shutil.which("groff") or missing("groff is not installed")
     done = subprocess.run(
         [groff, "-man", "-Kutf8", "-Tutf8", "-ww", "-P-c", "-P-b", "-P-u", f"-rLL={WIDE}n"],
@@ -34,7 +34,7 @@ def seen(name: str) -> str:
         timeout=PATIENCE_S,
     )
     assert (done.returncode, done.stderr) == (0, "")
-    return done.stdout.replace("‐", "-").replace("−", "-")  # what groff makes of hyphens
+    return done.stdout.replace("‐", "-").replace("−", "-")  # groff's forms of hyphens
 
 
 def test_every_command_has_a_page() -> None:
@@ -65,7 +65,7 @@ def test_a_page_lists_every_command_and_every_example() -> None:
 
 
 def test_pages_name_documents_that_the_package_holds() -> None:
-    """deb.sh packs all of host/docs."""
+    """deb.sh packages all of host/docs."""
     named = {
         path
         for text in PAGES.values()

@@ -1,4 +1,4 @@
-"""The process of a command: what its libraries do beside it, and what is left of it."""
+"""The process of a command: side effects of its libraries, and what is left after it."""
 
 import os
 import subprocess

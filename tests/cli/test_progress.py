@@ -1,4 +1,4 @@
-"""The bar of commands that compute something: on a terminal only, and not for what is soon done."""
+"""The progress bar of commands that compute: only on a terminal, and only if the work takes long."""
 
 import io
 import sys

@@ -1,4 +1,4 @@
-"""Nothing that lies in the current folder is run, however fltea starts a process."""
+"""No module in the current folder is run, however fltea starts a process."""
 
 import os
 import signal
@@ -26,7 +26,10 @@ LATE = {
     "scipy",
     "socket",
 }
-"""What `python -m` itself has no use for: of those that it has, Python runs what is in the current folder."""
+"""Modules that `python -m` itself does not import.
+
+Those that it imports, Python runs from the current folder.
+"""
 
 WORKERS = ["identify", "a.npz", "b.npz", "--jobs", "2"]
 APART = ["info", "a.h5"]
@@ -34,7 +37,7 @@ APART = ["info", "a.h5"]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Two recordings of one kind, and one that a library reads."""
+    """Write two recordings of one kind, and one that a library reads."""
     y = np.random.default_rng(1).standard_normal((3000, 3))
     for name in ("a", "b"):
         np.savez(tmp_path / f"{name}.npz", gyro_dps=y, fs_hz=100.0)
@@ -44,7 +47,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def lay(folder: Path, names: set[str]) -> None:
-    """Lay modules there, each of which leaves a mark when it is run."""
+    """Write modules there, each of which leaves a mark when it is run."""
     for name in names:
         (folder / f"{name}.py").write_text("open(__file__ + '.ran', 'w').close()\n")
 
@@ -83,7 +86,7 @@ if __name__ == "__main__":
 
 
 def test_nor_by_what_starts_in_place_of_a_forkserver_that_died(folder: Path) -> None:
-    """As a command that lies elsewhere: only then Python itself looks into the current folder for nothing."""
+    """The command is installed elsewhere; only then Python itself does not search the current folder."""
     lay(folder, set(sys.stdlib_module_names))
     script = folder / "elsewhere/script.py"
     script.parent.mkdir()

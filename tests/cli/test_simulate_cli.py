@@ -1,4 +1,4 @@
-"""`fltea simulate`: what it writes can be replayed, holds the truth beside it, and is whole or not there."""
+"""`fltea simulate`: its file can be replayed, has the truth in a second file, and is complete or absent."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a board, a recording or the name of a file says steers no terminal, wherever a person reads it."""
+"""Text from a board, a recording or a file's name controls no terminal, wherever a person reads it."""
 
 import io
 import json
@@ -31,9 +31,9 @@ from host_support import WIRE_HELLO, hello
 from rich.console import Console
 
 ASCII = "v1\x1b[2J\x1b]0;x\a\b\x7f"
-"""What a board can say: clear the screen, name the window, ring, go back."""
+"""Text that a board can send: clear the screen, name the window, ring, go back."""
 NASTY = ASCII + "\r\nfltea: all is well\x9b2J\u202etxt\u2066"
-"""What a recording and the name of a file can say as well."""
+"""Text that a recording and the name of a file can contain as well."""
 HELLO = hello(firmware_version=NASTY, sensor=NASTY, source=f"serial:{NASTY}", device_id=NASTY)
 
 
@@ -101,7 +101,7 @@ def test_nothing_printed_steers(show: Callable[[], None], capsys: pytest.Capture
 def test_list_of_devices(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The serial number is a string of whatever was plugged in."""
+    """The serial number is a string chosen by whatever was plugged in."""
     system = FakeSystem(tmp_path)
     system.plug("/dev/ttyACM0", serial_number=NASTY)
     monkeypatch.setattr(host_system, "System", lambda: system)
@@ -131,7 +131,7 @@ def test_page_shows_it_too() -> None:
 
 
 def test_records_keep_what_was_said() -> None:
-    """A replay has to equal its recording; JSON has escapes of its own."""
+    """A replay has to equal its recording, and JSON escapes such characters."""
     line = msgspec.json.encode(hello(firmware_version=ASCII))
     assert b"\x1b" not in line
     assert json.loads(line)["firmware_version"] == ASCII

@@ -1,4 +1,4 @@
-"""Objects that change while they are read, and servers, or proxies before them, that send something else."""
+"""Objects that change while they are read, and servers or proxies that send something else."""
 
 import http.client
 import os
@@ -33,7 +33,7 @@ def truth(status: int, data: bytes) -> tuple[int, bytes]:
 
 
 class Between(BaseHTTPRequestHandler):
-    """A proxy before the server, which answers requests for an object's content in its own way."""
+    """A proxy that answers requests for an object's content in its own way."""
 
     lie: Lie = staticmethod(truth)
 
@@ -65,7 +65,7 @@ class Between(BaseHTTPRequestHandler):
 
 @pytest.fixture(scope="module")
 def noises(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """Two recordings of the same size, one of them of a hundred times the noise."""
+    """Write two recordings of the same size; one has a hundred times the noise."""
     folder = tmp_path_factory.mktemp("noises")
     paths = [folder / "quiet.npy", folder / "loud.npy"]
     for path, size, seed in zip(paths, (0.05, 5.0), (3, 4), strict=True):
@@ -81,7 +81,7 @@ def server() -> Iterator[Any]:
 
 @pytest.fixture
 def put(server: Any, noises: list[Path]) -> Callable[[int], None]:
-    """Write the first or the second recording to the same address; the first one is there."""
+    """Write the first or the second recording to the same address; the first is there at the start."""
 
     def write(which: int) -> None:
         server.put_file(noises[which], "lab/a.npy")
@@ -91,7 +91,7 @@ def put(server: Any, noises: list[Path]) -> Callable[[int], None]:
 
 
 def errors_of(files: list[File], ask: Any, out: Path, **options: Any) -> list[str | None]:
-    """Of the rows; all that failed are tried again by the next run."""
+    """Return the errors of the rows; the next run tries all failed files again."""
     with open_table(out, ask.digest()) as table:
         run(files, ask, Here(), table, **options)
     found = rows_in(out)
@@ -100,7 +100,7 @@ def errors_of(files: list[File], ask: Any, out: Path, **options: Any) -> list[st
 
 
 def test_pieces_of_two_contents_are_not_put_together(put: Callable[[int], None], tmp_path: Path) -> None:
-    """The size is the same: only the server knows that it is another object."""
+    """The size is the same, so only the server knows that it is another object."""
 
     def change(progress: Progress) -> None:
         if "piece 2" in progress.now:
@@ -143,12 +143,12 @@ def test_a_range_comes_whole_or_not_at_all(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """As behind a proxy that cuts, adds, or answers with a page of its own; without checksums to tell."""
+    """A proxy cuts the answer, extends it, or sends a page of its own; there are no checksums."""
     monkeypatch.setenv("AWS_RESPONSE_CHECKSUM_VALIDATION", "when_required")
     address = urlsplit(os.environ["AWS_ENDPOINT_URL"]).netloc
     with web_server(partial(Between, address)) as between, monkeypatch.context() as patch:
         patch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{between.server_port}")
-        type(server).clear_instance_cache()  # it would go on with the address that it had
+        type(server).clear_instance_cache()  # otherwise it would keep the old address
         patch.setattr(Between, "lie", staticmethod(lie))
         (error,) = errors_of(list(files_of([URL])), PIECES, tmp_path / "v.parquet")
     type(server).clear_instance_cache()

@@ -26,13 +26,16 @@ BLOCK_BYTES = 10_000
 IN_PIECES = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"), block_bytes=BLOCK_BYTES)
 WHOLE = msgspec.structs.replace(IN_PIECES, block_bytes=1_000_000)
 MOST_CHUNKS = 64
-"""Of an answer without an end: a test that fails ends, too."""
+"""Largest number of chunks of an endless answer, so that even a failing test ends."""
 
 
 class Content:
-    """What a server has, in two versions. says: what it states of them. minds: it looks at conditions.
+    """A file on a server, in two versions.
 
-    after: so many answers are of the first one. longer: by so many bytes the second one is.
+    `says`: the headers that describe the version.
+    `minds`: the server honours conditional requests.
+    `after`: number of answers that use the first version.
+    `longer`: number of bytes by which the second is longer.
     """
 
     def __init__(self, folder: Path, says: str | None, *, minds: bool = True, after: int = 0) -> None:
@@ -105,7 +108,7 @@ def served(content: Content) -> Iterator[str]:
 def test_a_web_file_that_changes_between_its_pieces_makes_no_row_of_both(
     says: str, minds: bool, tmp_path: Path
 ) -> None:
-    """The next run takes what is there then, and that alone."""
+    """The next run reads the file as it is then."""
     content = Content(tmp_path, says, minds=minds, after=5)
     with served(content) as url:
         out = tmp_path / "v.parquet"
@@ -148,7 +151,7 @@ def test_a_web_file_of_which_nothing_tells_a_change_is_read_in_one_answer(tmp_pa
 
 
 def test_a_file_of_this_machine_that_is_written_anew_has_changed(tmp_path: Path) -> None:
-    """One that grows has not: what was there, is."""
+    """A file that has only grown has not changed: its earlier content is still there."""
     path = tmp_path / "a.npy"
     np.save(path, white(N, 1, 3)[0])
     (file,) = files_of([str(path)])
@@ -164,7 +167,7 @@ def test_a_file_of_this_machine_that_is_written_anew_has_changed(tmp_path: Path)
 
 
 class Endless(BaseHTTPRequestHandler):
-    """States a size, sends ranges and lists of links, and ends neither."""
+    """States a size, and sends ranges and lists of links without an end."""
 
     def __init__(self, sent: list[int], *arguments: object) -> None:
         self._sent = sent

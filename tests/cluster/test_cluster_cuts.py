@@ -1,4 +1,4 @@
-"""Pieces of a file are recordings whose samples, one after the other, are those of the whole file."""
+"""The pieces of a file are recordings whose samples, in order, are those of the whole file."""
 
 import contextlib
 import io
@@ -73,7 +73,7 @@ def ros2(folder: Path) -> Path:
 
 
 def ours(folder: Path) -> Path:
-    """Recorded as the daemon does."""
+    """Record as the daemon does."""
     sink = sink_in(folder / "rec")
     wire = WireEvents("/dev/due")
     for number, item in enumerate(transport(900, boots=2)):
@@ -105,7 +105,7 @@ def ask_of(make: Callable[[Path], Path], block_bytes: int | None = None) -> Ask:
 
 
 def cut_up(make: Callable[[Path], Path], folder: Path) -> tuple[Loaded, list[Loaded]]:
-    """A recording as a whole and in three or more pieces, none of which says that it is cut off."""
+    """Return a recording as a whole and in three or more pieces, none of which is reported as cut off."""
     ask = ask_of(make)
     (file,) = files_of([str(make(folder))])
     pieces = []
@@ -127,9 +127,9 @@ def test_all_samples_once(make: Callable[[Path], Path], tmp_path: Path) -> None:
 
 
 def test_a_recording_of_the_daemon(tmp_path: Path) -> None:
-    """A frame that lies across a cut is lost, and counted as on the wire; the device is known at once."""
+    """A frame across a cut is lost, and counted as if lost on the wire; the device is known immediately."""
     whole, pieces = cut_up(ours, tmp_path)
-    # Of the chunk in which the second HELLO came: it stands before the chunk, in the file.
+    # Of the chunk in which the second HELLO came: that HELLO precedes the chunk in the file.
     assert sum(one.counts.before_hello for one in pieces) <= 1
     assert {one.hello.device_id for one in pieces} == {whole.hello.device_id}
     y = np.concatenate([one.axes["gyro_x"].y for one in pieces])
@@ -159,7 +159,7 @@ def test_lines_of_text_stay_whole(tmp_path: Path, lines: list[str], block_bytes:
 @given(st.lists(st.integers(1, 50), min_size=1, max_size=40), st.integers(1, 200))
 @settings(max_examples=40, deadline=None)
 def test_pieces_are_even(lengths: list[int], block: int) -> None:
-    """They are all there, in order, and none is longer than a block and the part that began in it."""
+    """All samples are there, in order, and no piece is longer than a block and the part that began in it."""
     places = [0, *np.cumsum(lengths).tolist()]
     pieces = even_pieces(places[:-1], places[-1], block)
     assert [begin for begin, _ in pieces] == [0, *(end for _, end in pieces[:-1])]
@@ -168,7 +168,7 @@ def test_pieces_are_even(lengths: list[int], block: int) -> None:
 
 
 def test_what_cannot_be_cut_is_read_whole(tmp_path: Path) -> None:
-    """Damaged files among them: reading them whole tells what is wrong."""
+    """These include damaged files: reading the whole file reveals the damage."""
     small = msgspec.structs.replace(ASK, how=HOW, block_bytes=100)
     torn = ours(tmp_path).read_bytes()[:-40]
     by_columns = io.BytesIO()
@@ -201,7 +201,7 @@ def bytes_of(make: Callable[[Path], Path]) -> bytes:
 @given(st.data())
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damage_never_ends_the_program(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
-    """Wherever bytes are wrong: no pieces, or pieces that are read or refused."""
+    """Wherever bytes are wrong, there are no pieces, or pieces that are read or refused."""
     folder = tmp_path_factory.mktemp("damage")
     make = data.draw(st.sampled_from([ours, ros1]))
     whole = bytearray(bytes_of(make))

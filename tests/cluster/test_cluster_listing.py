@@ -1,4 +1,4 @@
-"""Files on any file system: what a pattern names, in a fixed order, and nothing else."""
+"""Files on any file system: a pattern selects exactly its files, in a fixed order."""
 
 import itertools
 import os
@@ -48,7 +48,8 @@ def lab(tmp_path: Path) -> Path:
     ],
 )
 def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
-    """A folder stands for the recordings in it, a pattern for what matches; tables of verdicts are none."""
+    """A folder stands for the recordings in it, a pattern for its matches; tables of verdicts are left
+    out."""
     path = f"{lab}/{pattern}".rstrip("/")
     if not found:
         with pytest.raises(UsageError, match="no recording is there"):
@@ -62,7 +63,7 @@ def test_patterns(lab: Path, pattern: str, found: list[str]) -> None:
 
 @pytest.mark.parametrize("name", ["a.mcap", "x/link.csv"])
 def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
-    """And so has a link to it."""
+    """The same holds for a link to it."""
     (lab / "x" / "link.csv").symlink_to(lab / "a.mcap")
     before = {file.url: file for file in files_of([str(lab)])}[f"{lab}/{name}"]
     os.utime(lab / "a.mcap", (1, 1))
@@ -73,7 +74,7 @@ def test_a_file_that_changes_has_another_stamp(lab: Path, name: str) -> None:
 
 @pytest.mark.parametrize("pattern", ["q", "q/*", "q/**"])
 def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
-    """A pipe would be waited for without end. Links to folders may lead in circles."""
+    """Opening a pipe would wait without end. Links to folders may lead in circles."""
     (lab / "q").mkdir()
     (lab / "q" / "a.csv").write_bytes(b"1234")
     os.mkfifo(lab / "q" / "pipe.csv")
@@ -83,7 +84,7 @@ def test_what_is_no_file_is_none(lab: Path, pattern: str) -> None:
 
 
 def test_a_folder_has_one_name(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However one comes there; also by a link, whose parent is that of what it names."""
+    """The name is the same by every path to the folder, including a link whose target has another parent."""
     (lab / "link").symlink_to(lab / "x" / "y")
     monkeypatch.chdir(lab / "z")
     for pattern in ("../x/y/d.mcap", f"{lab}/z/../x/y/*.mcap", "../link/../y"):
@@ -91,7 +92,7 @@ def test_a_folder_has_one_name(lab: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Those behind it are listed all the same; if it is the one that was asked for it is an error."""
+    """The folders after it are still listed; if it is the requested one, it is an error."""
     from fsspec.implementations.local import LocalFileSystem
 
     ls = LocalFileSystem.ls
@@ -116,7 +117,7 @@ def test_a_folder_that_may_not_be_read_or_is_gone(lab: Path, monkeypatch: pytest
 
 
 def test_memory_holds_no_more_than_a_folder(lab: Path) -> None:
-    """The second folder is not looked at before the first one's files were taken."""
+    """The second folder is not listed before the first one's files were consumed."""
     files = files_of([f"{lab}/**/*.*"])
     next(files)
     (lab / "z" / "new.csv").write_bytes(b"1")
@@ -138,7 +139,7 @@ def test_what_is_refused(pattern: str, text: str) -> None:
 
 
 class Cloud:
-    """Tells of each file what it is called, or raises what it is made with."""
+    """A file system that returns given file names, or raises given errors."""
 
     def __init__(self, error: Exception | None = None) -> None:
         self._error = error
@@ -169,7 +170,7 @@ def test_what_a_file_system_says_is_told(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 class Maze(Cloud):
-    """A recording and a folder in each folder, as of a server that makes folders up."""
+    """Each folder has a recording and a folder, as on a server that invents folders."""
 
     def isfile(self, path: str) -> bool:
         return False
@@ -182,7 +183,7 @@ class Maze(Cloud):
 
 
 def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was found by then is read, and a row says where it ended."""
+    """What was found until then is read, and a row says where the listing ended."""
     monkeypatch.setattr("fltea.cluster.listing.file_system", lambda protocol: Maze())
     *files, last = itertools.islice(files_of(["s3://lab"]), 1000)
     assert len(files) == MOST_LEVELS + 1
@@ -203,5 +204,5 @@ def test_folders_without_an_end_end(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_endings_are_letters_and_digits(protocol: str, path: str, suffix: str) -> None:
-    """They become part of a name on the worker's disk. A question mark ends the name on the web only."""
+    """They become part of a file name on the worker's disk. A question mark ends the name on the web only."""
     assert File(path, protocol, path, 1, "").suffix == suffix

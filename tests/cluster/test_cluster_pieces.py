@@ -1,4 +1,5 @@
-"""Files that are summed in pieces: the answer of the whole file, whoever does which piece and dies of it."""
+"""Files that are summed in pieces give the answer of the whole file, whichever worker does each piece or
+dies."""
 
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
@@ -20,8 +21,9 @@ from identify_support import long_recursion, white
 N = 1 << 16
 NOISE = 0.05 * white(N, 1, 1)[0] + 0.05 * long_recursion(0.6, -0.19, N, 2)
 TOLERANCE = 0.5
-"""Of the half of a 95 % interval: so much may a value differ from that of the whole, of pieces of 16,384
-samples or more. Of 36 noises the largest difference is 0.33; a block of 64 MB has a hundred times as many."""
+"""Largest difference from the whole file's value, in half-widths of a 95 % interval, for pieces of at least
+16,384 | samples. Of 36 noises the largest difference is 0.33; a block of 64 MB has a hundred times as many
+samples."""
 FEW = 1 << 12
 SHORT = 0.05 * white(FEW, 1, 3)[0] + 1.5
 VALUES = ("alpha", "F", "s2", "R", "N")
@@ -63,7 +65,7 @@ def test_the_answer_of_the_whole(tmp_path: Path) -> None:
 
 
 def test_a_change_is_seen_across_pieces(tmp_path: Path) -> None:
-    """No piece shows it by itself; and the Allan deviation is of all of them."""
+    """No single piece shows the change. The Allan deviation covers all pieces."""
     louder = np.repeat([1.0, 1.0, 2.0, 2.0], FEW // 4)
     file = saved(tmp_path, louder * (SHORT - 1.5))
     (whole,) = identify_file(file, ask(1))
@@ -131,7 +133,7 @@ def test_a_piece_without_a_number_is_a_gap(tmp_path: Path) -> None:
 
 
 class Dying(Here):
-    """Its process dies of a task, the first `times` times; it takes nothing more until it is renewed."""
+    """Kills its process at a task, the first `times` times; it takes no further task until it is renewed."""
 
     slots = 3
 

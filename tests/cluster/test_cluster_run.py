@@ -1,4 +1,4 @@
-"""Many files to a table: each once, failures as rows, nothing done again; what the command says; kills."""
+"""Many files into a table: each once, failures as rows, no repeated work; the command's messages; kills."""
 
 import json
 import os
@@ -44,7 +44,7 @@ def go(pattern: str, out: Path, **options: Any) -> Progress:
 
 
 def test_from_s3_and_again(s3: Any, tmp_path: Path) -> None:
-    """Two recordings and one that is none; the second time nothing is done, and a file that changed is."""
+    """Two recordings and one file that is none; the second run does only a file that has changed."""
     local = npz(tmp_path / "a.npz", counts(600, 2))
     s3.put_file(local, "lab/2026-11/bench 1/a.npz")
     s3.pipe("lab/2026-11/b.npz", b"PK none")
@@ -114,7 +114,7 @@ def test_a_file_that_goes_away_or_changes_is_tried_again(
 
 
 def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
-    """As when the shared disk is not there: when it is back, the next run identifies it."""
+    """This happens if the shared disk is not mounted; once it is, the next run identifies the file."""
     path, aside = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "aside"
     files = list(files_of([str(path)]))
     path.rename(aside)
@@ -130,7 +130,7 @@ def test_a_local_file_that_the_worker_does_not_see(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_listed_is_a_row(tmp_path: Path) -> None:
-    """It is there until the folder can be."""
+    """The row stays until the folder can be listed."""
     path, out = npz(tmp_path / "a.npz", counts(600, 1)), tmp_path / "v.parquet"
     closed = Unlisted(File("/closed", "file", "/closed", -1, ""), "cannot be listed (PermissionError)")
     with open_table(out) as table:
@@ -156,7 +156,7 @@ def test_nothing_is_left_on_the_disk(s3: Any, tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.slow
 def test_a_cluster_that_reads_from_s3_with_a_worker_killed(s3: Any, tmp_path: Path) -> None:
-    """Two workers, small files and one in pieces; one worker is killed in the midst of that one."""
+    """Two workers, small files and one in pieces; one worker is killed during that file."""
 
     n = 1 << 13
     how = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"), block_bytes=8 * n // 4 + 256)
@@ -191,7 +191,7 @@ FILES, DONE = 8, 3
 def test_killed_and_another_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The command ends, with what was done in the table; with another scheduler it does the others."""
+    """The command ends with the finished files in the table; with another scheduler it does the others."""
     try:
         from fltea.identification import dask_workers
     except ModuleNotFoundError:
@@ -227,7 +227,7 @@ def test_killed_and_another_one(
 
 
 class Gone(Here):
-    """What is handed to it is cancelled, as by a client that has lost its scheduler."""
+    """Cancels every task, like a client that has lost its scheduler."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
         future: Future[Any] = Future()
@@ -250,7 +250,7 @@ def test_what_was_under_way_is_no_failure_of_the_files(tmp_path: Path) -> None:
 
 
 class Liar(Here):
-    """Gives something else in place of every result."""
+    """Returns something else in place of every result."""
 
     def __init__(self, lie: Callable[[Any], Any]) -> None:
         self._lie = lie
@@ -274,7 +274,7 @@ class Liar(Here):
     ],
 )
 def test_what_is_no_answer_is_not_in_the_table(lie: Callable[[Any], Any], tmp_path: Path) -> None:
-    """The file has a row that says so, and the next run does it."""
+    """The file has a row that says so, and the next run repeats it."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
     assert identified(str(path), ASK, out, Liar(lie)).failed == 1
     (row,) = rows_in(out)
@@ -317,7 +317,7 @@ def test_a_summary() -> None:
 
 @pytest.fixture
 def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    """The command in this process: its exit code and what it says on stderr."""
+    """Run the command in this process; return its exit code and stderr."""
 
     def run(*arguments: object, jobs: int = 1) -> tuple[int, str]:
         code = command(monkeypatch, *arguments, "--jobs", jobs)
@@ -334,7 +334,7 @@ def journal_rows(journal: Path) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path) -> None:
-    """What was done stays as it is, down to the time it took, and all are there once."""
+    """Finished rows stay unchanged, including their duration, and every file is there once."""
     (tmp_path / "in").mkdir()
     for i in range(8):
         npz(tmp_path / "in" / f"{i}.npz", counts(2000, 1, seed=i))
@@ -359,7 +359,7 @@ def test_a_client_that_is_killed_and_called_again(here: Command, tmp_path: Path)
 
 
 def test_a_failure_ends_with_one_in_whichever_run_it_was_found(here: Command, tmp_path: Path) -> None:
-    """As long as the table has it for a file of the list; for no other file."""
+    """As long as the table has the failure of a file in the list, but not for other files."""
     (tmp_path / "in").mkdir()
     bad, out = tmp_path / "in" / "bad.npz", tmp_path / "v.parquet"
     bad.write_bytes(b"PK none")
@@ -385,7 +385,7 @@ def test_ctrl_c_says_how_to_go_on(here: Command, tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_named_twice_is_done_once(here: Command, tmp_path: Path) -> None:
-    """Also while it is under way."""
+    """This holds also while the file is being processed."""
     path, out = npz(tmp_path / "a.npz", counts(1000, 1)), tmp_path / "v.parquet"
     assert here(path, f"{tmp_path}/*.npz", "--out", out, jobs=2)[0] == 0
     assert [row["axis"] for row in rows_in(out)] == ["gyro_x"]

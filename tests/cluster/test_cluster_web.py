@@ -1,4 +1,4 @@
-"""Recordings on web servers, some of a size that nobody knows or that is a lie; clouds without a package."""
+"""Recordings on web servers, some of unknown or false size; cloud storage whose package is not installed."""
 
 import contextlib
 import os
@@ -31,14 +31,14 @@ from mosquitto_support import make_authority
 
 CHUNK = bytes(1 << 20)
 MOST_CHUNKS = 64
-"""Of a server that would send for ever: a test that fails ends, too."""
+"""Largest number of chunks of an endless answer, so that even a failing test ends."""
 ROOM_BYTES = 8_000_000
 
 
 class Endless(BaseHTTPRequestHandler):
-    """Sends zeros until nobody listens, in no ranges.
+    """Sends zeros until the client leaves, and supports no ranges.
 
-    declared: the size it states, if it states one. silent: it sends one byte of that, and no more.
+    `declared`: the size that it states, if any. `silent`: it sends one byte of that, and no more.
     """
 
     def __init__(self, declared: int | None, silent: bool, sent: list[int], *arguments: object) -> None:
@@ -55,7 +55,7 @@ class Endless(BaseHTTPRequestHandler):
         self._head(self._declared if self._silent else None)
         if self._silent:
             self.wfile.write(b"1")
-            self.rfile.read()  # until the other side has gone
+            self.rfile.read()  # until the client has gone
             return
         with contextlib.suppress(OSError):
             for _ in range(MOST_CHUNKS):
@@ -72,14 +72,14 @@ class Endless(BaseHTTPRequestHandler):
 
 @contextlib.contextmanager
 def endless(declared: int | None = None, *, silent: bool = False) -> Iterator[tuple[str, list[int]]]:
-    """The address of a file, and how many bytes of it were sent."""
+    """Return the address of a file, and how many bytes of it were sent."""
     sent = [0]
     with web_server(partial(Endless, declared, silent, sent)) as server:
         yield f"http://127.0.0.1:{server.server_port}/a.csv", sent
 
 
 def failure_of(url: str, out: Path) -> dict[str, Any]:
-    """The row of a file that fails, and is tried again by the next run."""
+    """Return the row of a file that fails; the next run tries such a file again."""
     with open_table(out) as table:
         assert run(list(files_of([url])), ASK, Here(), table).failed == 1
     (row,) = rows_in(out)
@@ -89,7 +89,7 @@ def failure_of(url: str, out: Path) -> dict[str, Any]:
 
 @pytest.fixture
 def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A small one for temporary files."""
+    """Use a small disk for temporary files."""
     folder = tmp_path / "tmp"
     folder.mkdir()
 
@@ -104,7 +104,7 @@ def disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_size_nobody_knows(disk: Path, tmp_path: Path) -> None:
-    """It ends when the disk is nearly full."""
+    """The download ends when the disk is nearly full."""
     with endless() as (url, sent):
         assert next(files_of([url])).size == -1
         row = failure_of(url, tmp_path / "v.parquet")
@@ -114,7 +114,7 @@ def test_a_size_nobody_knows(disk: Path, tmp_path: Path) -> None:
 
 
 def test_a_size_nobody_knows_has_a_limit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """However large the disk is; nothing stays on it."""
+    """The limit holds however large the disk is; nothing stays on it."""
     folder = tmp_path / "tmp"
     folder.mkdir()
     monkeypatch.setattr("tempfile.tempdir", str(folder))
@@ -137,7 +137,7 @@ def test_more_than_was_stated(disk: Path, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("disk")
 def test_more_than_fits() -> None:
-    """Nothing is copied; another worker, or another TMPDIR, may have the room."""
+    """Nothing is copied; another worker or another TMPDIR may have the room."""
     with endless(10**15) as (url, sent):
         (row,) = identify_file(next(files_of([url])), ASK)
     assert "TMPDIR" in (row.error or "")
@@ -146,7 +146,7 @@ def test_more_than_fits() -> None:
 
 
 def test_a_server_that_says_no_more(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is not waited for; one that goes on sending is, however long it takes."""
+    """A silent server is given up; one that keeps sending is not, however long it takes."""
     monkeypatch.setattr(listing, "SILENT_S", 0.3)
     with endless(1000, silent=True) as (url, _):
         assert "Timeout" in failure_of(url, tmp_path / "v.parquet")["error"]
@@ -157,7 +157,7 @@ HOW = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"))
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """As most servers it says when a file was changed; unlike most it sends no ranges of bytes."""
+    """Like most servers it says when a file was changed; unlike most it sends no ranges of bytes."""
 
     def log_message(self, format: str, *args: object) -> None:
         pass
@@ -182,7 +182,7 @@ def server(files: Path) -> Iterator[ThreadingHTTPServer]:
 def test_https_with_a_certificate_of_ones_own(
     server: ThreadingHTTPServer, files: Path, tmp_path: Path
 ) -> None:
-    """Trusted by SSL_CERT_FILE; without that nothing is read, and the reason is told."""
+    """SSL_CERT_FILE makes it trusted; otherwise nothing is read, and the reason is given."""
     ca = make_authority(tmp_path / "ca")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(tmp_path / "ca/server.pem", tmp_path / "ca/server.key")
@@ -213,7 +213,7 @@ def test_a_large_file_of_a_server_without_ranges_is_read_whole(
 
 
 def test_what_is_not_there_and_who_is_not(server: ThreadingHTTPServer) -> None:
-    """One is the user's mistake, the other may be another time."""
+    """A missing file is the user's mistake; a missing server may be back later."""
     with pytest.raises(UsageError, match=r"none.npy: no recording is there"):
         list(files_of([f"http://127.0.0.1:{server.server_port}/none.npy"]))
     with pytest.raises(FlteaError, match=r"a.npy: cannot be read \(ClientConnectorError") as caught:
@@ -225,7 +225,7 @@ def test_what_is_not_there_and_who_is_not(server: ThreadingHTTPServer) -> None:
 def test_a_cloud_whose_package_is_missing(
     protocol: str, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On a machine that has it, too: a module that is None in sys.modules cannot be imported."""
+    """The package may be installed here: a module that is None in sys.modules cannot be imported."""
     from fsspec.registry import _registry
 
     monkeypatch.setitem(sys.modules, package, None)

@@ -1,4 +1,4 @@
-"""The table of verdicts: what is in it stays in it, whatever was killed when; every file is in it once."""
+"""The table of verdicts keeps its rows, whatever was killed at any time; every file is in it once."""
 
 import contextlib
 import os
@@ -49,7 +49,7 @@ def test_what_was_added_is_there_and_done(tmp_path: Path) -> None:
 
 
 def test_a_long_journal_becomes_parquet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """So that neither it nor memory grows."""
+    """So neither the journal nor memory grows."""
     monkeypatch.setattr(verdict_table, "JOURNAL_BYTES", 2000)
     with open_table(tmp_path / "v.parquet") as table:
         for number in range(40):
@@ -101,7 +101,7 @@ def test_a_kill_between_parquet_and_journal_doubles_nothing(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("killed", [False, True])
 def test_what_was_not_the_files_fault_is_tried_again(tmp_path: Path, killed: bool) -> None:
-    """Also if it stands in the journal still."""
+    """This holds even for a row that is still in the journal."""
     out = tmp_path / "v.parquet"
     table = VerdictTable(out, DIGEST)
     with contextlib.closing(table):

@@ -1,4 +1,5 @@
-"""Figures of an axis: which a verdict leaves room for, how often intervals hold; who is unlike others."""
+"""Figures of an axis: which the verdict permits, how often their intervals hold, and which sensors are
+outliers."""
 
 import math
 from functools import cache
@@ -18,7 +19,7 @@ RECORDS, SAMPLES = 40, 20_000
 
 
 def fitted(noise: Noise, samples: int, seed: int) -> AxisFit:
-    """What a fleet reads of a daemon's fit of simulated noise."""
+    """Return what a fleet reads of a daemon's fit of simulated noise."""
     record = noise.draw(samples, np.random.default_rng(seed))
     return msgspec.json.decode(msgspec.json.encode(next(fits(record, [samples]))), type=AxisFit)
 
@@ -38,7 +39,10 @@ def test_every_noise_with_white_noise_in_it_has_a_density(kind: str) -> None:
 
 
 def test_of_white_noise_19_of_20_intervals_of_the_density_hold_it() -> None:
-    """Of 40 all but 6 with a probability of 0.99 or more; they are not wider than twice what is known."""
+    """Of 40 all but 6, with a probability of at least 0.99.
+
+    The intervals are at most twice as wide as necessary.
+    """
     truth = math.sqrt(2) * NOISES["white"].N
     held = [figures["density"].low <= truth <= figures["density"].high for _, figures in of_white()]
     assert sum(held) >= RECORDS - 6
@@ -60,7 +64,7 @@ def test_a_density_stays_between_curves() -> None:
 
 
 def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None:
-    """The curve of this noise has two stretches of slope -1/2, of which either may be the longer one."""
+    """The curve of this noise has two stretches of slope -1/2, and either may be the longer one."""
     records = [fitted(NOISES["fractional"], 100_000, seed) for seed in (0, 1)]
     records += [fitted(NOISES["fractional"], 400_000, seed) for seed in (2, 3)]
     kept = [figures_of(fit, RATE_HZ, {})["N"].value for fit in records]
@@ -71,7 +75,7 @@ def test_the_angle_random_walk_of_one_noise_is_the_same_in_all_records() -> None
 def test_where_noise_may_have_an_order_and_its_white_noise_is_unknown_there_is_no_density(
     verdict: str, kept: set[str]
 ) -> None:
-    """Of a young fractional sensor √2 N was 1.8 times its density, thirteen deviations off."""
+    """For a new fractional sensor √2 N was 1.8 times its density, thirteen deviations off."""
     fit, _ = of_white()[0]
     R = fit.R if verdict == "white" else Interval(fit.R.value, 0.0, fit.R.high)
     assert set(figures_of(msgspec.structs.replace(fit, verdict=verdict, R=R), RATE_HZ, {})) == kept
@@ -97,7 +101,7 @@ def test_a_curve_of_a_hundred_thousand_points_costs_no_more_than_a_usual_one() -
     ],
 )
 def test_an_order_counts_once_it_is_known(alpha: Interval, f: Interval, kept: set[str]) -> None:
-    """Real fits of one noise: f of -0.18 (-0.53 to 0) beside -1, α of 0.16 (0.14 to 0.21) beside 0.6."""
+    """Real fits of one noise: f of -0.18 (-0.53 to 0) and -1, α of 0.16 (0.14 to 0.21) and 0.6."""
     assert set(figures_of(AxisFit("fractional", "text", "deg/s", alpha, f), RATE_HZ, {})) == kept
 
 
@@ -108,7 +112,7 @@ NUMBERS = st.lists(st.one_of(st.floats(), st.floats(1e-3, 1e3)), max_size=12)
 def test_any_numbers_at_all(
     tau_s: list[float], adev: list[float], low: list[float], high: list[float], N: float, R: float
 ) -> None:
-    """A stranger's curve stops nothing."""
+    """An arbitrary curve from outside causes no error."""
     allan = Allan(tau_s, adev, low, high, N, N, N)
     fit = AxisFit(
         "fractional", "text", "deg/s", Interval(R, N, R), Interval(N, R, N), Interval(R, R, N), allan
@@ -119,7 +123,7 @@ def test_any_numbers_at_all(
 
 
 def alarms(sensors: int, spread: float, fleets: int) -> float:
-    """Share of fleets without an odd sensor in which one is called odd."""
+    """Return the share of fleets without an outlier in which some sensor is called an outlier."""
     rng = np.random.default_rng(sensors)
     found = 0
     for _ in range(fleets):
@@ -132,7 +136,7 @@ def alarms(sensors: int, spread: float, fleets: int) -> float:
 @pytest.mark.parametrize("sensors", [8, 200])
 @pytest.mark.parametrize("spread", [0.0, 2.0])
 def test_false_alarms_are_as_rare_as_stated(sensors: int, spread: float) -> None:
-    """One of 1000 fleets; of 150 three are beyond any chance."""
+    """One fleet of 1000; three of 150 would be beyond chance."""
     assert alarms(sensors, spread, 150) <= 2 / 150
 
 
@@ -150,7 +154,7 @@ def test_odd_sensors_are_found_and_move_nothing(odd: int) -> None:
 
 
 def test_a_wide_interval_excuses() -> None:
-    """The same distance, known well and known badly."""
+    """The same distance, with a narrow and with a wide interval."""
     value = np.r_[np.linspace(-1, 1, 40), 8.0, 8.0]
     std = np.r_[np.full(40, 0.1), 0.1, 8.0]
     _, found = judge(value, value - 1.96 * std, value + 1.96 * std, comparisons=100)
@@ -189,7 +193,8 @@ def test_figures_that_are_no_numbers_are_left_out(R: float, rate_hz: float) -> N
 
 
 def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
-    """Of a likelihood with two maxima: the value is in the tail of the others, its interval is narrow."""
+    """With two maxima of the likelihood the value is in the tail of the others, and its interval is too
+    narrow."""
     rng = np.random.default_rng(8)
     std = np.full(40, 0.1)
     value = rng.normal(0, std)
@@ -198,7 +203,7 @@ def test_an_interval_that_is_far_too_narrow_makes_nobody_odd() -> None:
 
 
 def test_a_distance_is_in_deviations_of_an_interval_of_95_percent() -> None:
-    """Where sensors do not differ by themselves."""
+    """This is the case if the sensors themselves do not differ."""
     value = np.zeros(20)
     value[7] = 100.0
     half = 1.96 * 2

@@ -27,7 +27,7 @@ from host_support import PATIENCE_S, fltea_here
 
 @pytest.fixture
 def history(tmp_path: Path) -> Iterator[History]:
-    """A file that keeps every fit."""
+    """A history file that keeps every fit."""
     made = opened(tmp_path / "h.db", 0.0)
     yield made
     made.close()
@@ -90,12 +90,12 @@ def test_kill_9_leaves_whole_transactions(tmp_path: Path) -> None:
     rows = list(history._database.rows(f"SELECT {', '.join(COLUMNS)} FROM fit ORDER BY unix_s"))
     numbers = [row[COLUMNS.index("samples")] for row in rows]
     assert numbers == [number for number in range(len(rows) // 3) for _ in range(3)]
-    assert len(rows) // 3 >= told + 1  # all that was told to be there is there
+    assert len(rows) // 3 >= told + 1  # everything reported as stored is there
     history.close()
 
 
 def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As many as there is memory for; the rest is counted."""
+    """Rows wait as long as memory has room; the others are counted."""
     monkeypatch.setattr(histories, "MOST_WAITING", 300)
     pages = database(history).connection.execute("PRAGMA page_count").fetchone()[0]
     database(history).connection.execute(f"PRAGMA max_page_count = {pages}")
@@ -112,7 +112,7 @@ def test_rows_wait_for_room_on_a_full_disk(history: History, monkeypatch: pytest
 def test_rows_that_find_their_place_taken_are_counted(
     history: History, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """While they were on their way to a database that went away, others came."""
+    """Other rows came while these were on their way to a database that went away."""
     monkeypatch.setattr(histories, "MOST_WAITING", 3)
 
     def away(commands: object) -> None:
@@ -215,7 +215,7 @@ def test_a_row_that_no_database_takes_is_lost_alone(history: History) -> None:
 
 
 def test_a_database_that_hangs_holds_up_nobody(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The work goes on in its own thread; what is asked meanwhile waits there."""
+    """The database's thread waits; other work continues, and requests wait in that thread."""
     go = threading.Event()
     write = database(history).write
     monkeypatch.setattr(database(history), "write", lambda commands: (go.wait(PATIENCE_S), write(commands)))
@@ -241,7 +241,7 @@ def test_an_export_that_cannot_be_written_is_a_message(tmp_path: Path, out: str,
 
 
 def test_a_database_that_fails_costs_no_row(history: History, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever it says of itself: only the values of a row are a reason to leave a row out."""
+    """Whatever the database's error is, only the values of a row are a reason to leave the row out."""
     add(history, 1.0, 2.0)
 
     def damaged(commands: object) -> None:

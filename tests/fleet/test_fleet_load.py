@@ -1,4 +1,4 @@
-"""The made-up fleet: its fits are a daemon's, whatever the factor, and the bad ones stand out alone."""
+"""The simulated fleet: its fits are a daemon's at any speed factor, and only the bad sensors are outliers."""
 
 import msgspec
 import numpy as np
@@ -13,7 +13,7 @@ from tools.fleet_fits import NOISES, fits
 
 
 def numbers(one: object) -> list[float]:
-    """All numbers of a record, in order."""
+    """Return all numbers of a record, in order."""
     if isinstance(one, dict | list):
         return [
             number for part in (one.values() if isinstance(one, dict) else one) for number in numbers(part)
@@ -33,7 +33,7 @@ def test_a_scaled_fit_is_the_fit_of_scaled_samples(kind: str) -> None:
 
 
 def fleet(sensors: int, bad: int) -> tuple[Roll, list[fleet_load.Bad]]:
-    """The load generator's fleet, without a broker."""
+    """Return the load generator's fleet, without a broker."""
     roll, ones = Roll(), fleet_load.bad_ones(sensors, bad)
     for place in range(sensors):
         one = fleet_load.sensor(place, ones)
@@ -71,7 +71,8 @@ def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     assert alerts.raised() == []
     alerts.update(roll, seen, 1.0, 9.0)
     alerts.update(roll, nothing, 1.0, 9.0)
-    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]  # it did not last
+    # it did not last long enough
+    assert not [alerts.update(roll, seen, 1.0, 9.0) for _ in range(LOOKS - 1)][-1]
 
 
 def test_a_fleet_of_any_size_shares_a_few_fits() -> None:

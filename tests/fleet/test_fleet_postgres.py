@@ -1,4 +1,4 @@
-"""The history on a PostgreSQL server, which goes, comes back, refuses, or has tables that were changed."""
+"""The history on a PostgreSQL server that stops, comes back, refuses, or has changed tables."""
 
 import contextlib
 import itertools
@@ -22,12 +22,12 @@ from host_support import PATIENCE_S, each_ended
 from postgres_support import Server, started
 
 NUMBERS = itertools.count()
-"""Of databases."""
+"""Numbers that make the names of databases unique."""
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
-    """One for all tests that do not stop it; each has a database of its own."""
+    """Share one server among all tests that do not stop it; each test has a database of its own."""
     one = started(tmp_path_factory.mktemp("server") / "pg")
     yield one
     one.stop()
@@ -64,7 +64,7 @@ Keep = Callable[[Lab], History]
 
 @pytest.fixture
 def keep() -> Iterator[Keep]:
-    """A history that keeps every fit."""
+    """Return a history that keeps every fit."""
     yield from each_ended(lambda lab: History(Postgres(lab.url, TABLES), 0.0), lambda one: one.close())
 
 
@@ -150,7 +150,7 @@ def test_rows_wait_while_the_server_refuses_them(
     history = keep(lab)
 
     def change(command: str) -> None:
-        """Over a new connection, for which alone settings of a database count."""
+        """Change a setting of a database; it takes effect for new connections only."""
         lab.ask(command.format(name=lab.name))
         postgres(history)._connection.close()
         write_out(history)
@@ -170,7 +170,7 @@ def test_rows_wait_while_the_server_refuses_them(
 def test_a_connection_that_ends_at_a_commit_leaves_each_row_once(
     is_committed: bool, lab: Lab, keep: Keep
 ) -> None:
-    """Whether the server had the COMMIT or not: nobody can tell by the lost connection."""
+    """The lost connection does not show whether the server has executed the COMMIT."""
     history = keep(lab)
     database = postgres(history)
     add(history, 1.0)
@@ -201,7 +201,7 @@ def test_a_connection_that_ends_at_a_commit_leaves_each_row_once(
 
 
 def test_what_the_server_is_still_writing_is_not_written_twice(lab: Lab, keep: Keep) -> None:
-    """A server may go on with a transaction whose connection is gone."""
+    """A server may continue a transaction whose connection is gone."""
     import psycopg
 
     history = keep(lab)
@@ -214,7 +214,7 @@ def test_what_the_server_is_still_writing_is_not_written_twice(lab: Lab, keep: K
         other.rollback()
     write_out(history)
     assert times_of(history, "a") == [1.0]
-    postgres(history)._unsure = 10**15  # of another server, which was further on
+    postgres(history)._unsure = 10**15  # a number from another server, which had counted further
     add(history, 2.0)
     write_out(history)
     assert times_of(history, "a") == [1.0, 2.0]
@@ -254,7 +254,7 @@ def test_columns_that_somebody_adds_change_no_answer(lab: Lab, keep: Keep) -> No
 def test_names_are_text_whatever_the_encoding_of_the_database(
     encoding: str, names: list[str], server: Server, keep: Keep
 ) -> None:
-    """A name that it cannot hold is no trouble of the database: its row alone is lost."""
+    """A name that the database cannot hold is no failure of the database: only its row is lost."""
     history = keep(Lab(server, f"lab{next(NUMBERS)}", encoding))
     for name in ("ä", "日本"):
         add(history, 1.0, device=name)
@@ -266,7 +266,7 @@ def test_names_are_text_whatever_the_encoding_of_the_database(
 
 
 def test_a_standby_can_be_exported(lab: Lab, keep: Keep, tmp_path: Path) -> None:
-    """It is read only; a fleet that is to write there is told so at its start."""
+    """It is read only; a fleet that should write there reports that at its start."""
     history = keep(lab)
     add(history, 1.0, 2.0)
     write_out(history)

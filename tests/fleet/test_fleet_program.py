@@ -1,4 +1,4 @@
-"""The fleet's program with a broker that comes and goes."""
+"""The fleet's program with a broker that stops and comes back."""
 
 import json
 import re
@@ -18,7 +18,10 @@ OFFLINE = b'{"status":"offline","reason":"connection_lost"}'
 
 
 class Broker:
-    """In place of the listener. published: topic and content of what reached it."""
+    """Takes the place of the listener.
+
+    `published`: topic and content of what reached it.
+    """
 
     def __init__(self, *_: object) -> None:
         self.is_up = threading.Event()
@@ -42,7 +45,10 @@ class Broker:
 
 
 class Stage:
-    """A fleet whose time is moved by hand. said: its lines."""
+    """A fleet whose clock the test advances.
+
+    `said`: its log lines.
+    """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(program, "Listener", Broker)
@@ -60,7 +66,7 @@ class Stage:
             self.fleet.turn()
 
     def kinds(self) -> list[tuple[str, str]]:
-        """What was published as alerts, and how many were listed."""
+        """Return the kinds of the published alerts, and how many were listed."""
         return [
             (content["state"], content["kind"]) if topic == "fleet/alert" else ("list", content["count"])
             for topic, content in self.broker.published
@@ -69,7 +75,7 @@ class Stage:
 
 @pytest.fixture
 def stage(monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
-    """Where the broker is there, once."""
+    """Return a fleet whose broker has been connected once."""
     made = Stage(monkeypatch)
     made.broker.come()
     made.fleet.turn()
@@ -92,7 +98,7 @@ def test_an_outage_of_the_broker_makes_nobody_silent(stage: Stage) -> None:
 
 
 def test_what_the_broker_took_meanwhile_is_asked_for(stage: Stage) -> None:
-    """It retains the newest fit, of which nobody else would tell until the next."""
+    """The broker retains the newest fit, which would otherwise be unknown until the next one."""
     for payload, kind in ((HELLO, "hello"), (ONLINE, "status"), (FIT, "fit")):
         stage.fleet.take(f"fltea/a/{kind}", payload)
     stage.wait(100)
@@ -140,7 +146,7 @@ def test_a_history_that_cannot_be_written_is_told_once_and_its_end_too(stage: St
         stage.wait(1)
         stage.fleet.history.settle()
     assert [line.partition(":")[0] for line in stage.said] == ["history_lost", "history_back"]
-    # Whether the thread that writes has met the row of OFFLINE by then, nobody knows.
+    # Whether the writing thread has already met the row of OFFLINE by then is not determined.
     assert re.search(r"Rows that wait: [01]; lost: 0\.$", stage.said[0])
     assert stage.fleet.history.alerts().result()[0]["kind"] == "offline"
 

@@ -1,4 +1,4 @@
-"""The roll of all sensors: what it believes, how it is bounded, and what it tells."""
+"""The roll of all sensors: which messages it accepts, how its size is limited, and what it reports."""
 
 import json
 
@@ -133,7 +133,7 @@ def test_bad_messages_are_counted_by_their_reason(topic: str, payload: bytes, re
 
 
 def known(roll: Roll, name: str, text: str = "online", reason: str | None = None, now: float = 0.0) -> None:
-    """Let a sensor say who it is, and how it is."""
+    """Let a sensor state its identity and its status."""
     roll.take(f"fltea/{name}/hello", HELLO, now)
     roll.take(f"fltea/{name}/status", status(text, reason), now)
 
@@ -175,7 +175,7 @@ def test_a_flood_of_names_takes_nobodys_place_and_is_named() -> None:
 
 
 def test_one_thing_said_again_and_again_makes_no_sensor() -> None:
-    """The broker brings what it retains whenever it is asked."""
+    """The broker sends its retained messages at every request."""
     roll = Roll()
     for _ in range(10):
         roll.take("fltea/a/hello", HELLO, 0.0)
@@ -194,7 +194,7 @@ def test_a_full_roll_makes_room_by_those_who_are_silent_longest() -> None:
         roll.take(f"fltea/n{number}/fit", fit(), float(number))
     known(roll, "late", now=10.0)
     assert (roll.refused, "late" in roll.sensors) == (2, False)
-    assert roll.forget(1000.0, 1e6) == []  # nobody is silent for long
+    assert roll.forget(1000.0, 1e6) == []  # no sensor is silent for long
     assert roll.forget(4000.0, 1e6) == ["n0"]
     known(roll, "late", now=4000.0)
     assert list(roll.sensors) == ["n1", "n2", "late"]
@@ -220,7 +220,7 @@ def test_a_sensor_that_floods_is_named_until_it_stops() -> None:
 
 
 def test_two_programs_under_one_name() -> None:
-    """Their fits come by turns, so the numbers run back again and again; a new start is one step back."""
+    """Their fits alternate, so the numbers decrease repeatedly; a restart decreases them once."""
     roll = Roll()
     for turn in range(4):
         roll.take("fltea/a/fit", fit(1000 + turn), turn * 10.0)
@@ -242,7 +242,7 @@ def test_states() -> None:
     assert roll.sensors["a"].state(1000.0) == "offline"
     assert roll.forget(99.0, 100.0) == []
     assert roll.forget(101.0, 100.0) == ["a"]
-    assert roll.take("fltea/a/status", b"", 2.0) is None  # a retained one that was deleted
+    assert roll.take("fltea/a/status", b"", 2.0) is None  # a retained message that was deleted
 
 
 def test_silence_and_a_loss_are_alerts_and_an_orderly_end_is_none() -> None:

@@ -1,4 +1,4 @@
-"""Recordings side by side: figures with intervals; a star only where they differ by more than chance."""
+"""Recordings side by side: figures with intervals, and a star only where they differ by more than chance."""
 
 import json
 import math
@@ -24,13 +24,13 @@ N_SAMPLES = 30_000
 
 @pytest.fixture(scope="module")
 def alike() -> AxisReport:
-    """A sensor with a random walk."""
+    """Return a sensor's result that includes a random walk."""
     noise = 0.1 * white(N_SAMPLES, 1, 3)[0] + 0.001 * np.cumsum(white(N_SAMPLES, 1, 4)[0])
     return identify_series(Series(noise, GYRO_UNIT, None), H, IdentifyOptions(), False, forecast=True)
 
 
 def times(axis: AxisReport, factor: float) -> AxisReport:
-    """The same with a larger N."""
+    """Return the same result with a larger N."""
     N = axis.result.level.N
     larger = Interval(*(None if end is None else end * factor for end in (N.value, N.low, N.high)))
     return replace(axis, result=replace(axis.result, level=replace(axis.result.level, N=larger)))
@@ -62,7 +62,7 @@ def test_a_recording_beside_itself_differs_in_nothing(alike: AxisReport) -> None
 
 @given(st.floats(0.2, 5))
 def test_a_ratio_and_its_interval(alike: AxisReport, factor: float) -> None:
-    """Ends are as far off as those of both in quadrature, and turned over where the files are."""
+    """Its ends combine both relative errors in quadrature, and are inverted if the files are exchanged."""
     N = alike.result.level.N
     assert N.value is not None
     assert N.low is not None
@@ -91,7 +91,7 @@ def test_what_differs_has_a_star_and_a_sentence(alike: AxisReport) -> None:
 @pytest.mark.parametrize(
     ("N", "other", "ratio", "differs"),
     [
-        # One side of an interval may be much longer than the other: the side of the other figure counts.
+        # One side of an interval may be much longer; the side towards the other figure counts.
         ((0.986, 0.698, 0.999), (1.15, 1.13, 1.16), (1.166, 1.141, 1.65), True),
         ((0.302, 0.0, 0.303), (1.19, 1.18, 1.21), (3.94, 3.90, None), True),
         ((1.19, 1.18, 1.21), (0.302, 0.0, 0.303), (0.2538, 0.0, 0.256), True),
@@ -116,7 +116,8 @@ def test_intervals_that_are_longer_on_one_side(
 
 
 def test_more_comparisons_need_more_to_differ(alike: AxisReport) -> None:
-    """Of many sensors alike some figure is far off: the limit is for all comparisons together."""
+    """Among many equal sensors some figure is far off by chance, so the limit applies to all comparisons
+    together."""
     N = alike.result.level.N
     assert N.high is not None
     assert N.value is not None
@@ -160,7 +161,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def test_the_command_says_json_and_the_report(two: list[Path], tmp_path: Path) -> None:
-    """A sensor of twice the noise: text, JSON and report agree."""
+    """For a sensor with twice the noise, text, JSON and report agree."""
     small, large = two
     folder = tmp_path / "report"
     flags = ("--channels", "gyro_x,gyro_z", "--shuffles", 1)

@@ -1,4 +1,4 @@
-"""Data checks: each planted and found; none in clean noise."""
+"""Data checks: each planted fault is found, and none in clean noise."""
 
 import functools
 
@@ -21,7 +21,7 @@ QUIET = Counts(1000, 1000, 0, 1, *[0] * 9)
 
 
 def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:
-    """Severity of each kind, "short" left out."""
+    """Return the severity of each kind, without "short"."""
     return {
         data_check.kind: data_check.severity
         for data_check in axis_data_checks(y, H, lsb)
@@ -56,7 +56,7 @@ def test_clean_noise_hardly_ever_has_one(kind: str, lsb: float | None) -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.floats(1e-3, 1e3), st.sampled_from([0.05, 0.3, 1.0]))
 def test_no_data_check_at_any_scale(seed: int, scale: float, coarse: float) -> None:
-    """Thresholds have no unit: what is found does not depend on it."""
+    """Thresholds have no unit, so the findings do not depend on the scale."""
     y = np.rint(white(2000, 1, seed)[0] / coarse) * coarse
     wanted = {"quantisation"} if y.std() < 2 * coarse else set()
     assert set(kinds(y * scale, coarse * scale)) == wanted
@@ -86,7 +86,7 @@ def test_drift(change: float) -> None:
 )
 @pytest.mark.parametrize("known", [True, False])
 def test_quantisation(sigma_lsb: float, severity: str | None, known: bool) -> None:
-    lsb = 1 / 16.4  # a power of ten is taken for decimals where the count is not known
+    lsb = 1 / 16.4  # where the count is unknown, a power of ten is taken for decimals
     y = np.rint(white(20_000, 1, 1)[0] * sigma_lsb) * lsb
     assert kinds(y, lsb if known else None).get("quantisation") == severity
 
@@ -116,7 +116,7 @@ def test_torn_reads(sign: int) -> None:
 @pytest.mark.parametrize("width", [100, 20])
 @pytest.mark.parametrize("tails", ["laplace", "standard_cauchy"])
 def test_heavy_tails_are_no_torn_reads(tails: str, width: float) -> None:
-    """Of wide noise any outlier may be near 256 counts from its neighbours."""
+    """In wide noise any outlier may be near 256 counts from its neighbours."""
     rng = np.random.default_rng(3)
     y = counts(width * LSB * np.clip(getattr(rng, tails)(size=20_000), -50, 50))
     assert "torn reads" not in kinds(y, LSB)
@@ -159,7 +159,8 @@ def test_repeated_reads(every: int, severity: str, lsb: float | None) -> None:
     y[1::every] = y[:-1:every][: len(y[1::every])]
     (data_check,) = held(list(y.T), [lsb] * 3, H)
     assert (data_check.kind, data_check.severity) == ("repeated", severity)
-    y[:, 2] = white(6000, 1, 9)[0]  # one axis that moves on is enough to see that it was no old sample
+    # one axis that changes is enough to see that the sample was not an old one
+    y[:, 2] = white(6000, 1, 9)[0]
     assert held(list(y.T), [lsb] * 3, H) == ()
 
 

@@ -1,4 +1,4 @@
-"""Whether a gyroscope is as good as its data sheet: the density is the sheet's, and so are the words."""
+"""Whether a gyroscope is as good as its data sheet: density and wording are those of the sheet."""
 
 import json
 import math
@@ -17,7 +17,7 @@ RATE_HZ = 100.0
 
 
 def level(density: float, known_to: float = 0.01) -> Level:
-    """The figures of an axis whose density over positive frequencies is known to 1 %."""
+    """Return the figures of an axis whose one-sided density is known to 1 %."""
     N = density / math.sqrt(2)
     return Level(Interval(N, (1 - known_to) * N, (1 + known_to) * N))
 
@@ -56,7 +56,7 @@ def test_what_a_low_pass_lets_through_is_counted(
 
 
 def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
-    """N may be as good as nothing behind one pole, but a sheet's density has what is fast in it, too."""
+    """N may be close to zero behind one pole, but a sheet's density includes the fast part, too."""
     N = 0.02 / math.sqrt(2)
     found = compare("MPU-9250", Level(Interval(N, 0.0, 1.01 * N)), RATE_HZ)
     assert found.kind == "noisier"
@@ -82,7 +82,7 @@ def test_what_a_fast_relaxation_may_be_of_it_makes_no_sensor_better() -> None:
 def test_the_numbers_that_are_shown_say_what_the_verdict_says(
     ratio: float, known_to: float, kind: str, shown: str
 ) -> None:
-    """1.21 times was shown as 1.2, which is as good, and called noisier."""
+    """A ratio of 1.21 was shown as 1.2, which counts as good, but was called noisier."""
     found = compare("MPU-9250", level(0.01 * ratio, known_to), RATE_HZ)
     assert found.kind == kind
     assert shown in found.text
@@ -90,7 +90,7 @@ def test_the_numbers_that_are_shown_say_what_the_verdict_says(
 
 @pytest.mark.parametrize("low_pass_hz", [None, 41.0, 92.0])
 def test_no_number_that_is_shown_contradicts_a_verdict(low_pass_hz: float | None) -> None:
-    """Whatever is measured: densities and ratios, read again, are on the verdict's side of the limits."""
+    """Densities and ratios, read again from the text, are on the verdict's side of the limits."""
     rng = np.random.default_rng(11)
     kinds = set()
     for near in (0.5, 1 / 1.2, 1.2, 1.2 * math.sqrt(92 / 50)):

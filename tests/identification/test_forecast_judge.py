@@ -1,4 +1,4 @@
-"""The judge of a forecast: right models hold, wrong ones fail."""
+"""The check of forecasts accepts right models and rejects wrong ones."""
 
 import math
 
@@ -33,7 +33,7 @@ def fails(found: Judgement) -> tuple[bool, bool]:
 
 
 def test_right_models_hold() -> None:
-    slow = 0.05 * math.sqrt(2 / 8)  # of the relaxation, as a spectrum that shows no corner has it
+    slow = 0.05 * math.sqrt(2 / 8)  # amplitude of the relaxation, as a spectrum that shows no corner has it
     failed = 0
     for seed in range(12):
         failed += any(fails(of_half(white(seed), WHITE)))
@@ -70,12 +70,12 @@ def test_the_mean_of_the_rate_about_the_bias_is_of_both() -> None:
 
 
 def test_noise_that_a_filter_has_coloured_is_not_in_the_bias() -> None:
-    """Bias(T) has nothing of what the filter knows of the noise now; the mean of the rate has."""
+    """Bias(T) contains none of the present noise that the filter knows; the mean of the rate does."""
     deviations = [
         [one.deviations for one in of_half(_filtered(seed), White(0.01), LowPass(8.0, 2.0)).bias[:4]]
         for seed in range(8)
     ]
-    assert np.abs(np.mean(deviations, axis=0)).max() < 1.1  # of 8: 3 deviations
+    assert np.abs(np.mean(deviations, axis=0)).max() < 1.1  # 8 values: 3 deviations
 
 
 def _filtered(seed: int) -> Array:

@@ -1,4 +1,4 @@
-"""What users came upon: each was wrong once."""
+"""Faults that users found; each of these results was wrong once."""
 
 from pathlib import Path
 
@@ -31,7 +31,7 @@ def data_checks(found: AxisReport) -> dict[str, str]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
-    """Any rise made every sum of relaxations lose."""
+    """Earlier any rise of the density made every sum of relaxations lose."""
     truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
     assert identify_axis(composite(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
 
@@ -44,7 +44,7 @@ def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:
 
 
 def test_an_axis_that_is_constant_at_first_is_judged() -> None:
-    """Only FLTEA cannot begin, since its start-up window says nothing."""
+    """Only FLTEA cannot begin, since its start-up window holds no noise."""
     y = np.concatenate([np.full(500, 0.3), white(59_500, 1, 1)[0]])
     found = identified(y)
     assert found.result.verdict.kind == "white"
@@ -57,7 +57,7 @@ def test_an_axis_that_is_constant_at_first_is_judged() -> None:
 
 @pytest.mark.parametrize("hz", [0.05, 1.0, 0.0])
 def test_a_sensor_that_was_moved(hz: float) -> None:
-    """Rocked at 30 deg/s for 30 of 120 s, or turned: no line, no mains, no motor."""
+    """The sensor is rocked at 30 deg/s for 30 of 120 s, or turned: this is no line, no mains, no motor."""
     t = np.arange(12_000) * H
     y = 0.1 * white(12_000, 1, 3)[0]
     moved = (t >= 40) & (t < 70)
@@ -93,7 +93,7 @@ def test_the_null_test_says_its_level() -> None:
 
 
 def test_one_record_is_said_to_be_long_enough() -> None:
-    """Ten minutes by the data check "short", unless the verdict asks for more."""
+    """Ten minutes by the data check "short", unless the verdict needs more."""
     found = identified(white(6000, 1, 1)[0])
     assert "Record ten minutes or more" in data_checks(found)["short"]
     y = draw(AxisModel((White(1.0), Order(0.5, -1.0, 10.0))), H, 20_000, np.random.default_rng(0))[0]

@@ -1,4 +1,4 @@
-"""A record of which slow waves have been taken out: what is said of bias, heading and walk."""
+"""A record without slow waves, which a high-pass has removed: the statements on bias, heading and walk."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ OPTIONS = IdentifyOptions(shuffles=0)
 
 
 def coupled(n: int, seed: int) -> np.ndarray:
-    """White noise behind one pole, from a sensor with a bias of 1 that walks."""
+    """Return white noise behind one pole, from a sensor whose bias of 1 walks."""
     rng, pole = np.random.default_rng((51, seed)), np.exp(-2 * np.pi * CORNER_HZ * H)
     y = 1.0 + SIGMA * rng.standard_normal(n + 10_000)
     y += K * np.sqrt(H) * np.cumsum(rng.standard_normal(len(y)))
@@ -42,9 +42,9 @@ def test_nothing_is_said_of_a_walk(report: AxisReport) -> None:
 
 
 def test_the_forecast_holds_for_the_samples_and_says_so(report: AxisReport) -> None:
-    """The angle of white noise does not go on to walk: it is σ √(h / (4π f)), and not N √t.
+    """The angle of white noise then stops walking: it is σ √(h / (4π f)), and not N √t.
 
-    What is left of the walk of the bias is white, K / (2π f) at low frequencies.
+    What is left of the bias walk is white, K / (2π f) at low frequencies.
     """
     assert report.forecast is not None
     assert not any(one.fails for one in (*report.forecast.judged, *report.forecast.bias))
@@ -59,7 +59,7 @@ def test_of_independent_records_the_heading_is_in_the_band(report: AxisReport) -
     at = dict(zip(report.forecast.t_s, report.forecast.heading_std, strict=True))
     off = [H * np.cumsum(coupled(6_000, seed)[:6_000])[[999, 5_999]] for seed in range(100, 160)]
     rms = np.sqrt(np.mean(np.square(off), axis=0))
-    # 60 of them tell a deviation to a tenth; the bias of the filter is 0.
+    # 60 segments give a deviation to a tenth; the bias of the filter is 0.
     np.testing.assert_allclose(rms, [at[10.0], at[60.0]], rtol=0.4)
 
 

@@ -1,4 +1,5 @@
-"""Allan deviation: against published values, against allantools' own noises, and no more claims than data."""
+"""Allan deviation: agrees with published values and with allantools' own noises, and claims no more than the
+data show."""
 
 import allantools
 import numpy as np
@@ -23,7 +24,7 @@ def _seeded() -> None:
 
 
 def random_walk(K: float, n: int = N) -> Array:
-    """A rate whose variance grows by K² a second: S(f) = (K / 2π)² / f², one-sided twice that."""
+    """Return a rate whose variance grows by K² a second: S(f) = (K / 2π)² / f², one-sided twice that."""
     walk = allantools.noise.brown(n, b_minus2=2 * (K / (2 * np.pi)) ** 2, fs=1 / H)
     return np.asarray(walk)
 
@@ -61,7 +62,7 @@ def test_random_walk_has_k_and_no_n() -> None:
 
 def test_flicker_has_b() -> None:
     B_true = 0.01
-    # Kasdin and Walter's generator; it knows the deviation that its noise has.
+    # Kasdin and Walter's generator, which returns the deviation of its noise.
     generator = allantools.Noise(nr=2**14, qd=1e-4, b=-3)
     generator.generateNoise()
     y = np.diff(generator.time_series)
@@ -72,7 +73,7 @@ def test_flicker_has_b() -> None:
 
 
 def test_a_higher_flat_is_not_the_floor() -> None:
-    """The crest of a relaxation, and beside it a minimum that is known less well: B is of the minimum."""
+    """The crest of a relaxation comes with a less certain minimum: B belongs to the minimum."""
     tau = np.geomspace(0.01, 1000, 60)
     falls = 0.3 * np.clip(np.log(tau / 100) / np.log(4), 0, 1)
     deviation = np.hypot(0.004 / np.sqrt(tau), 0.0074) * (1 - falls) * np.where(tau > 600, 1.3, 1.0)
@@ -92,7 +93,7 @@ def test_all_at_once() -> None:
     found = allan([y], H)
     assert found.N.value == pytest.approx(0.01, rel=0.03)
     assert found.K.value == pytest.approx(0.02, rel=0.35)
-    # The lowest point of N²/τ + K²τ/3, which is what a data sheet calls bias instability.
+    # The lowest point of N²/τ + K²τ/3, which a data sheet calls bias instability.
     assert found.B.value * 0.6643 == pytest.approx(np.sqrt(2 / np.sqrt(3) * 0.01 * 0.02), rel=0.15)
     assert 0.3 < found.B.tau_from_s < 3
     assert found.N.tau_to_s < found.B.tau_from_s < found.K.tau_to_s
@@ -139,7 +140,7 @@ def test_what_cannot_be_analysed(y: Array, h: float, word: str) -> None:
 
 
 def test_intervals_are_those_of_allantools() -> None:
-    """Its sums of the degrees of freedom are cut off where ours are thinned."""
+    """Its sums of the degrees of freedom are truncated where ours are thinned."""
     for y in (white(3000, 1, 1)[0], random_walk(0.02), white(30_000, 1, 2)[0]):
         found = allan([y], H)
         slope = local_slopes(np.array(found.tau_s), np.array(found.deviation))
@@ -191,7 +192,7 @@ def test_a_model_of_another_power() -> None:
 
 
 def test_of_samples_that_recur_exactly_there_is_nothing_to_compare() -> None:
-    """At their period the Allan deviation is 0."""
+    """At the period of the samples the Allan deviation is 0."""
     curve = allan([np.tile([3.0, -1.0], 1500)], H)
     with pytest.raises(ValueError, match="nothing to compare"):
         reproduction(curve, H, MODELS["white"])

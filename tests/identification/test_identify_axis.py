@@ -1,4 +1,4 @@
-"""Everything of one axis: what people get, on noise of known kinds and on real recordings."""
+"""The whole result for one axis, on noise of known kinds and on real recordings."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def test_white_noise() -> None:
 
 
 def test_as_json_and_back() -> None:
-    """The names that issue and README promise; nothing that JSON has no word for."""
+    """The names are those that the README promises; every value can be written in JSON."""
     found = identify_axis(long_recursion(0.6, -0.19, 1000, 1), H, None, QUICK)
     copies = estimate(white(1000, 1, 1)[0], H, QUICK.estimator, None, range(3), 0)
     found = with_copies(found, [copies])
@@ -53,7 +53,7 @@ def test_as_json_and_back() -> None:
 
 
 def test_broad_resonance_is_not_called_white() -> None:
-    """In mid-band, too broad for a peak; orders up to 1, of the null test, cannot describe it."""
+    """It is in mid-band and too broad for a peak; the null test's orders up to 1 cannot describe it."""
     seen = examined(ar((0.0, -0.25), 3000, 1, 0)[0], H).evidence
     assert seen.p_all > 0.05
     assert not seen.peaks
@@ -84,7 +84,8 @@ def test_notch_and_from_hz_leave_out() -> None:
     assert not seen.evidence.peaks
     assert seen.band.from_hz == 1.0
     ((low, high),) = seen.band.notch_hz
-    assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))  # Hann's lobes
+    # the lobes of Hann's window
+    assert (low, high) == (pytest.approx(18.4, abs=0.02), pytest.approx(21.6, abs=0.02))
     assert seen.ordinates == pytest.approx(46 * 60 * 0.94, rel=0.06)
     assert examined(y, H).evidence.peaks
 
@@ -96,7 +97,7 @@ def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
 
 
 def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The weakest stay in, and no more of them than need be."""
+    """The weakest peaks stay in, and no more of them than necessary."""
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: found)
@@ -107,7 +108,7 @@ def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.Monke
 
 
 def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More than half of them would be left, but fewer than a periodogram may have."""
+    """More than half of the ordinates would be left, but fewer than a periodogram needs."""
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: peaks((10, 25)))
     seen = examined(white(180, 1, 2)[0], H)
     assert FEWEST <= seen.band.ordinates == seen.ordinates - 6
@@ -115,12 +116,12 @@ def test_a_short_record_keeps_enough_ordinates_to_fit(monkeypatch: pytest.Monkey
 
 
 def test_drift_is_not_among_what_is_fitted() -> None:
-    """The clean ordinates begin at ten periods a record; p of the others is kept apart."""
+    """The clean ordinates begin at ten periods a record; p of all ordinates is stored separately."""
     n = 30_000
     y = white(n, 1, 3)[0] + 0.1 * np.sin(2 * np.pi * 5 * np.arange(n) / n)
     seen = examined(y, H)
     assert seen.band.from_hz == pytest.approx(1 / 30)
-    assert 4 <= seen.ordinates - seen.band.ordinates <= 6  # of those in use 4 to 9
+    assert 4 <= seen.ordinates - seen.band.ordinates <= 6  # ordinates 4 to 9 of those in use
     assert seen.evidence.p_all < 1e-3
     assert seen.evidence.p_clean > 0.05
     assert decide(seen.evidence).kind == "drift"
@@ -157,7 +158,7 @@ def test_one_axis_only() -> None:
 
 
 def test_real_recordings(recordings: Path) -> None:
-    """As measured: none of them is fractional, and the resonance of the z axis is seen for what it is."""
+    """As measured: none of them is fractional, and the resonance of the z axis is recognised."""
     kinds = {}
     for name in ("mpu6050_sunsided_10min", "mpu6050_tomisuarez_100s"):
         with np.load(recordings / f"{name}.npz") as d:

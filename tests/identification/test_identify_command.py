@@ -1,4 +1,4 @@
-"""`fltea identify` as a user has it: table, JSON, files, exit codes."""
+"""`fltea identify` as a user runs it: table, JSON, files, exit codes."""
 
 import json
 import re
@@ -31,14 +31,14 @@ def strict(text: str) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two axes: white noise, and white noise with a line at 20 Hz."""
+    """Write two axes: white noise, and white noise with a spectral line at 20 Hz."""
     raw = counts(3000, 2)
     raw[:, 1] += np.rint(10 * np.sin(2 * np.pi * 20 * np.arange(3000) / 100)).astype(np.int32)
     return npz(tmp_path_factory.mktemp("command") / "rest.npz", raw)
 
 
 def here(*arguments: object, exit_code: int = 0) -> tuple[str, str]:
-    """What the command says on stdout and stderr in this process, which has loaded everything."""
+    """Run the command in this process, which has loaded all modules; return its stdout and stderr."""
     done = fltea_here("identify", *arguments, *FAST, columns=300)
     assert done.returncode == exit_code, done.stderr
     assert "Traceback" not in done.stderr
@@ -46,7 +46,7 @@ def here(*arguments: object, exit_code: int = 0) -> tuple[str, str]:
 
 
 def test_json(recording: Path) -> None:
-    """As the issue has it; on stdout nothing else, on stderr nothing."""
+    """stdout has only the JSON, and stderr nothing."""
     done = fltea("identify", recording, "--json", *FAST)
     assert (done.returncode, done.stderr) == (0, "")
     (file,) = strict(done.stdout)["files"]
@@ -72,7 +72,10 @@ def test_json(recording: Path) -> None:
 
 
 def test_every_data_check_is_told(tmp_path: Path) -> None:
-    """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a line; all repeat."""
+    """Three bad axes: drift, torn reads and a resonance; coarse counts; outliers and a spectral line.
+
+    All repeat.
+    """
     n = 6000
     k = np.arange(n)
     x = 16 * white(n, 1, 1)[0] + 40 + k * (48 / n) + 3 * ar((2 * 0.97 * np.cos(1.2), -(0.97**2)), n, 1, 2)[0]
@@ -107,7 +110,7 @@ def test_from_a_bag_to_imu_yaml_with_its_topic(tmp_path: Path) -> None:
 
 
 def test_both_sensors_in_one_command(tmp_path: Path) -> None:
-    """With imu.yaml the accelerometer comes too, but for an axis that stands still; all files have both."""
+    """With imu.yaml the accelerometer is included, except an axis that stands still; all files have both."""
     accel = counts(900, seed=3)
     accel[:, 1] = 0
     path = npz(tmp_path / "a.npz", counts(900), accel_raw=accel, accel_lsb_per_g=16384.0)
@@ -131,7 +134,7 @@ def test_both_sensors_in_one_command(tmp_path: Path) -> None:
 
 
 def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
-    """With the line left out both are white; models and imu.yaml are what their readers want."""
+    """Without the spectral line both are white; models and imu.yaml satisfy their readers."""
     model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
     flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
     out, _ = here(recording, *flags, "--details")
@@ -144,14 +147,14 @@ def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
     assert out.count("\n  White noise. The null test does not reject") == 2
     for text in ("3,000 samples, 30.0 s", "FLTEA triple α", "FLTEA joint α", "shuffled gives", "undefined"):
         assert text in out
-    assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the one asked for first
+    assert out.index("FLTEA triple α") < out.index("FLTEA joint α")  # the requested one comes first
     assert "too short to separate an order" in out
     assert list(read_models(model).axes) == ["gyro_x", "gyro_y"]
     assert "gyroscope_noise_density:" in yaml.read_text()
 
 
 def test_what_was_found_is_told_before_a_file_fails(recording: Path, tmp_path: Path) -> None:
-    """The work took minutes; a mistyped name of the model's file does not cost it."""
+    """The work took minutes, so a mistyped name of the model's file must not lose its results."""
     flags = ("--channels", "gyro_x", "--export-model", tmp_path / "no" / "model.json")
     out, err = here(recording, *flags, exit_code=1)
     assert "gyro_x: white ·" in out
@@ -176,7 +179,7 @@ def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
 
 
 def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
-    """The others are identified; what failed is told, in its place and at the end; exit 2."""
+    """The others are identified; the failure is reported in its place and at the end; exit code 2."""
     bad = tmp_path / "bad.npz"
     bad.write_bytes(b"PK no")
     out, err = here(tmp_path / "away.npz", recording, bad, "--channels", "gyro_x", exit_code=2)
@@ -187,7 +190,10 @@ def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["away.npz", "bad.npz", "short.npz"])
 def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, tmp_path: Path) -> None:
-    """It had an empty page. With another recording both are in the report; errors are those without one."""
+    """Earlier it had an empty page.
+
+    With another recording both are in the report; an error is the one without figures.
+    """
     (tmp_path / "bad.npz").write_bytes(b"PK no")
     npz(tmp_path / "short.npz", counts(20, 1))
     out = tmp_path / "out"
@@ -231,7 +237,7 @@ def test_of_a_refused_recording_there_is_no_report(name: str, recording: Path, t
 def test_mistakes(
     arguments: list[str], message: str, recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One line and exit 2, whatever the mistake."""
+    """One line and exit code 2, whatever the mistake."""
     monkeypatch.chdir(recording.parent)
     done = fltea_here("identify", *arguments, "--jobs", "1", "--shuffles", "0")
     assert (done.returncode, message in done.stderr, "Traceback" in done.stderr) == (2, True, False)

@@ -1,6 +1,7 @@
-"""The address of a Dask scheduler: what cannot be one is refused, and plain TCP gets a warning, at once.
+"""The address of a Dask scheduler: an impossible one is refused and plain TCP gets a warning, both
+immediately.
 
-Messages of Dask are pickles, which run what their sender says.
+Dask's messages are pickles, which run code that their sender chooses.
 """
 
 import re
@@ -88,7 +89,7 @@ def test_nothing_is_made_before(tmp_path: Path, options: list[str], text: str) -
 
 
 def test_nobody_listens(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    """A helpful word, also from Dask's own threads no traceback."""
+    """The error helps the user, and Dask's own threads print no traceback, either."""
     import gc
 
     from fltea.identification import dask_workers
@@ -155,7 +156,7 @@ def test_workers_that_are_none_of_ours_are_left_at_once(
 def test_a_worker_of_another_version_that_joins_later_ends_the_work(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """It was not there when versions were looked at; none of its answers are taken, and no file is blamed."""
+    """The worker joined after the check of versions; its answers are rejected, and no file is blamed."""
 
     def joined(task: Callable[..., Any], *arguments: Any) -> "Future[Any]":
         with monkeypatch.context() as patch:

@@ -1,4 +1,4 @@
-"""A Dask scheduler that stands still: its line stays open, so nothing else tells."""
+"""A Dask scheduler that hangs: its connection stays open, so only a time limit reveals it."""
 
 from contextlib import closing
 

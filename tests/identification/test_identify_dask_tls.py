@@ -1,4 +1,5 @@
-"""A Dask cluster with TLS, set up as in host/docs/guide/verdict.md, takes those that have its certificate."""
+"""A Dask cluster with TLS, set up as in host/docs/guide/verdict.md, accepts only clients with its
+certificate."""
 
 import json
 import os
@@ -20,7 +21,7 @@ QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")
 
 
 def make_certificate(folder: Path) -> Path:
-    """By the documented command."""
+    """Make a certificate with the documented command."""
     folder.mkdir()
     key = ["-x509", "-newkey", "rsa:2048", "-nodes", "-keyout", folder / "key.pem"]
     openssl("req", *key, "-out", folder / "cert.pem", "-days", "365", "-subj", "/CN=dask")
@@ -28,7 +29,10 @@ def make_certificate(folder: Path) -> Path:
 
 
 def documented(authority: Path, own: Path | None = None, key: Path | None = None) -> dict[str, str]:
-    """The documented settings. own: folder of the certificate that is shown; key: of its key."""
+    """Return the documented settings.
+
+    `own`: folder of the certificate that is presented. `key`: folder of its key.
+    """
     own = own or authority
     found = {"REQUIRE_ENCRYPTION": "true", "TLS__CA_FILE": f"{authority}/cert.pem"}
     for who in ("SCHEDULER", "WORKER", "CLIENT"):
@@ -46,7 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def address(folder: Path) -> Iterator[str]:
-    """A scheduler and a worker by Dask's own commands."""
+    """Start a scheduler and a worker with Dask's own commands."""
     dask = Path(sys.executable).with_name("dask")
     if not dask.exists():
         missing("distributed is not installed: pip install -e '.[dask]'")
@@ -69,7 +73,7 @@ def address(folder: Path) -> Iterator[str]:
 def connect(
     address: str, settings: dict[str, str], monkeypatch: pytest.MonkeyPatch, patience_s: float = 5.0
 ) -> None:
-    """As with these environment variables, in this process."""
+    """Connect from this process with these environment variables."""
     import dask
     from fltea.identification import dask_workers
 
@@ -103,14 +107,14 @@ def test_a_foreign_certificate_does_not(
 
 
 def test_nor_without_one(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not past TLS either, for which one has to be set."""
+    """Nor with TLS switched off, for which a setting is needed."""
     plain = address.replace("tls://", "tcp://")
     with pytest.raises(UsageError, match=r"no scheduler answers there .* with certificates tls://"):
         connect(plain, {}, monkeypatch, patience_s=1.0)
 
 
 def test_settings_that_cannot_be_used(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each is told before anything is connected."""
+    """Each error is reported before anything is connected."""
     nowhere = "tls://192.0.2.1:8786"
     with pytest.raises(UsageError, match=r"certificates cannot be used \(.*No such file.*CA_FILE"):
         connect(nowhere, documented(folder / "nothing"), monkeypatch)

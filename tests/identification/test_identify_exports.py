@@ -1,4 +1,5 @@
-"""What other programs take from a verdict: a navigation filter's file, imu.yaml; one result in all."""
+"""What a verdict exports for other programs: a navigation filter's file and imu.yaml, consistent in all
+outputs."""
 
 import json
 from pathlib import Path
@@ -64,7 +65,7 @@ def entry_of(axis: AxisReport) -> NavigationAxis:
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """gyro_x with two parts and quantisation noise, gyro_y white, gyro_z of an order."""
+    """Write a recording: gyro_x with two parts and quantisation noise, gyro_y white, gyro_z with an order."""
     n = 60_000
     return saved(
         tmp_path_factory.mktemp("exports") / "rest.npz",
@@ -102,13 +103,13 @@ def test_what_a_filter_reads(known: AxisReport) -> None:
 
 
 def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
-    """As N 1e-8 a filter would be a million times too sure: null, with the density that there is."""
+    """With N = 1e-8 a filter would be a million times too sure: N is null, with the measured density."""
     y = composite(Truth(0.0, ((0.05, 0.0055),)), 60_000, H, 1)
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     entry = entry_of(found)
     assert entry.N.value is None
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
-    # The density of such a part at its corner, half of that at rest: σ √(2 τ) / √2.
+    # The density of such a part at its corner is half of that at frequency 0: σ √(2 τ) / √2.
     assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
     assert "cannot be told from what else is fast" in found.result.level.reason
     shown = axis_noise(found).N
@@ -139,7 +140,7 @@ def test_one_result_wherever_it_is_read(axis: str, report: FileReport) -> None:
 
 
 def assert_one_result(found: AxisReport) -> None:
-    """Text, table, JSON, model, curve and filter have the same parts, N, K and order."""
+    """Check that text, table, JSON, model, curve and filter have the same parts, N, K and order."""
     r = found.result
     assert found.model.parts == r.sentences[r.stands].parts
     named = {str(part.__struct_config__.tag): part for part in found.model.parts}
@@ -180,7 +181,7 @@ def assert_one_result(found: AxisReport) -> None:
 
 
 def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[AnyPart, ...]]:
-    """White noise of variance 1, one or two parts beside it, and perhaps a filter behind all."""
+    """Draw white noise of variance 1, one or two further parts, and sometimes a filter behind all."""
     beside = st.one_of(
         st.builds(Relaxation, sigma=share, tau_s=st.floats(0.02, 3.0)),
         st.builds(Walk, K=st.floats(0.05, 0.5)),
@@ -203,7 +204,7 @@ def random_parts(share: st.SearchStrategy[float]) -> st.SearchStrategy[tuple[Any
 @example((White(1.0), Walk(0.2), LowPass(10.0, 2.0)), 2)
 @example((White(1.0), Walk(0.2), LowPass(20.0, 2.0)), 2)
 def test_all_say_the_same_of_any_noise(parts: tuple[AnyPart, ...], seed: int) -> None:
-    """Text, table, JSON and model, whose α was 0.40 in one and 0.72 in the other."""
+    """Text, table, JSON and model agree. Once α was 0.40 in one and 0.72 in another."""
     y = draw(AxisModel(parts), H, 6000, np.random.default_rng(seed))[0]
     found = identify_series(Series(y, GYRO_UNIT, None), H, OPTIONS, False)
     assert_one_result(found)
@@ -221,7 +222,7 @@ LEVELS = {
 
 
 def test_imu_yaml() -> None:
-    """The worst axis counts; what is not known is a comment, and hostile names do no harm."""
+    """The worst axis decides; an unknown value is a comment, and hostile names do no harm."""
     hostile = 'a: b # "c'
     assert yaml.safe_load(imu_yaml(LEVELS, 100.0, "rest.npz", rostopic=hostile))["rostopic"] == hostile
     assert "\nx:" not in imu_yaml(LEVELS, 100.0, "rest.npz", rostopic="/imu\nx: 1")
@@ -236,7 +237,7 @@ def test_imu_yaml() -> None:
 
 
 def test_imu_yaml_of_both_sensors() -> None:
-    """Four entries in the units of Kalibr, and what inflation makes of them."""
+    """Four entries in the units of Kalibr, and the effect of inflation on them."""
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5))}
     accel = {"accel_y": AxisNoise(Shown(0.03), Shown(0.05))}
     found = yaml.safe_load(imu_yaml(gyro, 100.0, "rest.npz", accel=accel))
@@ -256,7 +257,7 @@ def test_imu_yaml_of_both_sensors() -> None:
 
 
 def sound_and_bad(folder: Path) -> Path:
-    """A table whose gyro_z was rounded to 0.01 rad/s, a tenth of its noise; the others are sound."""
+    """Write a table whose gyro_z was rounded to 0.01 rad/s, a tenth of its noise; the others are sound."""
     y = 0.1 * white(3000, 3, 1).T
     y[:, 2] = np.degrees(np.round(np.radians(y[:, 2] + 0.3), 2))
     np.savetxt(folder / "rest.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps,gyro_z_dps", comments="")
@@ -265,7 +266,7 @@ def sound_and_bad(folder: Path) -> Path:
 
 @pytest.mark.parametrize("flag", ["--export-model", "--imu-yaml", "--gauss-markov"])
 def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
-    """An imu.yaml came from pure rounding, beside a data check that said "bad"."""
+    """Once an imu.yaml was written from pure rounding, alongside a data check that said "bad"."""
     command = ("identify", sound_and_bad(tmp_path), "--rate", "100", "--shuffles", "0", "--jobs", "1")
     done = fltea_here(*command, flag, tmp_path / "out", columns=300)
     assert done.returncode == 1
@@ -281,7 +282,10 @@ def test_nothing_is_written_of_bad_data(flag: str, tmp_path: Path) -> None:
 
 
 def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
-    """Neither a comparison with a data sheet nor a forecast nor a heading; the other axes have them."""
+    """Neither a comparison with a data sheet, nor a forecast, nor a heading uses it.
+
+    The other axes have them.
+    """
     path = sound_and_bad(tmp_path)
     command = ("identify", path, "--rate", "100", "--shuffles", "0", "--jobs", "1", "--report", tmp_path)
     done = fltea_here(*command, "--sheet", "MPU-9250", "--forecast", "--json")
@@ -305,7 +309,7 @@ def test_no_figure_goes_on_from_an_axis_that_is_bad(tmp_path: Path) -> None:
 
 
 def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None:
-    """Two sensors by turns: the data check is the recording's, and the axes have it."""
+    """Two sensors alternate: the data check concerns the recording, and each axis has it."""
     y = 0.1 * white(3000, 2, 1).T + np.resize([0.2, -0.2], 3000)[:, None]
     np.savetxt(tmp_path / "a.csv", y, "%.9g", ",", header="gyro_x_dps,gyro_y_dps", comments="")
     (found,) = identify_all(
@@ -326,7 +330,7 @@ def test_what_is_wrong_with_all_of_a_recording_withholds(tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_there_and_back(recording: Path, tmp_path: Path) -> None:
-    """Noise that is drawn of an exported model has that model."""
+    """Noise simulated from an exported model is identified as that model."""
     model, navigation = tmp_path / "m.json", tmp_path / "n.json"
     flags = ["--shuffles", "0", "--channels", "gyro_x", "--export-model", model, "--gauss-markov", navigation]
     done = fltea("identify", recording, *flags)

@@ -1,4 +1,5 @@
-"""Records with samples missing: all stretches are used, and what is found is what the whole would say."""
+"""Records with missing samples: all stretches are used, and the result agrees with that of the complete
+record."""
 
 import math
 from pathlib import Path
@@ -46,7 +47,7 @@ from one_fltea import fltea_fit
 
 
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:
-    """What is kept of y, and where the rest is missing; the first and the last are kept."""
+    """Return the kept samples of y, and where the others are missing; the first and the last are kept."""
     keep[[0, -1]] = True
     places = np.flatnonzero(keep)
     missing = np.diff(places) - 1
@@ -55,12 +56,12 @@ def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:
 
 
 def at_random(y: Array, share: float, seed: int = 0) -> tuple[Array, Gaps]:
-    """Without that share of the samples."""
+    """Drop this share of the samples at random."""
     return lose(y, np.random.default_rng(seed).random(len(y)) >= share)
 
 
 def in_gaps(y: Array, gaps: int, length: int) -> tuple[Array, Gaps]:
-    """Without so many pieces of that length, spread evenly."""
+    """Drop this number of gaps of this length, spread evenly."""
     keep = np.ones(len(y), dtype=bool)
     for begin in np.linspace(length, len(y) - 2 * length, gaps).astype(int):
         keep[begin : begin + length] = False
@@ -88,7 +89,7 @@ def test_every_sample_keeps_its_place(kept: list[bool], longest: int) -> None:
 def test_bridges_leave_the_samples_alone() -> None:
     y = np.rint(4 * white(3000, 1, 2)[0])
     (same,) = bridged(y, no_gaps())
-    assert same.y is y  # unbroken records are what they were
+    assert same.y is y  # unbroken records are unchanged
     seen, gaps = at_random(y, 0.02)
     (one,) = bridged(seen, gaps)
     _, missing = spread(seen, gaps)
@@ -102,14 +103,14 @@ def test_bridges_leave_the_samples_alone() -> None:
 
 
 def with_gaps(y: Array, seed: int) -> tuple[Array, float, float, tuple[()], Gaps]:
-    """What `examined` takes."""
+    """Return the arguments that `examined` takes."""
     seen, gaps = at_random(y, 0.01, seed)
     return seen, H, 0.0, (), gaps
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.9, -0.6])
 def test_what_is_drawn_is_like_the_rest(phi: float) -> None:
-    """Of the same variance, and of the same correlation with its neighbours; neither smooth nor alone."""
+    """It has the same variance and the same correlation with its neighbours as the rest."""
     y = ar((phi,), 20_000, 1, 9)[0]
     seen, gaps = in_gaps(y, 300, 5)
     (one,) = bridged(seen, gaps)
@@ -122,13 +123,13 @@ def test_what_is_drawn_is_like_the_rest(phi: float) -> None:
 
 
 def slow(n: int, seed: int) -> Array:
-    """White noise and a relaxation."""
+    """Return white noise and a relaxation."""
     return np.asarray(ar((0.98,), n, 1, seed)[0] + 5 * white(n, 1, seed + 1)[0])
 
 
 @pytest.mark.parametrize("coloured", [False, True])
 def test_one_percent_lost(coloured: bool) -> None:
-    """The same verdict and white noise; a straight line over the gaps would tilt the spectrum by 4 %."""
+    """The verdict and the white noise stay; straight lines over the gaps would tilt the spectrum by 4 %."""
     n = 30_000
     y = slow(n, 3) if coloured else white(n, 1, 3)[0]
     seen, gaps = at_random(y, 0.01)
@@ -138,12 +139,12 @@ def test_one_percent_lost(coloured: bool) -> None:
     assert broken.verdict.kind == whole.verdict.kind
     N = broken.level.N
     assert N.low < (whole.level.N.value or 0) < N.high
-    # Of those in the start-up window none is predicted.
+    # Samples lost in the start-up window are not predicted.
     assert 0.9 * len(gaps.at) < broken.fltea.predicted <= n - len(seen)
 
 
 def test_the_null_test_keeps_its_level() -> None:
-    """Of 40 records of white noise with 1 % lost about two are below 5 %."""
+    """Among 40 records of white noise with 1 % lost, about two are below 5 %."""
     found = [examined(*with_gaps(white(6000, 1, seed)[0], seed)).evidence.p_all for seed in range(40)]
     assert sum(p < 0.05 for p in found) <= 6
     assert 0.3 < float(np.median(found)) < 0.7 or max(found) == 1.0
@@ -157,7 +158,7 @@ def test_fifty_gaps_of_a_second() -> None:
     assert sums.used > 0.95 * len(y)
     whole, broken = examined(y, H), examined(seen, H, gaps=gaps)
     assert decide(broken.evidence).kind == decide(whole.evidence).kind
-    # The powers below the gaps' distance are gone, but those of more than a third are there.
+    # Relaxations slower than the gaps' distance are lost, but those faster than a third of it are found.
     assert len(broken.evidence.candidates.data.lam) > 0.3 * len(whole.evidence.candidates.data.lam)
 
 
@@ -177,7 +178,7 @@ def moments(spectrum: Periodogram) -> tuple[float, ...]:
 
 
 def test_allan_deviation_of_stretches() -> None:
-    """That of each by itself, averaged by their number of terms."""
+    """It is that of each stretch, averaged by the numbers of terms."""
     parts = [white(n, 1, n)[0] + offset for n, offset in ((400, 3.0), (150, -8.0), (30, 0.0), (1, 5.0))]
     factors = np.array([1, 3, 10, 100])
     found = overlapping(parts, factors)
@@ -196,7 +197,7 @@ def test_allan_deviation_of_stretches() -> None:
 
 
 def test_fltea_predicts_and_begins_again() -> None:
-    """As live: three lost samples are predicted; after 101 all begins again, and the longest part counts."""
+    """As live: three lost samples are predicted; after 101 FLTEA starts over, and the longest part counts."""
     y = white(3000, 1, 6)[0]
     keep = np.ones(3000, dtype=bool)
     keep[600:701] = False
@@ -212,7 +213,10 @@ def test_fltea_predicts_and_begins_again() -> None:
 
 
 def test_nothing_stands_out_across_a_gap() -> None:
-    """A slow noise has moved on by many deviations of its steps; a knock elsewhere is still seen, in time."""
+    """Across a gap slow noise changes by many deviations of its steps.
+
+    A knock elsewhere is still found, at its time.
+    """
     y = np.cumsum(white(4000, 1, 7)[0]) / 30 + white(4000, 1, 8)[0] / 1000
     y[2000:] += 20
     seen, gaps = y, Gaps(np.array([2000]), np.array([0]))
@@ -227,7 +231,7 @@ def test_nothing_stands_out_across_a_gap() -> None:
 
 
 def test_a_recording_with_losses(tmp_path: Path) -> None:
-    """From the file to figures: 1 % lost at random, two long gaps, copies and curves with it."""
+    """From the file to figures: 1 % lost at random, two long gaps, with copies and curves."""
     raw = counts(3000, 1)
     keep = np.random.default_rng(1).random(3000) >= 0.01
     keep[700:1000] = keep[2400:2450] = False
@@ -261,7 +265,10 @@ AS_BEFORE = {
         (0.5687, 0.009387381033015063),
     ),
 }
-"""p of the clean band, and N as the version had it that used one stretch only; ordinates weigh less since."""
+"""p of the clean band, and N of an earlier version that used only one stretch.
+
+Ordinates weigh less since then.
+"""
 
 
 @pytest.mark.parametrize("name", AS_BEFORE)

@@ -1,4 +1,4 @@
-"""Recordings of every kind to axes, and where samples are missing in them."""
+"""Read recordings of every kind into axes, with the positions of missing samples."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
     found = load(Request((npz(tmp_path / "a.npz", raw),)))
     assert list(found.axes) == ["gyro_x", "gyro_y", "gyro_z"]
     assert found.h == 0.01
-    assert found.clock_ppm is None  # nothing was said of arrivals
+    assert found.clock_ppm is None  # the file has no arrival times
     for i, series in enumerate(found.axes.values()):
         np.testing.assert_array_equal(series.y, raw[:, i] / LSB_PER_DPS)
         assert (series.unit, series.lsb) == ("deg/s", 1 / LSB_PER_DPS)
@@ -30,7 +30,8 @@ def test_npz_in_deg_per_s(tmp_path: Path) -> None:
 
 
 def test_all_stretches(tmp_path: Path) -> None:
-    """Three samples missing after 100, a new epoch 250 later: all are used, with their places, and told."""
+    """Three samples are missing after 100, and a new epoch comes 250 later: all stretches are used and
+    reported."""
     raw = counts(500)
     seq = np.arange(500) + np.where(np.arange(500) >= 100, 3, 0)
     epoch = np.where(np.arange(500) >= 350, 2, 1)
@@ -48,7 +49,7 @@ def test_all_stretches(tmp_path: Path) -> None:
 
 
 def test_so_many_short_gaps_are_bridged_by_nothing(tmp_path: Path) -> None:
-    """Every fifth sample is lost: what is drawn would be a good part of the record."""
+    """Every fifth sample is lost, so interpolated values would be a large share of the record."""
     seq = np.arange(200) * 5 // 4
     path = npz(tmp_path / "a.npz", counts(200), time_s=seq / RATE_HZ, seq=seq)
     found = load(Request((path,)))
@@ -69,7 +70,7 @@ def test_csv_with_its_columns(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("told", [True, False])
 def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
-    """Samples of another range are another stretch, whether or not an epoch is said to begin."""
+    """Samples of another range form another stretch, whether or not a new epoch is stated."""
     records: list[AnyRecord] = [hello()]
     for k in range(90):
         if k == 30:
@@ -90,7 +91,7 @@ def test_ndjson_with_a_new_scale(told: bool, tmp_path: Path) -> None:
 
 
 def test_mcap_session(tmp_path: Path) -> None:
-    """Frames 60, 61 and 150 of 400 are lost; a file is as good as its folder."""
+    """Frames 60, 61 and 150 of 400 are lost; the file and its folder give the same result."""
     mcap_support.record(tmp_path / "rec", mcap_support.transport(400))
     found = load(Request((tmp_path / "rec",)))
     assert found.counts.lost == 3
@@ -115,7 +116,7 @@ def test_accelerometer_on_request(tmp_path: Path) -> None:
 
 
 def test_clock_against_arrivals(tmp_path: Path) -> None:
-    """Arrivals at 99 Hz of a device that says 100."""
+    """Arrivals at 99 Hz of a device that states 100 Hz."""
     path = npz(tmp_path / "a.npz", counts(2000), t_host_s=np.arange(2000) / 99)
     found = load(Request((path,)))
     assert found.clock_ppm == pytest.approx(-10_000, rel=0.05)

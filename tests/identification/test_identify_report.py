@@ -1,4 +1,4 @@
-"""The page of a report, what its figures are drawn from, and that it needs nothing but itself."""
+"""The report's page and its figures, and that it needs no other file."""
 
 import html
 import re
@@ -34,7 +34,7 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[FileReport], list[Path]]:
-    """The report of white noise, an accelerometer's among it, and of a file that is none."""
+    """Write the report of white noise, including an accelerometer's, and of a file that is no recording."""
     folder = tmp_path_factory.mktemp("report")
     path = npz(folder / NAME, counts(2000, 1), accel_raw=counts(2000, 3, seed=5), accel_lsb_per_g=16384.0)
     settings = Settings(IdentifyOptions(shuffles=5), QUICK, figures=True, forecast=True)
@@ -65,7 +65,7 @@ def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list
 
 
 def test_a_plain_install_writes_a_report_with_all_figures(tmp_path: Path) -> None:
-    """Where matplotlib cannot be imported."""
+    """matplotlib cannot be imported."""
     path = npz(tmp_path / "rest.npz", counts(2000, 1))
     command = ["fltea", "identify", path, "--forecast", "--shuffles", 1, "--report", tmp_path / "out"]
     program = (
@@ -134,7 +134,7 @@ def test_the_heading_says_after_how_long_a_rest(
 def test_the_bias_is_shown_where_it_is_known_with_steps_and_motion(
     made: tuple[Path, list[FileReport], list[Path]],
 ) -> None:
-    """Not where its σ is wide: the range would be that of the first second."""
+    """It is not shown while its σ is wide, since the range would be that of the first second."""
     axis = made[1][0].axes["gyro_x"]
     assert isinstance(axis, AxisReport)
     bias = np.array([40.0, -30.0, *([0.01, 0.02] * 20)])
@@ -163,7 +163,7 @@ UNITS = {
 def test_each_figure_is_a_chart_with_units_and_numbers(
     made: tuple[Path, list[FileReport], list[Path]],
 ) -> None:
-    """Each has lines that go somewhere, a legend, titles of its axes, and no number that is none."""
+    """Each has lines of several points, a legend, titles of its axes, and no NaN."""
     assert set(UNITS) == set(figures.TITLES)
     for path in made[2][1:]:
         text = path.read_text()
@@ -211,7 +211,8 @@ def test_folder_that_cannot_be_written(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> None:
-    """On a phone nothing sticks out; light and dark differ; all figures are shown; nothing is fetched."""
+    """On a phone nothing exceeds the width; light and dark differ; all figures are shown; nothing is
+    fetched."""
     if CHROMIUM is None:
         missing("no Chromium: apt-get install chromium")
     from playwright.sync_api import sync_playwright
@@ -239,7 +240,7 @@ def test_page_in_a_browser(made: tuple[Path, list[FileReport], list[Path]]) -> N
 
 
 def test_curves_agree_with_the_result() -> None:
-    """The trajectory ends where the result is; the profile has the same interval of the order."""
+    """The trajectory ends at the result; the profile has the same interval of the order."""
     x = long_recursion(0.7, -0.12, 3000, 3) + 0.3 * white(3000, 1, 4)[0]
     options = IdentifyOptions(estimator=QUICK, shuffles=30)
     copies = estimate(x, H, QUICK, None, range(30), 0)

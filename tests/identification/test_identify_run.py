@@ -1,4 +1,4 @@
-"""Many recordings: in order, failures apart, and nothing lost or counted twice when a worker dies."""
+"""Many recordings: in order, with failures separate, and nothing lost or counted twice when a worker dies."""
 
 import os
 import signal
@@ -33,7 +33,7 @@ PATIENCE_S = 60.0
 
 
 def files(folder: Path, count: int) -> list[Request]:
-    """Recordings of one, two and three axes, of accelerometers."""
+    """Write recordings of one, two and three axes, of accelerometers."""
     found = []
     for i in range(count):
         path = npz(folder / f"{i}.npz", counts(N, 1), accel_raw=counts(N, 3, seed=i), accel_lsb_per_g=16384.0)
@@ -54,13 +54,14 @@ Known = tuple[list[Request], list[dict[str, Any]]]
 
 @pytest.fixture(scope="module")
 def known(tmp_path_factory: pytest.TempPathFactory) -> Known:
-    """Recordings of one, two and three axes, and what this process alone finds."""
+    """Return recordings of one, two and three axes, and the result of this process alone."""
     requests = files(tmp_path_factory.mktemp("known"), 3)
     return requests, document(identify_all(requests, settings(), Here()))["files"]
 
 
 def test_order_and_failures(known: Known, tmp_path: Path) -> None:
-    """A file that is missing, one that is none, and one with a dead axis change nothing of the others."""
+    """A missing file, one that is no recording, and one with a dead axis change nothing in the others'
+    results."""
     dead = counts(N, 1)
     dead[:] = 7
     extra = {"accel_raw": counts(N, 3), "accel_lsb_per_g": 16384.0}
@@ -92,7 +93,7 @@ def test_order_and_failures(known: Known, tmp_path: Path) -> None:
 
 
 def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor who does what, nor in which order it comes back."""
+    """Neither does the assignment of tasks, nor the order of the results."""
     raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
     requests = [Request((npz(tmp_path / "a.npz", raw, accel_raw=counts(N, 3), accel_lsb_per_g=16384.0),))]
     lanes = 8
@@ -159,7 +160,7 @@ def test_settings_that_no_filter_can_work_with_are_told_whatever_is_asked_for(tm
 
 
 class LastFirst(Here):
-    """Does what it is given only when it is waited for, the last first."""
+    """Runs its tasks only when they are waited for, the last one first."""
 
     slots = 100
 
@@ -195,7 +196,7 @@ def test_numbers_of_an_axis() -> None:
 
 
 def test_a_process_that_dies_costs_nothing(known: Known, tmp_path: Path) -> None:
-    """It dies at one recording, once: all are done as this process alone does them."""
+    """It dies at one recording, once: all recordings have the result of this process alone."""
     requests, alone = known
     mark = tmp_path / "mark"
     ill = [requests[0], deadly(requests[1], mark, 1), requests[2]]
@@ -231,7 +232,7 @@ def test_closing_ends_what_is_under_way() -> None:
 
 
 def test_ctrl_c_while_the_processes_load() -> None:
-    """What loads modules for them ignores it from the start, and does not print where it was interrupted."""
+    """Processes that load modules ignore the signal from the start, and print no traceback."""
     script = """
 from multiprocessing import forkserver
 from fltea.identification.workers import Processes
@@ -274,14 +275,15 @@ def test_workers_that_are_gone_are_noticed(tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.fixture
 def cluster() -> Iterator[Any]:
-    """Two workers, in processes of their own."""
+    """Start two worker processes."""
     with two_workers() as found:
         yield found
 
 
 @pytest.mark.slow
 def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
-    """One of two is killed when the first axis is done: every axis comes, once, as this process has it."""
+    """One of two is killed when the first axis is done: every axis comes, once, with this process's
+    result."""
     from fltea.identification.dask_workers import DaskWorkers
 
     requests, alone = known
@@ -300,12 +302,12 @@ def test_dask_with_a_worker_killed(known: Known, cluster: Any) -> None:
         reports = identify_all(requests, settings(), workers, Here(), kill_one)
     assert killed
     assert document(reports)["files"] == alone
-    # Files, axes, what happened to each sensor, a group of copies, the bias of each axis, FLTEA of each file.
+    # Files, axes, events of each sensor, a group of copies, the bias of each axis, FLTEA of each file.
     assert len(told) == len(set(told)) == 3 + 6 + 3 + 6 + 6 + 3
 
 
 def test_a_second_ctrl_c_does_not_tear_down_what_ends(tmp_path: Path) -> None:
-    """Of threads in native code nothing is left when the interpreter goes."""
+    """No thread in native code is left when the interpreter ends."""
     path = npz(tmp_path / "a.npz", counts(1_500_000))
     command = [sys.executable, "-m", "fltea", "identify", path, "--json", "--shuffles", "400"]
     for second_s in (0.05, 0.2, 0.4):

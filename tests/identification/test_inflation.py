@@ -1,4 +1,4 @@
-"""How much larger figures are written for their own recording to go as they foretell: --inflate auto."""
+"""`--inflate auto` enlarges the noise figures until the forecast holds for their own recording."""
 
 import math
 from pathlib import Path
@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 
 N, H = 60000, 0.01  # ten minutes at 100 Hz
 U = np.clip((np.arange(N) * H - 300) / 300, 0, None)
-"""0 in the first half, and up to 1 at the end."""
+"""A ramp: 0 in the first half, and rising to 1 at the end."""
 
 
 def at_rest(seed: int, warms_up_by: float = 0.0, walk: float = 0.0) -> np.ndarray:
-    """Return white noise of N 0.3 deg/√h, whose bias goes off in the second half, as with temperature."""
+    """Return white noise of N 0.3 deg/√h whose bias drifts in the second half, as with temperature."""
     rng = np.random.default_rng((77, seed))
     y = 0.2 + rng.normal(0.0, 0.05, N) + np.cumsum(rng.normal(0.0, walk * math.sqrt(H), N))
     return y + warms_up_by * (1 - np.exp(-3 * U))
@@ -53,7 +53,10 @@ def piece(t_s: float, pieces: int, needed: float, deviations: float = 9.0, said:
 
 
 def axis(*pieces: Piece, whole: float = 0.01, unit: str = "deg/s", judged: str = "white noise") -> Axis:
-    """Return an axis of which this was foretold and seen; whole: what the whole recording foretells."""
+    """Return an axis with this forecast and this observed error.
+
+    `whole`: the forecast from the whole recording.
+    """
     times = tuple(one.t_s for one in pieces)
     found = Forecast(times, (whole,) * len(times), pieces, (), "white noise", judged, "")
     return Axis(unit, found)
@@ -111,7 +114,7 @@ def test_the_band_is_as_wide_as_95_percent_need(errors: list[float]) -> None:
 
 
 def test_each_axis_has_its_own_factor_and_the_worst_counts() -> None:
-    """The larger figure is not that of the worst axis, where the other has the larger factor."""
+    """The worst axis does not give the larger figure if the other axis has the larger factor."""
     gyro = {"gyro_x": AxisNoise(Shown(0.02), Shown(0.5)), "gyro_y": AxisNoise(Shown(0.03), Shown(0.4))}
     own = Inflation(1.0, 1.0, {"gyro_x": 2.0, "gyro_y": 1.0}, ("gyro_x: times 2: for this.",))
     text = imu_yaml(gyro, 100.0, "rest.npz", inflation=own)

@@ -1,4 +1,4 @@
-"""Readings that cannot be what they say: each planted and found; none in clean noise."""
+"""Readings that cannot be what they seem: each planted fault is found, and none in clean noise."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -50,7 +50,7 @@ def said(question: Question, evidence: Evidence) -> tuple[Answer, ...]:
 @pytest.mark.parametrize("lsb", [None, 0.03])
 @pytest.mark.parametrize("values", [(-32438, 0, 32438), (-32768, 32767), (0, 16384, 255)])
 def test_reads_that_are_no_measurements(values: tuple[int, ...], lsb: float | None) -> None:
-    """Full-scale values only were "white noise"."""
+    """Data with only full-scale values were once called "white noise"."""
     y = 0.03 * np.random.default_rng(1).choice(values, (3, 6000))
     found = judge(gyro(y).__getitem__, dict.fromkeys(AXES, lsb), H, no_gaps())
     broken = [data_check for data_check in found if data_check.kind == "broken reads"]
@@ -83,7 +83,7 @@ def test_a_sensor_that_was_turned_has_no_broken_reads() -> None:
 @pytest.mark.parametrize("of", ["gyro", "accel"])
 @pytest.mark.parametrize("colour", ["white", "slow"])
 def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
-    """Two alike sensors in one series were "anti-persistent", with a "line at 50 Hz"."""
+    """Two alternating equal sensors in one series were once "anti-persistent", with a "line at 50 Hz"."""
     y = white(N, 3, 1) if colour == "white" else ar((0.95,), N, 3, 1) / 3
     biases = np.random.default_rng(sensors).normal(0, 1.0, sensors)
     turns = np.resize(biases, N)
@@ -97,7 +97,7 @@ def test_sensors_by_turns(sensors: int, of: str, colour: str) -> None:
 
 
 def test_sensors_by_turns_with_a_gap() -> None:
-    """Where a row is lost, the turns go on a row later."""
+    """After a lost row the sensors continue to alternate, one row later."""
     y = white(N, 1, 1) + np.resize([0.5, -0.5], N)
     lost = 2001
     gaps = Gaps(np.array([lost]), np.array([1]))
@@ -106,7 +106,8 @@ def test_sensors_by_turns_with_a_gap() -> None:
 
 @pytest.mark.parametrize("noise", ["white", "slow"])
 def test_rows_between_samples_alternate(noise: str) -> None:
-    """Every second row is drawn between its neighbours: twice the rate, "low-pass, the sensor's own"."""
+    """Every second row is interpolated: the rate doubles, and the noise was once "low-pass, the sensor's
+    own"."""
     rng = np.random.default_rng(3)
     y = white(N // 2 + 1, 3, 1) + (gauss_markov(rng, N // 2 + 1, H, 1.0, 1.0) if noise == "slow" else 0)
     both = np.empty((3, N))
@@ -116,21 +117,21 @@ def test_rows_between_samples_alternate(noise: str) -> None:
 
 @pytest.mark.parametrize("hz", [49.9, 49.99, 33.3, 25.02])
 def test_a_line_near_a_part_of_the_rate_is_none(hz: float) -> None:
-    """Mains at half the rate moves against it, as sensors by turns do not."""
+    """Mains near half the rate beats slowly against it, which alternating sensors do not."""
     y = white(60_000, 1, 1) + 0.5 * np.sin(2 * np.pi * hz * np.arange(60_000) * H + 1)
     assert "alternates" not in judged(gyro(y))
 
 
 @pytest.mark.parametrize("every", [100, 50, 33])
 def test_a_glitch_in_each_period_is_no_sensor_by_turns(every: int) -> None:
-    """All are at the same turn of four, two or three."""
+    """All glitches fall on the same turn of four, two or three."""
     y = white(60_000, 3, 1)
     y[:, ::every] += 5.0 * float(y.std())
     assert "alternates" not in judged(gyro(y))
 
 
 def test_held_values_of_an_accelerometer() -> None:
-    """Accelerations that are held at 62.5 Hz in a record at 200 Hz were "low-pass, the sensor's own"."""
+    """Accelerations held at 62.5 Hz in a record at 200 Hz were once "low-pass, the sensor's own"."""
     n, h = 24_000, 1 / 200
     fresh = accel(9.81, n)
     at = (np.arange(n) * 62.5 / 200).astype(int)
@@ -152,11 +153,11 @@ def test_reads_that_fail_by_chance_have_no_rate() -> None:
 
 @pytest.mark.parametrize("places", [2, 3, 4])
 def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
-    """Of 30 clean series 27 had some."""
+    """Of 30 clean series 27 once had some."""
     for seed in range(30):
         y = np.round(0.2 + 0.2 * white(N, 1, seed)[0], places)
         assert [data_check.kind for data_check in judge_one(y, "deg/s", None, H)] == []
-        uneven = np.round(np.rint(y * 131) / 131, 3)  # counts of 1/131, and then decimals
+        uneven = np.round(np.rint(y * 131) / 131, 3)  # counts of 1/131, then rounded to decimals
         assert [data_check.kind for data_check in judge_one(uneven, "deg/s", None, H)] == []
 
 
@@ -174,7 +175,7 @@ def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
     ],
 )
 def test_gravity(length: float, severity: str | None, what: str) -> None:
-    """An accelerometer in g was read as m/s² in silence, and imu.yaml written."""
+    """An accelerometer in g was once read as m/s² without a remark, and imu.yaml was written."""
     data_check = judged(accel(length)).get("gravity")
     assert (data_check and data_check.severity) == severity
     if data_check is not None:
@@ -191,7 +192,7 @@ def test_gravity_takes_all_axes() -> None:
 
 @pytest.mark.parametrize(("N_deg", "mean"), [(0.43, 0.3), (1.5, 0.1), (0.12, 0.4)])
 def test_a_gyroscope_that_no_mems_is(N_deg: float, mean: float) -> None:
-    """A bag in deg/s is read as rad/s by convention: 57.3 times too large."""
+    """A bag in deg/s is read as rad/s by convention: the rates are 57.3 times too large."""
     y = (N_deg / 60 / np.sqrt(H) * white(N, 3, 1) + mean) * IN_RAD_S
     data_check = judged(gyro(y), reading=said("unit", "convention"))["unit"]
     assert data_check.severity == "bad"
@@ -211,7 +212,7 @@ def test_whatever_other_unit_would_fit(scale: float) -> None:
 
 
 def test_a_sensor_that_moves_is_not_doubted() -> None:
-    """Where some part is quiet, that is taken; where all shakes, the accelerometer shows it."""
+    """A quiet part of the record is used if there is one; if all parts shake, the accelerometer shows it."""
     y = 10.0 * white(N, 3, 1)
     assert "unit" in judged(gyro(y), reading=said("unit", "convention"))
     shaken = {**gyro(y), **accel(9.81, noise=0.2)}
@@ -239,7 +240,8 @@ def test_decimals_are_told_from_counts(quantum: float, unit: str, written: str) 
 
 @pytest.mark.parametrize("sigma", [0.02, 0.12])
 def test_rounding_by_decimals_is_not_the_sensors(sigma: float) -> None:
-    """White noise rounded to 0.01 rad/s gave a file for a filter, and "choose a smaller range"."""
+    """White noise rounded to 0.01 rad/s once gave a filter's file, and the advice "choose a smaller
+    range"."""
     y = np.round(0.01 * (sigma * white(N, 1, 1)[0] + 0.47), 2) * IN_RAD_S
     (data_check,) = (
         data_check for data_check in axis_data_checks(y, H) if data_check.kind in ("decimals", "quantisation")
@@ -301,7 +303,8 @@ def test_no_alarm(seed: int, kind: str, sigma_lsb: float | None, axes: int, know
 @pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [50.0, 200.0, 1000.0])
 def test_no_alarm_in_many_clean_records(rate_hz: float) -> None:
-    """A hundred records each of 100 s to 20 min: both sensors, coarse and fine counts, white and coloured."""
+    """A hundred records of 100 s to 20 min: both sensors, coarse and fine counts, white and coloured
+    noise."""
     for seed in range(100):
         rng = np.random.default_rng((int(rate_hz), seed))
         n = int(rate_hz * rng.choice([100, 300, 1200 if rate_hz < 500 else 100]))

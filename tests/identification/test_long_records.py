@@ -1,4 +1,4 @@
-"""What is done in parts, or thinned, for a record of hours: as for a short one."""
+"""Computations that are split or thinned for records of hours give the result of those for short ones."""
 
 import numpy as np
 import pytest
@@ -80,7 +80,8 @@ def test_copies_of_a_long_record_do_not_depend_on_their_group(monkeypatch, varia
     assert np.ptp(some.alpha) > 0
     monkeypatch.setattr(shuffled, "LONGEST", 4000)
     longer = shuffled.estimate(y, H, config, None, range(4, 8), 1)
-    assert np.array_equal(longer.alpha, some.alpha) == (variant == "triple")  # which takes all samples anyway
+    # the variant that takes all samples anyway
+    assert np.array_equal(longer.alpha, some.alpha) == (variant == "triple")
 
 
 def test_samples_in_files_reach_other_processes(tmp_path):

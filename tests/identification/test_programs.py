@@ -1,4 +1,4 @@
-"""What other programs take of the noise: each in its units, of which its own examples are the judge."""
+"""Noise figures in the units of other programs, checked with those programs' own examples."""
 
 import math
 from pathlib import Path
@@ -28,7 +28,7 @@ PAGE = Path(__file__).parents[2] / "host/docs/cookbook/which_figure.md"
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_its_own_examples_come_out(name: str) -> None:
-    """A default or documented value is the figure that it stands for, and back."""
+    """A default or documented value converts to the figure it stands for, and back."""
     program = PROGRAMS[name]
     assert program.checked
     for one in program.checked:
@@ -52,7 +52,7 @@ def test_a_row_of_the_table_is_whole(name: str) -> None:
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_help_and_the_page_know_it(name: str) -> None:
-    """Whatever stands in the table is found by its name."""
+    """Every program in the table is found by its name."""
     shown = fltea_here("identify", "--help").stdout
     assert name in "".join(shown.replace("│", " ").split())
     page = PAGE.read_text(encoding="utf-8")
@@ -93,9 +93,10 @@ def test_the_worst_axis_counts_or_each_for_itself() -> None:
     assert vins["gyr_n"] == pytest.approx(math.radians(0.02) * math.sqrt(200), rel=1e-6)
     assert vins["acc_w"] == pytest.approx(3e-4 * math.sqrt(200), rel=1e-6)
     gins = yaml.safe_load(text("kf-gins"))["imunoise"]
-    assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)  # deg/√h are 60 deg/√s
+    assert gins["arw"] == pytest.approx([0.6, 1.2, 0.9], rel=1e-6)  # deg/√h, from deg/√s times 60
     assert gins["corrtime"] == pytest.approx(100 / 3600, rel=1e-6)
-    walks = [one * math.sqrt(100 / 2) for one in (0.002, 0.001, 0.003)]  # one time for all: the walk stays
+    # one time for all axes, which leaves the walk unchanged
+    walks = [one * math.sqrt(100 / 2) for one in (0.002, 0.001, 0.003)]
     assert gins["gbstd"] == pytest.approx([3600 * one for one in walks], rel=1e-6)
     px4 = dict(line.split()[2:4] for line in text("px4").splitlines() if line.startswith("param"))
     assert float(px4["EKF2_GYR_B_NOISE"]) == pytest.approx(math.radians(0.003) * 10, rel=1e-6)
@@ -146,7 +147,7 @@ def relaxing() -> AxisReport:
 
 
 def test_what_a_filter_allows_for_a_walk_that_is_not_seen_is_no_figure() -> None:
-    """White noise: a state of the filter that is only not ruled out was written as a known walk."""
+    """In white noise a filter state that is merely not excluded was once written as a known walk."""
     states = (FilterState(0.01, 6.0), FilterState(0.01, 100.0))
     axis = replace(AXIS, filter=NavigationFilter(0.011, 0.0, states, 0.0, 0.1, ()))
     found = filter_figures(axis)

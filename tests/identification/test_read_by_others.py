@@ -1,4 +1,4 @@
-"""What identify writes is read by pyarrow, polars and pandas, as tables or as documents."""
+"""What identify writes can be read by pyarrow, polars and pandas, as tables or as documents."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ MODELS = ("--export-model", "--gauss-markov")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """White noise and a relaxation, with all files that are made of them."""
+    """Write a recording of white noise and a relaxation, and all files that are made from it."""
     where = tmp_path_factory.mktemp("others")
     rng = np.random.default_rng(1)
     y = rng.normal(0.3, 0.1, (12_000, 2))
@@ -41,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("name", ["identify.json", *(f"{flag[2:]}.json" for flag in MODELS)])
 def test_a_document(name: str, folder: Path) -> None:
-    """One object, whatever the columns of its axes hold."""
+    """The file is one object, whatever the columns of its axes hold."""
     text = (folder / name).read_text()
     expected: dict[str, Any] = json.loads(text)
     parse = pyarrow.json.ParseOptions(newlines_in_values=True)
@@ -60,7 +60,7 @@ def test_a_document(name: str, folder: Path) -> None:
 
 
 def test_the_filters_of_the_axes_are_a_table(folder: Path) -> None:
-    """Of one shape: no number is null, and each has the same keys."""
+    """All rows have one shape: no number is null, and each row has the same keys."""
     axes = json.loads((folder / "gauss-markov.json").read_text())["axes"]
     table = pd.DataFrame({name: axis["filter"] for name, axis in axes.items()}).T
     assert list(table.index) == list(AXES)

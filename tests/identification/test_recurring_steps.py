@@ -1,4 +1,4 @@
-"""Steps that come again are in the heading and in the filter of the file."""
+"""Recurring steps are included in the heading's forecast and in the filter of the exported file."""
 
 import math
 
@@ -19,7 +19,7 @@ def test_the_heading_of_popcorn_noise_has_its_jumps(seed: int) -> None:
     y = telegraph(rng, n, 0.1, 2000) + rng.normal(0, 0.1, n)
     found = fltea.identify(y, rate_hz=100.0, unit="deg/s", forecast=True)
     assert found.now is not None
-    # Of a telegraph that forgets in τ = 10 s, from a level that is known: σ √(2 τ t) at most.
+    # A telegraph noise of correlation time τ = 10 s, from a known level: σ √(2 τ t) at most.
     most = 0.1 * math.sqrt(2 * 10 * 60)
     assert 0.4 * most < found.now.heading_std < 2 * most
 

@@ -1,4 +1,5 @@
-"""Samples delivered twice: found, and not mistaken for what rounding, filters and vibration make equal."""
+"""Samples delivered twice are found, and not confused with equal values from rounding, filters and
+vibration."""
 
 import functools
 
@@ -13,7 +14,7 @@ from scipy.signal import lfilter
 
 
 def low_passed(hz: float, n: int, axes: int, seed: int) -> Array:
-    """Two real poles at `hz`, which is what a sensor's filter does."""
+    """Apply two real poles at `hz`, as a sensor's filter does."""
     pole = float(np.exp(-2 * np.pi * hz * H))
     y = ar((2 * pole, -(pole**2)), n, axes, seed)
     return y / y.std(axis=1, keepdims=True)
@@ -52,7 +53,7 @@ NOISES = {
 
 @functools.cache
 def noise_of(kind: str, n: int) -> Array:
-    """Three axes of five sensors."""
+    """Return three axes for each of five kinds of sensor."""
     return NOISES[kind](n, 15, 1)
 
 
@@ -85,7 +86,8 @@ def test_a_sensor_that_is_read_too_fast(held: int) -> None:
 
 @pytest.mark.parametrize("spread", [0.1, 0.3, 0.5])
 def test_small_steps_with_heavy_tails_are_no_repeats_of_one_axis(spread: float) -> None:
-    """Of slow noise in coarse counts nine in ten neighbours are equal, and tails give steps of two."""
+    """In slow noise with coarse counts nine in ten neighbours are equal, and heavy tails give steps of
+    two."""
     steps = np.random.default_rng(1).standard_t(5, 300_000) * spread / 1.29
     y = lfilter([1], [1, -0.999], steps)[np.newaxis]
     assert not found(np.rint(y))

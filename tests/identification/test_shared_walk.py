@@ -1,4 +1,4 @@
-"""The axes of a sensor have one walk of the offset where they agree."""
+"""The axes of a sensor share one walk of the offset if their data agree."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def mean_step(one: Learned) -> float:
 
 
 def test_together_they_know_their_walk_better() -> None:
-    """K is nearer the truth than by each axis alone, by about the root of three."""
+    """K is nearer the truth than for each axis alone, by about √3."""
     off: dict[str, list[float]] = {"own": [], "shared": []}
     for seed in range(15):
         own = {name: learned([White(0.01)], y, H) for name, y in axes((300.0,) * 3, seed).items()}
@@ -55,7 +55,7 @@ def test_axes_that_differ_have_a_walk_of_their_own() -> None:
 
 
 def test_axes_whose_parts_walk_have_nothing_but_bounds_in_common() -> None:
-    """Of a relaxation of 15 s in five minutes an axis by itself may well have none."""
+    """For a relaxation of 15 s in five minutes, an axis alone may well show none."""
     rng = np.random.default_rng(5)
     own, bounded = {}, {"own": 0.0, "shared": 0.0}
     for axis, size in zip("xyz", (0.05, 0.07, 0.1), strict=True):

@@ -1,4 +1,5 @@
-"""What `fltea identify` says of steps of the bias and of motion, and that neither falsifies the noise."""
+"""What `fltea identify` reports on steps of the bias and on motion, and that neither distorts the noise
+figures."""
 
 import math
 from pathlib import Path
@@ -67,7 +68,7 @@ def test_white_noise_with_a_step_is_white_noise_and_the_step_is_told(size: float
 
 
 def test_a_step_is_that_of_a_gap_free_time_and_the_bias_is_that_of_the_setting() -> None:
-    """Lost samples take their time."""
+    """The times of lost samples are included."""
     y = white(3)
     y[30_000:] += 0.2
     found = identified(y, Gaps(np.array([10_000, 20_000]), np.array([50, 5000])))
@@ -98,7 +99,7 @@ def test_popcorn_noise_is_named_and_what_is_between_is_white(seed: int, size: fl
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_steps_of_a_deviation_to_and_fro_are_all_found(seed: int) -> None:
-    """By the first look it is a relaxation, which hides some of them."""
+    """The first model search finds a relaxation, which hides some of the steps."""
     found = identified(white(seed) + SIGMA * (np.arange(SAMPLES) // 2000 % 2))
     np.testing.assert_allclose([step.at_s for step in found.bias_steps], np.arange(20, 600, 20), atol=1.0)
     assert popcorn_noise(found.bias_steps) is not None
@@ -177,7 +178,7 @@ def test_a_turn_about_z_is_motion_of_all_axes_and_in_no_figure(tmp_path: Path) -
 
 
 def test_a_tilt_that_only_the_accelerometer_shows_is_motion_of_the_gyroscope(tmp_path: Path) -> None:
-    """Whether or not the accelerometer is identified, too; the API always does."""
+    """This holds whether or not the accelerometer is identified, too; in the API it always is."""
     accel = still()
     accel[20_000:21_000, 0] += np.linspace(0, 2, 1000)
     accel[21_000:, 0] += 2
@@ -208,7 +209,7 @@ def test_the_api_tells_the_same_as_the_command(tmp_path: Path) -> None:
 
 
 def test_a_filter_of_white_noise_with_steps_needs_more_than_N() -> None:
-    """The filter said that its bias was known exactly."""
+    """Earlier the filter claimed that its bias was known exactly."""
     rng = np.random.default_rng(1)
     y = np.cumsum(rng.random(30_000) < 0.0005) % 2 * 3 * SIGMA + SIGMA * rng.standard_normal(30_000)
     found = identified(y)

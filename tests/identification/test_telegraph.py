@@ -1,4 +1,5 @@
-"""Telegraph noise with next to no other noise: what it is called, and that the heading has its steps."""
+"""Telegraph noise with almost no other noise: its name, and that the heading's forecast includes its
+steps."""
 
 import math
 from pathlib import Path
@@ -21,7 +22,7 @@ N = 20_000
 
 
 def levels(rng: np.random.Generator, n: int, stay_s: float, count: int = 2, apart: float = 0.2) -> Array:
-    """Levels in no order, each for a random time."""
+    """Return levels in random order, each for a random time."""
     stays = rng.exponential(stay_s / H, 20 + int(3 * n * H / stay_s)).astype(np.int64) + 1
     names = np.cumsum(rng.integers(1, count, len(stays))) % count
     return np.asarray(apart * (np.repeat(names, stays)[:n] - (count - 1) / 2), dtype=np.float64)
@@ -57,12 +58,12 @@ def test_more_levels_and_coarse_counts(count: int, noise: float, lsb: float | No
     assert len(found.levels) == count
     assert found.every_s == pytest.approx(2.0, rel=0.35)
     assert found.sigma == pytest.approx(0.1 if count == 2 else 0.2 * math.sqrt(2 / 3), rel=0.15)
-    # Of levels in no order all are forgotten at the rate at which they are left, times m / (m - 1).
+    # Levels in random order are forgotten at the rate at which they are left, times m / (m - 1).
     assert found.tau_s == pytest.approx(2.0 * (count - 1) / count, rel=0.4)
 
 
 def test_the_heading_has_the_steps_to_come() -> None:
-    """95 % of independent minutes, of the heading by the mean of the record and of the filter in the file."""
+    """In 95 % of independent minutes, both with the mean of the record and with the exported filter."""
     inside: list[bool] = []
     for seed in range(4):
         rng = np.random.default_rng(20 + seed)

@@ -1,4 +1,4 @@
-"""Whether an offset walks: three answers, and what imu.yaml has of them."""
+"""Whether an offset walks: three possible answers, and their effect on imu.yaml."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ OPTIONS = IdentifyOptions(shuffles=0)
 
 
 def walking(share: float, seed: int, n: int = N) -> Array:
-    """White noise of 0.1 whose offset walks; `share` as of `fltea.estimator.offset_walk`."""
+    """Return white noise of 0.1 whose offset walks; `share` as in `fltea.estimator.offset_walk`."""
     rng = np.random.default_rng((seed, 3))
     return np.asarray(rng.normal(size=n) * 0.1 + np.cumsum(rng.normal(size=n)) * np.sqrt(share) * 0.1 / n)
 
@@ -32,7 +32,7 @@ def report(y: Array) -> AxisReport:
 
 
 def test_three_answers() -> None:
-    """A constant offset is hardly ever said to walk, and what is not said to walk is bounded."""
+    """A constant offset is hardly ever said to walk; where no walk is reported, its bound is."""
     counts = {share: {"walks": 0, "likely constant": 0, "not told": 0} for share in (0.0, 100.0, 3000.0)}
     bounded, told = 0, 0
     for share, count in counts.items():
@@ -79,7 +79,7 @@ def test_what_kalibr_gets_where_the_verdict_says_drift_alone() -> None:
 
 
 def test_kalibr_gets_all_of_a_walk_that_has_bounds_in_the_filter() -> None:
-    """A relaxation of 1 s in a minute: the verdict has a walk; the filter has a state, and hardly a walk."""
+    """A relaxation of 1 s in a minute: the verdict has a walk; the filter has a state, and almost no walk."""
     rng = np.random.default_rng(0)
     axis = report(rng.normal(size=6000) + gauss_markov(rng, 6000, H, 1.0, 1.0))
     assert axis.filter is not None
@@ -99,7 +99,7 @@ def test_no_record_is_said_to_have_no_walk() -> None:
 
 
 def test_what_n_leaves_out_is_beside_it() -> None:
-    """White noise of .01 deg/√s, and from .3 s on .04 of a relaxation on top of it."""
+    """White noise of .01 deg/√s, plus a relaxation of .04 that shows from .3 s on."""
     rng = np.random.default_rng(4)
     y = rng.normal(size=60_000) * 0.1 + gauss_markov(rng, 60_000, H, 0.05, 0.3)
     noise = axis_noise(report(y))

@@ -20,12 +20,12 @@ def scalar(w: Array) -> Array:
 
 
 def example_1(window: int) -> Fltea:
-    """Settings of section 6.1."""
+    """Return the settings of section 6.1."""
     return Fltea(System(scalar, np.eye(1), np.eye(1), 0.001), ORDER, PARAMETER, STATE, window)
 
 
 def data(n: int, seed: int = 3) -> tuple[Array, Array]:
-    """Input and output of a system of order 0.6 under a saw-tooth of ±1 and 5 Hz."""
+    """Return input and output of a system of order 0.6 under a saw-tooth of ±1 and 5 Hz."""
     u = saw_tooth(n, 5)
     return u, driven(0.6, u, seed)[1]
 
@@ -36,7 +36,7 @@ def same(a: Step, b: Step) -> bool:
 
 def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
     # A(w) x is linear in w, and so is the output, with H = h^α d(A x)/dw: sigma points are then exact. With
-    # the order held, KFw and KFx predict the same output, so that they share the innovation.
+    # the order held, KFw and KFx predict the same output, so they share the innovation.
     h, order, R, delta = 0.25, 0.5, np.diag([0.2, 0.3]), 0.3
     P = np.array([[0.5, 0.2, 0.1], [0.2, 0.4, 0.0], [0.1, 0.0, 0.3]])
     Q = np.diag([0.01, 0.02, 0.03])
@@ -61,7 +61,7 @@ def test_parameters_that_enter_linearly_follow_a_plain_kalman_filter() -> None:
 
 
 def test_two_outputs_are_one_with_their_combined_noise() -> None:
-    # Measuring the state twice with variances 0.2 and 0.3 is measuring their weighted mean with variance
+    # Two measurements of the state with variances 0.2 and 0.3 equal one of their weighted mean with variance
     # 1/(1/0.2 + 1/0.3).
     def start(C: Array, R: object) -> Fltea:
         return Fltea(
@@ -81,7 +81,7 @@ def test_two_outputs_are_one_with_their_combined_noise() -> None:
 
 
 def test_two_separate_systems_in_one_keep_apart() -> None:
-    # Held order, A = diag(w): the state filter of two uncoupled states is two filters.
+    # With the order held and A = diag(w), the state filter of two uncoupled states equals two filters.
     order = OrderSettings(P0=0, Q0=0, alpha0=0.6, R=1, delta=0)
 
     def start(w: list[float]) -> Fltea:
@@ -177,7 +177,7 @@ def test_a_prediction_is_what_the_next_measurement_is_compared_with() -> None:
 
 
 def test_divergence_is_told_and_never_raised() -> None:
-    # Section 7.1 with one absurd, yet finite sample, whose square no float can hold.
+    # Section 7.1 with one absurd but finite sample, whose square overflows a float.
     fltea = Fltea(
         System(scalar, None, np.eye(1), 0.01),
         OrderSettings(P0=0.01, Q0=0.1, alpha0=1, R=0.0235, delta=0.5),
@@ -190,7 +190,7 @@ def test_divergence_is_told_and_never_raised() -> None:
     finite = [step.finite for step in steps]
     assert finite[0]
     assert not finite[-1]
-    # Once lost, it stays lost, measurement or not.
+    # Once lost, the estimate stays lost, with or without measurements.
     assert sorted(finite, reverse=True) == finite
     assert not fltea.step(None).finite
     assert fltea.step(0.0).finite is False
@@ -280,7 +280,7 @@ def test_wrong_settings_are_named(text: str, make: Callable[[], object]) -> None
 
 
 def test_covariances_of_parameters_may_be_singular() -> None:
-    # One parameter known, two unknown and fully correlated: P0 has rank one, and so do the sigma points.
+    # One parameter is known, two are unknown and fully correlated: P0 and the sigma points have rank one.
     P0 = np.zeros((3, 3))
     P0[1:, 1:] = 0.04
     fltea = Fltea(

@@ -64,12 +64,12 @@ def test_the_noises_have_the_papers_variances() -> None:
     for values, variance in ((data.y - data.x, 1e-3), (data.u, 0.1)):
         assert values.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / count))
         assert values.mean() == pytest.approx(0, abs=5 * np.sqrt(variance / count))
-    # ω, from the equation of the system turned round.
+    # ω from the system's equation, solved for ω.
     omega = []
     for k in range(2, 300):
         c = weights(float(scenario.alpha[k - 1]), k - 1)
         gain = paper.H ** scenario.alpha[k - 1]
-        difference = c @ data.x[k - 1 :: -1]  # c_0 x_k + c_1 x_{k-1} + ...; x_k stands in row k - 1
+        difference = c @ data.x[k - 1 :: -1]  # c_0 x_k + c_1 x_{k-1} + ...; x_k is in row k - 1
         omega.append(difference / gain - paper.PARAMETER * data.x[k - 2] - data.u[k - 1])
     drawn = np.array(omega)
     assert drawn.var() == pytest.approx(1e-5, rel=5 * np.sqrt(2 / drawn.size))
@@ -277,7 +277,8 @@ def test_lost_runs_are_counted_and_guards_prevent_them() -> None:
 
 
 def test_a_finite_run_that_is_far_off_stays_in_every_statistic() -> None:
-    # Saw-tooth ±1.2: the printed algorithm leaves 10 sqrt(R) in a sixth of the seeds, and stays finite.
+    # Saw-tooth ±1.2: the printed algorithm leaves the range of 10 sqrt(R) for a sixth of the seeds, and stays
+    # finite.
     scenario = replace(short(2, 4000, SawTooth(1.2)), lengths=(4000,))
     printed = outcomes(scenario, range(32), Options(), quiet)[4000]
     assert printed.far_off.sum() >= 1
@@ -303,7 +304,7 @@ def test_medians_are_of_all_that_are_finite() -> None:
     spread = {"median": 2.0, "p05": pytest.approx(1.1), "p95": pytest.approx(2.9), "paper": 2.5}
     assert row["state"] == spread | {"percentile": pytest.approx(200 / 3)}
     assert row["parameter"]["percentile"] == 100
-    assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)  # ties count by half
+    assert (row["order"]["paper"], row["order"]["percentile"]) == (1.0, 50)  # ties count as one half
 
 
 def test_what_is_not_a_number_is_null() -> None:

@@ -19,7 +19,7 @@ Call = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def fltea(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
-    """Call the command in an empty folder; returns exit code, stdout, stderr."""
+    """Run the command in an empty folder; return exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments: str) -> tuple[int, str, str]:
@@ -30,7 +30,7 @@ def fltea(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
 
 
 def numbers(value: Any) -> list[Any]:
-    """Everything in a JSON value that is neither text nor a container."""
+    """Return every value in a JSON document that is neither text nor a container."""
     if isinstance(value, dict):
         return [n for v in value.values() for n in numbers(v)]
     if isinstance(value, list):
@@ -120,7 +120,7 @@ def test_figures_are_drawn_and_not_blank(fltea: Call, tmp_path: Path) -> None:
         pixels = image.imread(tmp_path / "pictures" / f"{name}.png")[..., :3]
         assert pixels.shape[0] > 400
         assert pixels.shape[1] > 800
-        assert 0.001 < np.mean(pixels.min(axis=-1) < 0.9) < 0.9  # ink on paper
+        assert 0.001 < np.mean(pixels.min(axis=-1) < 0.9) < 0.9  # there is a curve on the page
         coloured = np.ptp(pixels, axis=-1) > 0.2
         assert coloured.sum() > 500
 

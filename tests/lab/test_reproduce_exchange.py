@@ -1,4 +1,5 @@
-"""Tables 3 and 4 of the paper against examples 2 and 3: the evidence that they are exchanged in print."""
+"""Tables 3 and 4 of the paper against examples 2 and 3: the evidence that the paper exchanged the two
+tables."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,9 +13,10 @@ from fltea.lab.reproduce.scenarios import SawTooth, example
 
 
 def made_up(table: int, size: float, seeds: int, lost: int = 0, spread: float = 0.3) -> dict[int, Outcome]:
-    """Seeds round a table's printed numbers times `size`, which move with L as the table does, more or less.
+    """Draw seeds around a table's printed numbers times `size`, which change with L roughly as the table
+    does.
 
-    spread: standard deviation of the numbers' logarithms. lost: how many seeds are not finite.
+    `spread`: standard deviation of the numbers' logarithms. `lost`: how many seeds are not finite.
     """
     rng = np.random.default_rng(table)
     printed = {3: paper.TABLE_3, 4: paper.TABLE_4}[table]
@@ -100,7 +102,7 @@ SEEDS = 128
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[int, float], dict[int, Outcome]]:
-    """Outcomes by example and amplitude, at L = 4,000 and 2,000."""
+    """Return outcomes by example and amplitude, at L = 4,000 and 2,000."""
     runs = {}
     for number, amplitude in dict.fromkeys((number, amplitude) for _, number, amplitude, *_ in OTHERS):
         scenario = example(number, SawTooth(amplitude))

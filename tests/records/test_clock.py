@@ -1,4 +1,4 @@
-"""A machine's date that cannot be is not believed, reported, and spoils no recording."""
+"""An impossible date of the machine is rejected and reported, and spoils no recording."""
 
 import os
 import time
@@ -31,7 +31,7 @@ def wrong_clock(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch)
 
 
 def native_offset_ns() -> int:
-    """What the thread that reads ports says of Unix time."""
+    """Return the offset to Unix time that the thread reading the ports uses."""
     reader, (out, into) = PortReader(1000), os.pipe()
     with closing(reader):
         os.set_blocking(out, False)

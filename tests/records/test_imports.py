@@ -1,4 +1,5 @@
-"""Rooms import only rooms that the README names above them, and no files import each other in a circle."""
+"""Packages import only packages that the README lists above them, and no modules import each other in a
+cycle."""
 
 import ast
 import re
@@ -16,7 +17,7 @@ MODULES = FILES.keys() | {"fltea._native"}
 
 
 def imports(file: Path) -> set[str]:
-    """Files of the package that a file imports, anywhere in it."""
+    """Return the modules of the package that a file imports, anywhere in it."""
     names: set[str] = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -35,7 +36,7 @@ def room_of(name: str) -> str:
 
 
 def circles(arrows: dict[str, set[str]]) -> set[str]:
-    """What is left when everything is taken away that imports nothing that is left."""
+    """Return the modules in cycles: remove repeatedly each module that imports none of the others."""
     left = dict(arrows)
     while free := [name for name, imported in left.items() if not imported & left.keys()]:
         for name in free:

@@ -1,4 +1,5 @@
-"""Error kinds are data: every kind that the code tells is listed, and every listed kind is told somewhere."""
+"""Error kinds are data: every kind that the code reports is listed, and every listed kind is reported
+somewhere."""
 
 import ast
 import re
@@ -15,9 +16,9 @@ CODE = {
     if file.name != "kinds.py"
 }
 MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}
-"""What carries a kind as its first field, or as `kind`."""
+"""Classes that have a kind as their first field, or as `kind`."""
 TELLERS = {"_report", "_report_once", "_of_server", "_error", "_tell", "report"}
-"""What is called with a kind first."""
+"""Functions whose first argument is a kind."""
 
 Function = ast.FunctionDef
 
@@ -32,7 +33,7 @@ def functions(code: dict[Path, ast.Module]) -> dict[str, list[Function]]:
 
 
 def name_of(called: ast.expr) -> str:
-    """Last part of the name of what is called; of `hub.report()("kind", …)` that is report."""
+    """Return the last part of the name of a called object; of `hub.report()("kind", …)` that is report."""
     match called:
         case ast.Name(name) | ast.Attribute(attr=name):
             return name
@@ -42,7 +43,7 @@ def name_of(called: ast.expr) -> str:
 
 
 def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
-    """Every kind that is told, and where; through the functions that return kind and text."""
+    """Return every kind that is reported, and where, including functions that return kind and text."""
     defined = functions(code)
     for file, tree in code.items():
         for node in ast.walk(tree):
@@ -54,7 +55,7 @@ def told(code: dict[Path, ast.Module]) -> Iterator[tuple[str, str]]:
                         yield from ((kind, place) for kind in kinds_in(given[0], defined, place))
                 case ast.Assign(targets=[ast.Tuple([ast.Name("kind"), *_])], value=ast.Call(func=func)):
                     place = f"{file}:{node.lineno}"
-                    makers = defined.get(name_of(func), [])  # none: another kind of kind
+                    makers = defined.get(name_of(func), [])  # none: this is another sort of kind
                     yield from ((kind, place) for maker in makers for kind in returned(maker))
 
 
@@ -68,7 +69,7 @@ def kinds_in(value: ast.expr, defined: dict[str, list[Function]], place: str) ->
             makers = defined.get(name_of(func), [])
             assert makers, f"{place}: nobody defines {name_of(func)}, which gives kind and text"
             return {kind for maker in makers for kind in returned(maker)}
-    return set()  # a variable, or an attribute: passed on from where it was made
+    return set()  # a variable or an attribute, passed on from where it was made
 
 
 def returned(function: Function) -> set[str]:

@@ -1,4 +1,5 @@
-"""Files that the program keeps for itself: nothing that stands in their place is emptied, or waited for."""
+"""Files that the program keeps for itself: anything else under their name is neither emptied nor waited
+for."""
 
 import os
 from collections.abc import Callable
@@ -57,7 +58,7 @@ def test_it_is_made_and_written_again(append: bool, tmp_path: Path) -> None:
 
 @strange
 def test_lock_and_journal_are_such_files(put: Callable[[Path], None], tmp_path: Path) -> None:
-    """A link had its target emptied, and a pipe was waited for."""
+    """Earlier a link had its target emptied, and a pipe was waited for."""
     put(tmp_path / ".state.lock")
     with pytest.raises(UsageError, match=r"\.state\.lock"):
         StateFile(StateConfig(str(tmp_path / "state")), lambda kind, text: None)

@@ -1,4 +1,4 @@
-"""Behind "±" stands half of a 95 % interval, wherever it is written for people."""
+"""The number after "±" is half of a 95 % interval in all text for people."""
 
 import ast
 import re
@@ -38,11 +38,11 @@ OTHERS = {
     "sources/i2c/source.py": (1, BOUND),
     "sources/i2c/texts.py": (1, BOUND),
 }
-"""In how many texts a file writes ± itself, and what for."""
+"""How many texts of a file write ± themselves, and what for."""
 
 
 def texts(path: Path) -> Iterator[str]:
-    """Yield the texts of a file that a person may see: no docstring and no comment."""
+    """Yield the texts of a file that a person may see: neither docstrings nor comments."""
     code = path.read_text(encoding="utf-8")
     if path.suffix != ".py":
         yield from (re.sub(r"//.*", "", line) for line in code.splitlines())
@@ -65,7 +65,7 @@ def with_sign() -> dict[str, list[str]]:
 
 
 def test_each_sign_is_a_95_percent_interval_or_says_what_it_is() -> None:
-    """Write a deviation with `fltea.records.plus_minus`; what else has the sign is said in `OTHERS`."""
+    """Write a deviation with `fltea.records.plus_minus`; `OTHERS` lists all other uses of the sign."""
     found = {name: len(those) for name, those in with_sign().items()}
     assert found == {name: count for name, (count, _) in OTHERS.items()}
 

@@ -1,4 +1,5 @@
-"""A key has one type in all records, so that what reads JSON into columns takes a whole run."""
+"""A key has one JSON type in all records, so that programs that read JSON into columns can read a whole
+run."""
 
 import io
 import typing
@@ -25,7 +26,7 @@ def members(of: inspect.Type) -> tuple[inspect.Type, ...]:
 
 
 def kind(of: inspect.Type) -> str:
-    """What JSON calls a type; the kinds of number are one."""
+    """Return JSON's name of a type; all kinds of number count as one."""
     match of:
         case inspect.IntType() | inspect.FloatType():
             return "number"
@@ -41,7 +42,7 @@ def kind(of: inspect.Type) -> str:
 
 
 def walk(of: inspect.Type, path: str) -> Iterator[tuple[str, str]]:
-    """Yield every path below a type, and what JSON has there; `*` for any key, `[]` for any item."""
+    """Yield every path below a type, and its JSON type; `*` stands for any key, `[]` for any item."""
     for one in members(of):
         if isinstance(one, inspect.NoneType):
             continue
@@ -68,7 +69,7 @@ def test_a_key_has_one_type_in_all_records() -> None:
 
 
 def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
-    """Yield the keys of objects and lists that a record may be without."""
+    """Yield the keys of objects and lists that a record may lack."""
     some = [one for one in members(of) if not isinstance(one, inspect.NoneType)]
     for one in some:
         if len(some) < len(members(of)) and kind(one) in ("object", "array"):
@@ -82,7 +83,7 @@ def absent(of: inspect.Type, key: str = "") -> Iterator[str]:
 
 
 def test_objects_that_may_be_absent_are_left_out_of_lines() -> None:
-    """Of samples the accelerometer is null from the first line to the last, or never."""
+    """In samples the accelerometer is null either from the first line to the last, or never."""
     found = {key for record in CLASSES if record is not Sample for key in absent(inspect.type_info(record))}
     assert found == set(OBJECTS)
     numbers = {
@@ -95,7 +96,7 @@ def test_objects_that_may_be_absent_are_left_out_of_lines() -> None:
 
 
 def filled(of: inspect.Type) -> Any:
-    """A value with something in every field."""
+    """Return a value in which every field is filled."""
     one = next(one for one in members(of) if not isinstance(one, inspect.NoneType))
     match one:
         case inspect.IntType():
@@ -122,7 +123,7 @@ def filled(of: inspect.Type) -> Any:
 
 
 def read_by_all(lines: bytes, path: Path) -> None:
-    """Read lines of JSON into tables of three libraries; each has all rows, and all keys as columns."""
+    """Read JSON lines into tables of three libraries; each has all rows, and all keys as columns."""
     rows = [msgspec.json.decode(line) for line in lines.splitlines()]
     names = {name for row in rows for name in row}
     path.write_bytes(lines)
@@ -145,7 +146,7 @@ def test_all_records_with_all_fields_are_read_as_one_table(tmp_path: Path) -> No
 
 
 def test_a_key_of_two_types_is_found(tmp_path: Path) -> None:
-    """As `samples` was: a number in `fit`, an object in `stats`."""
+    """An example was `samples`: a number in `fit`, an object in `stats`."""
     lines = b'{"class": "fit", "samples": 3}\n{"class": "stats", "samples": {"lost": 0}}\n'
     with pytest.raises(pyarrow.ArrowInvalid, match="changed from"):
         read_by_all(lines, tmp_path / "two.ndjson")

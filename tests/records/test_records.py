@@ -1,4 +1,4 @@
-"""What records say of their fields, and that a real run says nothing else."""
+"""The declarations of records' fields, and that a real run's records match them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_reasons_are_those_of_the_protocol_page() -> None:
         assert f"\n| {reason} |" in page
 
 
-# --- a real run says nothing else ---
+# # --- a real run matches the declarations ---
 
 CONSTANT = "time_s,gyro_x_dps,gyro_y_dps\n" + "".join(f"{k / 100},{k % 7},1\n" for k in range(200) if k != 99)
 
@@ -71,8 +71,8 @@ def test_real_run_emits_only_what_its_structs_say(tmp_path: Path) -> None:
         fltea_here("run", "-s", f"replay:{tmp_path}/rest.csv", "--once", "--samples", *QUICK),
     ]
     found = [record for run in runs for record in strict_records(run.stdout)]
-    # What a device makes by itself is in runs of test_device_estimates_outputs.py and test_device_fits.py;
-    # these samples have neither a step nor a motion.
+    # Records of a device that estimates are checked in test_device_estimates_outputs.py and
+    # test_device_fits.py. These samples have neither a step nor a motion.
     elsewhere = {DeviceEstimates, DeviceFits, Step, Motion}
     assert {type(record) for record in found} == set(get_args(AnyRecord)) - elsewhere
     for run in runs:

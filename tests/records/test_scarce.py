@@ -1,4 +1,4 @@
-"""Where the system gives no more memory or threads, the limit that is to blame is named, in one sentence."""
+"""If the system refuses more memory or threads, one sentence names the limit responsible."""
 
 import errno
 import resource
@@ -32,7 +32,7 @@ def test_a_command_says_which_limit_is_to_blame(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     def fails() -> None:
-        raise KeyError("gyro") from error  # as what a library makes of it
+        raise KeyError("gyro") from error  # as a library may re-raise it
 
     monkeypatch.setattr(app, "app", fails)
     monkeypatch.setattr(sys, "argv", ["fltea", "devices"])

@@ -1,4 +1,4 @@
-"""A password in an address is refused wherever it comes in, and nothing that is said holds it."""
+"""A password in an address is refused everywhere, and no message contains the password."""
 
 import json
 from pathlib import Path
@@ -72,7 +72,8 @@ def test_no_command_takes_one_nor_repeats_it(option: str, password: str) -> None
     for line in OPTIONS[option][0]:
         for form in OPTIONS[option][1]:
             first, second = (answers(line, form, word) for word in (password, "correct-horse"))
-            assert first == second  # whatever the password is; one may be a part of the message's own words
+            # the same message for any password, since a password may equal a word of the message
+            assert first == second
             assert first[0] == 2
             assert "must not hold a user or a password" in first[1]
 

@@ -1,4 +1,5 @@
-"""Temporary files go with their process, however it ends; a disk that is full is no fault of a recording."""
+"""Temporary files are removed when their process ends in any way; a full disk is not blamed on a
+recording."""
 
 import os
 import re
@@ -101,7 +102,7 @@ for read, path in ((ReplaySource, "a.bag"), (ReplaySource, "a.npz"), (packed, ""
     except FlteaError as error:
         print(type(error).__name__, error)
 """
-"""No file may grow beyond 8 kB, which is as if the disk was full."""
+"""A limit of 8 kB for each file, which has the effect of a full disk."""
 
 
 def test_a_recording_that_finds_no_room_is_not_to_blame(tmp_path: Path, temporary_folder: Path) -> None:

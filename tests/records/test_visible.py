@@ -1,4 +1,4 @@
-"""What a board or a file says must not steer a terminal: no text reaches one with characters that could."""
+"""Text from a board or a file must not control a terminal: such characters never reach one."""
 
 import unicodedata
 

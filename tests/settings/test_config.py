@@ -11,7 +11,7 @@ from fltea.settings.estimator import DEFAULT_TUNING, EstimatorConfig
 
 
 def test_defaults_are_the_papers_gyroscope_settings() -> None:
-    """Macias & Sierociuk 2023, section 7.1; R, of each axis, is drawn from the start-up window instead."""
+    """Macias & Sierociuk 2023, section 7.1. R of each axis is estimated from the start-up window instead."""
     e = Config().estimator
     assert e.window == 3000
     assert (e.state.P0, e.state.Q, e.state.x0) == (0.01, 0.15, 0.0)
@@ -99,7 +99,7 @@ def test_wrong_type_is_named_with_its_path(path: str, value: Any, tmp_path: Path
 
 
 def test_a_byte_order_mark_is_no_syntax_error(tmp_path: Path) -> None:
-    """Editors of Windows begin a file with it."""
+    """Editors of Windows begin a file with this mark."""
     config = load_config(written(tmp_path, "\ufeff[estimator]\nwindow = 3000\n"), {})
     assert config.estimator.window == 3000
 

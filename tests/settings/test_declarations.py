@@ -1,6 +1,6 @@
-"""Every setting is declared once: file, --set, flag, documentation and the board's header say the same of it.
+"""Every setting is declared once: file, --set, flag, documentation and the board's header agree with it.
 
-These walk the declarations, so that a new setting is tested without a line here.
+These tests iterate over the declarations, so a new setting is tested without a change here.
 """
 
 import json
@@ -28,7 +28,7 @@ COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-
 
 ALL = list(SETTINGS.values())
 BESIDE = {"mqtt.key": 'cert = "client.pem"'}
-"""What else has to be in its table for a setting to be taken."""
+"""What else a table must hold for a setting to be accepted."""
 
 
 def by_path(one: Declared) -> str:
@@ -36,7 +36,7 @@ def by_path(one: Declared) -> str:
 
 
 def another(one: Declared) -> Any:
-    """A value that a setting takes, and that is not its default."""
+    """Return a valid value that differs from the setting's default."""
     if one.setting.example is not None:
         return one.setting.example
     found: list[Any] = []
@@ -58,7 +58,7 @@ def another(one: Declared) -> Any:
 
 
 def wrong(one: Declared) -> list[Any]:
-    """Values of a right type that a setting does not take."""
+    """Return values of a right type that the setting refuses."""
     found: list[Any] = ["neither one nor the other"] * any(
         isinstance(x, types.LiteralType) for x in one.kinds
     )
@@ -88,7 +88,7 @@ def value_in(config: Config, path: str) -> Any:
 
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Runs `fltea run` up to where the program would start; gives its configuration, or raises its error."""
+    """Run `fltea run` up to where the program would start; return its configuration, or raise its error."""
     configs: list[Config] = []
     monkeypatch.setattr(daemon, "run", configs.extend)
 
@@ -109,7 +109,8 @@ def as_toml(value: Any) -> str:
 
 
 def ways(one: Declared, value: Any, folder: Path) -> list[tuple[str, list[str]]]:
-    """The beginning of an error about a value, and the arguments that give it to a setting, each way."""
+    """Return, for each way to give a setting, the beginning of an error about its value, and the
+    arguments."""
     table, _, key = one.path.rpartition(".")
     file, beside = folder / "fltea.toml", folder / "beside.toml"
     head = f"[{table}]\n" if table else ""
@@ -136,7 +137,7 @@ def test_every_field_of_every_table_is_declared() -> None:
 @pytest.mark.parametrize("one", ALL, ids=by_path)
 def test_a_setting_can_be_set_in_every_way(one: Declared, told: Any, tmp_path: Path) -> None:
     if one.path == "accel.estimate_on":
-        return  # only one of its words is for the accelerometer
+        return  # only one of its words applies to the accelerometer
     assert value_in(told(), one.path) == (one.default if one.path != "name" else "due")
     value = another(one)
     for _, arguments in ways(one, value, tmp_path):
@@ -190,7 +191,7 @@ def test_a_table_made_in_python_is_checked_too(one: Declared) -> None:
             table(**{one.name: value})
 
 
-# --- what is written from the declarations ---
+# # --- documents generated from the declarations ---
 
 
 def test_every_setting_is_in_the_reference_with_its_range_and_default() -> None:

@@ -1,4 +1,4 @@
-"""Lengths in samples or as a time: the same at every rate, and a mistake is named."""
+"""Lengths in samples or as a time: both work at every rate, and a mistake is named."""
 
 import pytest
 from fltea.settings.duration import in_samples, in_seconds

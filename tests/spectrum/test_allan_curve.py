@@ -1,4 +1,4 @@
-"""The live curve: intervals that hold; N, B and K as `identify` reads them; nothing made up."""
+"""The live Allan curve: its intervals hold; N, B and K agree with `identify`; nothing is invented."""
 
 import math
 import subprocess
@@ -52,7 +52,8 @@ def test_degrees_of_freedom_of_few_terms(terms):
 
 @pytest.mark.parametrize("memory", [0.0, 400.0])
 def test_intervals_hold_the_truth_of_white_noise(memory):
-    """95 % of them, at every τ; four standard deviations of the share of 300 series are 5 %."""
+    """95 % of the intervals hold, at every τ; four standard deviations of that share in 300 series are 5
+    %."""
     inside = []
     for y in white(2000, 300, 2):
         found = curve(y, memory=memory)
@@ -142,7 +143,7 @@ def test_needs_neither_scipy_nor_allantools():
     assert done.stdout.strip() == "[]"
 
 
-# --- of the record `fit` ---
+# # --- the record `fit` ---
 
 WHITE = Sentence((0,), (0.0,), 0.0)
 

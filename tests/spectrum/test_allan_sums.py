@@ -1,4 +1,5 @@
-"""Running sums of the Allan variance: against allantools, whatever the cuts of the rows; merge, snapshots."""
+"""Running sums of the Allan variance agree with allantools, for any division of the rows; merging,
+snapshots."""
 
 import allantools
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 FULL = 8
-"""Averaging times up to here overlap fully."""
+"""Averaging times up to this one overlap fully."""
 
 
 def sums_of(y, memory=0.0):
@@ -36,7 +37,8 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # What is thinned to eight begins a block loses a few hundredths of its degrees of freedom.
+    # The Allan variance of longer τ uses every eighth start, which loses a few hundredths of its degrees of
+    # freedom.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
 
@@ -46,7 +48,7 @@ def test_against_allantools(kind, n):
     st.lists(st.tuples(st.integers(0, 90), st.booleans()), max_size=40), st.sampled_from([0.0, 40.0, 1000.0])
 )
 def test_cuts_of_the_rows_looks_and_snapshots_change_nothing(parts, memory):
-    """A part: so many rows, and whether a break follows."""
+    """`parts`: a number of rows each, and whether a break follows."""
     rng = np.random.default_rng(len(parts))
     rows = [rng.standard_normal(n) for n, _ in parts]
     one, other = AllanSums(memory), AllanSums(memory)
@@ -91,7 +93,7 @@ def test_merged_sums_are_those_of_both(lengths, memory):
 
 
 def test_weights_fall_with_the_memory():
-    """Each term counts exp(-age / memory) of the newest."""
+    """Each term has the weight exp(-age / memory) relative to the newest."""
     y, memory = series("white", 4000), 150.0
     factors, avar, terms = sums_of(y, memory).points()
     assert 2 * factors[-1] <= 3 * memory < 4 * factors[-1]
@@ -117,7 +119,7 @@ def test_numbers_that_are_refused(number):
 @settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_a_snapshot_that_cannot_be_one(data):
-    """Whatever is taken can be gone on with."""
+    """A snapshot is either refused or can be resumed from."""
     good = np.frombuffer(sums_of(series("white", data.draw(st.integers(0, 700)))).save())
     bad = good.copy()
     at = data.draw(st.integers(0, len(bad) - 1))

@@ -1,8 +1,8 @@
-"""The device's spectrum and fit against the host's of the same counts.
+"""The device's spectrum and fit, compared with the host's for the same counts.
 
-The board keeps 496 samples whole where the host keeps 3,072, and its filters begin that much later: it sees a
-few percent less of the lowest frequencies. So answers are near, not equal; that the arithmetic is the same is
-tested in tests/native.
+The board uses the full-rate periodogram for 496 samples where the host does for 3,072, and its filters start
+that much later: it has a few percent less of the lowest frequencies. So the answers are close, not equal.
+tests/native checks that the arithmetic is the same.
 """
 
 from itertools import pairwise
@@ -28,7 +28,7 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""α, g, share of the state's innovations."""
+"""Parameters: α, g, and the state innovations' share of the variance."""
 
 
 def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
@@ -52,7 +52,7 @@ def on_host(counts: NDArray[np.int16], gaps: dict[int, int]) -> Octaves:
 
 
 def order_of(whole: Periodogram, h: float) -> OrderFit:
-    """White noise and an order up to 2, as the board fits them."""
+    """Return white noise plus a state of an order up to 2, as the board fits them."""
     f = CandidateModels(binned(whole), h, 0)
     return order_fit(f, order_in_white(f.native))
 
@@ -72,7 +72,7 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert abs(board.alpha - alpha.value) < (0.8 if gaps else 0.4) * half
     assert 0.8 < 1.96 * board.alpha_std / half < 1.3
     assert board.verdict != WHITE
-    # After each break the filters of all octaves begin again, and the deepest have lost most by it.
+    # After each break the filters of all octaves start over, and the deepest lose the most samples by that.
     ratio = board.ratio_white / ratio_of_order(whole)
     assert (0.65 if gaps else 0.9) < ratio < 1.02
     assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
@@ -81,7 +81,7 @@ def test_the_order_and_its_interval_are_near_the_hosts(
 
 @pytest.mark.slow
 def test_of_a_million_samples_it_says_what_the_host_says() -> None:
-    """All twenty noises of `make validate ARGS=device`; the figures are in firmware/README.md."""
+    """Includes all twenty noises of `make validate ARGS=device`; the figures are in firmware/README.md."""
     cases = agreement(1_000_000, 2)
     assert len(cases) == 20
     assert all(one["same_verdict"] for one in cases)
@@ -91,7 +91,8 @@ def test_of_a_million_samples_it_says_what_the_host_says() -> None:
 
 
 WEAK_ORDER = 0.35
-"""f = -1 at 100 Hz, Q = 0.004 in R = 0.02: orders of 0.1 to 0.7 do nearly as well, often with two maxima."""
+"""f = -1 at 100 Hz, Q = 0.004 in R = 0.02: orders of 0.1 to 0.7 fit nearly equally well, often with two
+maxima."""
 
 
 def weak_noise(seed: int) -> NDArray[np.int16]:
@@ -104,14 +105,14 @@ def holds_weak_order(found: BoardFit) -> bool:
 
 
 def test_of_weak_noise_the_interval_knows_more_than_the_curvature() -> None:
-    """By the curvature alone 8 of these 20 hold the order."""
+    """Intervals from the curvature alone hold the order in 8 of these 20 records."""
     found = [on_board(weak_noise(seed), {}) for seed in range(20)]
     assert all(one.alpha_defined for one in found)
     assert sum(map(holds_weak_order, found)) >= 18
 
 
 def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
-    """Every fit of a record, each of 300 samples more than the one before."""
+    """Return every fit of a record; each has 300 more samples than the one before."""
     board = BoardSpectrum()
     board.add(counts[:900])
     fits = []
@@ -123,7 +124,10 @@ def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
 
 @pytest.mark.slow
 def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> None:
-    """By the curvature alone it held the order in 20 of 40; 65 of 7,234 orders left the interval before."""
+    """By the curvature alone the interval held the order in 20 of 40 records.
+
+    65 of 7,234 orders left the last interval.
+    """
     records = [fits_as_it_grows(weak_noise(seed)) for seed in range(40)]
     defined = [fits[-1] for fits in records if fits[-1].alpha_defined]
     assert len(defined) >= 36
@@ -134,7 +138,7 @@ def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> Non
 
 
 def ratio_of_order(whole: Periodogram) -> float:
-    """The host's for the one alternative that a board has."""
+    """Return the host's likelihood ratio for the one alternative model that a board has."""
     return native(binned(whole), whole.h, whole.n).null_test([])[0]
 
 

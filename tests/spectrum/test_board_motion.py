@@ -1,4 +1,4 @@
-"""What the board's bias says of the second to come, and what motion and steps of any axis do to it."""
+"""The board's bias predicts the mean of the next second; effects on it of motion and of steps of any axis."""
 
 import numpy as np
 import pytest
@@ -11,17 +11,17 @@ pytestmark = pytest.mark.timeout(300)
 
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 AHEAD = 100
-"""Samples in the second to come."""
+"""Number of samples in the next second."""
 CHUNK = 32
 LSB = 16.4
-"""Counts in a deg/s."""
+"""Counts per deg/s."""
 SIGMA = 1.6
 R = SIGMA**2 + 1 / 12
 OFFSETS = np.array([37.3, -12.2, 3.9])
 SLOW = (RELAXATION, 0.005, 0.5, R)
 NOTHING = (WHITE, 0.0, 0.0, 0.0, R)
 BEGIN = 200 * CHUNK
-"""Of what happens to the sensor: a chunk begins there."""
+"""Sample at which the event begins, which is also the beginning of a chunk."""
 
 
 def at_rest(n: int, seed: int) -> NDArray[np.float64]:
@@ -35,7 +35,7 @@ def counts(world: NDArray[np.float64]) -> NDArray[np.int16]:
 def tracked(
     world: NDArray[np.float64], model: tuple[float, ...], ahead: int = AHEAD
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Track by one filter from sample 2,000 on, with the offset taken again every 2.5 s."""
+    """Track with one filter from sample 2,000 on, and update the offset every 2.5 s."""
     axes = [BoardSpectrum(ahead) for _ in world.T]
     found, moving = [], []
     for at in range(0, len(world), 250):
@@ -57,7 +57,7 @@ def test_the_bias_is_the_mean_over_the_second_to_come() -> None:
     rows = {}
     for ahead in (0, AHEAD):
         board = BoardSpectrum(ahead)
-        # So many that the offset is known.
+        # Enough samples that the offset is known.
         board.track(np.zeros(1_000_000, dtype=np.int16))
         board.track_by(RELAXATION, fall, variance, R)
         rows[ahead] = board.track(np.full(40, 3, dtype=np.int16))[-1]
@@ -98,10 +98,10 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
     bias, std = found[:, :, 0], found[:, :, 1]
     assert np.flatnonzero(np.diff(moving)).tolist() == [
         BEGIN + CHUNK - 2,
-        # The last chunk that has some of the turn, and two chunks.
+        # The last chunk that contains part of the turn, and two more chunks.
         -(-end // CHUNK) * CHUNK + 2 * CHUNK - 2,
     ]
-    # Nothing of the turn, nor of what leaked into the others, is in it; what is left is the offset's error.
+    # Neither the turn nor its leakage into the other axes is in the bias; only the offset's error is left.
     during = slice(end - 1000, end)
     assert np.abs(bias[during] - OFFSETS).max() < 0.1
     # Within a second after the stop.
@@ -116,7 +116,7 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
 def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> None:
     a = 0.995
     world = at_rest(BEGIN + CHUNK, 6)[:, :1]
-    # It begins too slowly to be found in its first chunk.
+    # The turn begins too slowly to be detected in its first chunk.
     world[BEGIN - CHUNK : BEGIN] += SIGMA
     world[BEGIN + 1 :] += 3 * LSB
     axis, other = BoardSpectrum(), BoardSpectrum()
@@ -127,7 +127,7 @@ def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> N
         board.track_by(*SLOW)
         if board is axis:
             moved = last
-    # A sample as predicted: the state of the other one, had it never seen the two chunks.
+    # A sample as predicted: the state equals that of a second tracker that never saw the two chunks.
     calm = last[2] * a ** (2 * CHUNK)
     assert moved[2] == pytest.approx(calm, abs=0.05)
     assert abs(moved[0] - OFFSETS[0]) < 0.5
@@ -142,7 +142,7 @@ def test_a_turn_is_motion_while_it_lasts_and_a_smaller_step_is_the_bias_after_te
         assert moving[-1] != is_bias
         wanted = OFFSETS + np.array([size_dps * LSB * is_bias, 0.0, 0.0])
         assert np.all(np.abs(found[-1, :, 0] - wanted) < 4 * found[-1, :, 1])
-        # An axis that stayed where it was has lost nothing.
+        # An axis without motion has lost nothing.
         assert found[-1, 1, 1] < 1.2 * SIGMA / np.sqrt(BEGIN)
 
 

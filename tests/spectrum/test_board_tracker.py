@@ -1,4 +1,5 @@
-"""What the board tracks by its own fit, against textbook filters, the host's tracker and the true state."""
+"""The board's tracker with its own fit, compared with textbook filters, the host's tracker and the true
+state."""
 
 import numpy as np
 import pytest
@@ -16,13 +17,14 @@ pytestmark = pytest.mark.timeout(300)
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 OFFSET = 37.3
 R = 5.3
-"""In squared counts; rounding adds a twelfth."""
+"""Variance in squared counts; rounding adds a twelfth."""
 N = 20_000
 SETTLED = slice(6000, N)
 
 
 def steady(a: Array, q: Array, r: float) -> tuple[Array, float]:
-    """Gains and variance of the innovations of relaxations with steps of variance q, by iteration."""
+    """Return gains and innovation variance of relaxations with innovations of variance q, found by
+    iteration."""
     P = np.diag(q / (1 - a**2))
     for _ in range(20_000):
         P = np.outer(a, a) * (P - np.outer(P.sum(1), P.sum(1)) / (P.sum() + r)) + np.diag(q)
@@ -43,7 +45,7 @@ def test_the_gain_of_a_relaxation_is_that_of_the_riccati_equation(fall: float) -
     a, variance = 1 - fall, 40.0
     (K,), S = steady(np.array([a]), np.array([variance * (1 - a * a)]), R)
     board = BoardSpectrum()
-    # So many that the offset is known.
+    # Enough samples that the offset is known.
     board.track(np.zeros(1_000_000, dtype=np.int16))
     board.track_by(RELAXATION, fall, variance, R)
     pulse = np.zeros(40, dtype=np.int16)
@@ -94,7 +96,7 @@ def test_a_knock_moves_neither_bias_nor_state_far() -> None:
 def tracked_with(
     model: System, counts: NDArray[np.int16], verdict: int, *given: float
 ) -> tuple[Array, Array]:
-    """Biases with σ, (n, 2), of the board and of the host, both by the true noise from a tenth on."""
+    """Return biases with σ, (n, 2), of board and host; both use the true noise after the first tenth."""
     begin = N // 10
     board, host = BoardSpectrum(), Tracker([None])
     board.track(counts[:begin])
@@ -102,7 +104,7 @@ def tracked_with(
     host.set(0, model)
     parts = []
     for at in range(begin, N, 300):
-        # As the board does, each three seconds.
+        # Update every three seconds, as the board does.
         board.track_by(verdict, *given)
         parts.append(board.track(counts[at : at + 300])[:, :2])
     found = host.run(counts[begin:, None].astype(float))

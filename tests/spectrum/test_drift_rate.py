@@ -1,4 +1,4 @@
-"""The rate of a record's drift, and the interval that noise gives it."""
+"""The rate of a record's drift, and its interval given the noise."""
 
 from functools import partial
 

@@ -1,4 +1,5 @@
-"""How much longer: against the bound, and against intervals of longer records."""
+"""The further recording time needed, compared with the theoretical bound and with intervals of longer
+records."""
 
 import math
 
@@ -31,7 +32,7 @@ def test_the_deviation_is_the_bound() -> None:
 
 
 def test_it_is_kept() -> None:
-    """After so much longer the interval of the profile is about as narrow as was asked."""
+    """After that time the profile interval is about as narrow as was asked."""
     f = series(4000, 2)
     seconds = seconds_more(f, best(f), 0.05)
     assert seconds > 0

@@ -1,4 +1,4 @@
-"""The periodogram: its scale, which ordinates it has, and its bins."""
+"""The periodogram: its scale, its ordinates, and its bins."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ def test_scale_and_ordinates() -> None:
     """A cosine at ordinate j has n/4 of its squared amplitude there and nothing elsewhere."""
     n, j = 1000, 123
     p = periodogram(5 + 2 * np.cos(2 * np.pi * j * np.arange(n) / n), H)
-    assert len(p.lam) == 496  # 4 to 499: neither the three lowest nor Nyquist's
+    assert len(p.lam) == 496  # 4 to 499: without the three lowest and without Nyquist's
     assert p.lam[0] == pytest.approx(2 * np.pi * 4 / n)
     assert p.lam[-1] == pytest.approx(2 * np.pi * 499 / n)
     assert p.power[j - 4] == pytest.approx(4 * n / 4)

@@ -1,4 +1,4 @@
-"""Ends of intervals of an order whose white noise is as good as none, and parts by other coordinates."""
+"""Ends of intervals of an order with almost no white noise, and parts in other free parameters."""
 
 import math
 
@@ -21,7 +21,7 @@ OTHERS = {
     BY_NOISE: (ORDER, [ALPHA, LOGIT, LOG_S2], [ALPHA, LOGIT, LOG_S2 - 2 * ALPHA * math.log(H)]),
     BY_STEP: (ARFIMA, [0.3, -1.0, LEVEL], [0.3, -1.0, LOG_S2]),
 }
-"""Part, its coordinates, and those by which another number gives the same."""
+"""Each part, its free parameters, and equivalent parameters in another form."""
 
 
 @pytest.mark.parametrize("code", list(OTHERS))
@@ -44,7 +44,7 @@ def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: in
 
 
 def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
-    """There may be some at another value of s2, so that 2 log L falls no further there than it should."""
+    """White noise may appear at another value of s2, so 2 log L falls no further there than it should."""
     compared = 0
     for seed in range(12):
         truth = (p.White(0.05), p.Order(0.5, -2.0, 1 / H))

@@ -1,4 +1,4 @@
-"""The live fit of a sensor: what it says, whatever the blocks, and after a restart."""
+"""The live fit of a sensor: its results, for any division into blocks, and after a restart."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def live(config: LiveConfig | None = None, saved: bytes | None = None) -> LiveAx
 
 
 def two(n: int, seed: int = 0) -> Array:
-    """An axis of a known order, and a white one."""
+    """Return an axis of a known order, and a white one."""
     known = long_recursion(0.8, -0.025, n, seed) + white(n, 1, seed + 50)[0] / np.sqrt(3)
     return np.column_stack([known, white(n, 1, seed + 90)[0]])
 
@@ -68,7 +68,7 @@ def test_any_blocks(sizes: list[int]) -> None:
 
 
 def test_looks_on_the_way_hardly_change_the_end() -> None:
-    """A fit that begins at the last one ends where one from all starts does."""
+    """A fit that starts at the last answer ends where one from all starting points does."""
     y = two(20_000, 3)
     often, once = live(), live()
     for begin in range(0, len(y), 500):
@@ -140,7 +140,7 @@ def test_a_knock_is_left_out_and_counted() -> None:
 
 
 def test_forgetting_follows_a_change() -> None:
-    """Three time constants after power has doubled, only the new one is left."""
+    """Three time constants after power has doubled, only the new level is left."""
     y = white(24_000, 1, 7)[0]
     y[12_000:] *= np.sqrt(2)
     forgetful, faithful = live(LiveConfig(memory="40s")), live()
@@ -169,6 +169,6 @@ def test_at_the_end_it_says_what_identify_says(recordings: Path, name: str) -> N
     for i, fit in enumerate(fits.values()):
         seen = examined(y[:, i], h)
         kind = decide(seen.evidence).kind
-        # Live, the resolution does not tell a line from a narrow resonance.
+        # The live resolution cannot distinguish a spectral line from a narrow resonance.
         assert fit.verdict == ("line or resonance" if kind in ("line", "resonance") else kind)
         assert fit.null_p == pytest.approx(seen.evidence.p_all, rel=0.05)

@@ -1,4 +1,4 @@
-"""The running spectrum: against numpy with all samples at hand, and against theory."""
+"""The running spectrum, compared with numpy on all samples at once, and with theory."""
 
 from collections.abc import Callable
 
@@ -99,7 +99,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
         once.add(y)
         for part in np.split(y, sorted(data.draw(st.lists(st.integers(0, len(y)), max_size=9)))):
             if len(part):
-                cut.cells(0, H)  # whoever looks changes nothing
+                cut.cells(0, H)  # reading changes nothing
             cut.add(part)
         lost = data.draw(st.integers(0, 12))
         once.skip(lost)
@@ -110,7 +110,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
 
 @pytest.mark.slow
 def test_white_noise_is_flat_across_the_joints() -> None:
-    """Every line and every octave of many series, and the step at every joint."""
+    """Tests every line and every octave of many series, and the step at every joint between octaves."""
     n, lanes = 60_000, 300
     octaves = fed(noise(n, lanes, 5))
     found = [octaves.periodogram(lane, H) for lane in range(lanes)]
@@ -133,7 +133,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "g"), [(0.4, -0.02), (0.8, -0.02), (1.2, -0.01)])
 def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) -> None:
-    """A million samples; the state in white noise of a third of its innovations' variance."""
+    """A million samples; the state is in white noise of a third of its innovations' variance."""
     n = 1_000_000
     y = long_recursion(alpha, g, n, 3)[:, np.newaxis] + noise(n, 1, 4) * np.sqrt(1 / 3)
     octaves = fed(y)
@@ -150,7 +150,7 @@ def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) 
 
 
 def test_weights_of_a_periodogram() -> None:
-    """An average of weighted lines is that of as many single ones."""
+    """An average of weighted lines equals that of a corresponding number of single ones."""
     lam = np.repeat(np.linspace(0.1, 3.141, 200), 3)
     power = np.repeat(np.random.default_rng(1).exponential(size=200), 3)
     single = binned(Periodogram(lam, power, H, 4000, np.ones(600)))
@@ -185,7 +185,7 @@ def test_refuses(refused: Callable[[], object], why: str) -> None:
 
 
 def test_the_allan_sums_take_what_the_gate_accepts() -> None:
-    """Without what was knocked; with breaks where samples were lost."""
+    """Knocks are left out, and lost samples are breaks."""
     y = noise(5000, 1, 3)
     y[2000:2100] += 80
     octaves = Octaves(1)
@@ -211,7 +211,8 @@ def test_the_allan_sums_take_what_the_gate_accepts() -> None:
 
 @pytest.mark.parametrize("drift", ["ramp", "exponential"])
 def test_drift_does_not_leak(drift: str) -> None:
-    """20 σ in ten minutes under white noise: from 0.02 Hz on, where drift ends by name, white is left."""
+    """A drift of 20 σ in ten minutes under white noise: above 0.02 Hz, where drift ends by definition, only
+    white noise is left."""
     n, lanes = 60_000, 8
     t = np.arange(n)[:, np.newaxis] / n
     octaves = fed(noise(n, lanes, 3) + 20 * (t if drift == "ramp" else -np.expm1(-3 * t)))
@@ -225,7 +226,10 @@ def test_drift_does_not_leak(drift: str) -> None:
 
 
 def test_what_was_taken_out_is_told() -> None:
-    """Of white noise as much as it has at other frequencies; of a short record, where it is left, too."""
+    """White noise loses as much power as it has at other frequencies.
+
+    A short record also where its lines remain.
+    """
     lanes = 40
     y = noise(20_000, lanes, 4)
     octaves = fed(y[:3000])

@@ -1,4 +1,4 @@
-"""Which samples say something of the noise: knocks, steps, gaps, and tails that must stay."""
+"""Which samples count as noise: knocks, steps and gaps are excluded, heavy tails must stay."""
 
 import numpy as np
 import pytest
@@ -33,14 +33,14 @@ def mean_power(p: Periodogram) -> float:
     ],
 )
 def test_nothing_is_cut_from_noise(y: Array, most: int) -> None:
-    """most: how many of a million samples may be limited; none where there are no outliers."""
+    """`most`: how many of a million samples may be limited; none for distributions without outliers."""
     counts = fed(y).counts(0)
     assert counts._replace(limited=0) == Counts(len(y), 0, 0, 0, 0, 0, 0, 0, False)
     assert counts.limited <= most
 
 
 def test_outliers_are_limited_and_counted() -> None:
-    """Three that stand together would give the spectrum their own shape."""
+    """If three adjacent outliers stayed, their shape would appear in the spectrum."""
     y = noise(60_000)
     y[[20_003, 20_005, 20_007]] += np.array([25, -25, 25])
     octaves = fed(y)
@@ -65,7 +65,7 @@ def test_a_knock_is_left_out_and_counted() -> None:
 @pytest.mark.parametrize("height", [1.5, 3.0, 8.0, 1e6])
 @pytest.mark.parametrize("at", [30_000, 30_016, 30_080])
 def test_a_step_of_the_offset_is_a_break(height: float, at: int) -> None:
-    """A large one within a chunk is a knock to the chunk: either way it is out."""
+    """A large step within a chunk counts as a knock for that chunk; either way it is excluded."""
     y = noise(60_000)
     y[at:] += height
     octaves = fed(y)
@@ -120,7 +120,7 @@ def test_at_most_one_sample_in_a_thousand_is_made_up() -> None:
     counts = octaves.counts(0)
     assert counts.lost == 200
     assert counts.bridged <= 80_000 / 1000
-    assert counts.bridged + counts.gaps == 199  # nothing came behind the last one
+    assert counts.bridged + counts.gaps == 199  # nothing came after the last one
     assert mean_power(octaves.periodogram(0, H)) == pytest.approx(1, abs=0.03)
 
 

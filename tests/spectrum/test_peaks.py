@@ -1,4 +1,4 @@
-"""Lines and resonances, in files and live: found where they are, and not where there are none."""
+"""Spectral lines and resonances, in files and live: found where they exist, and not elsewhere."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -22,7 +22,7 @@ N = 60_000
 
 
 class Search(NamedTuple):
-    """How a record is seen, and what looks for peaks in that."""
+    """A way to compute a record's spectrum, and the search for peaks in it."""
 
     seen: Callable[[Array], Periodogram]
     find: Callable[[Periodogram], tuple[Peak, ...]]
@@ -43,7 +43,7 @@ OVERSAMPLED = 20
 
 
 def low_passed(n: int, corner_hz: float, poles: int, seed: int) -> Array:
-    """White noise of density 1 through a Butterworth filter, sampled at 100 Hz, (n,)."""
+    """Return white noise of density 1 through a Butterworth filter, sampled at 100 Hz, (n,)."""
     b, a = butter(poles, 2 * corner_hz * H / OVERSAMPLED)
     rng = np.random.default_rng(seed)
     waves = rng.standard_normal((n + 200) * OVERSAMPLED) * np.sqrt(OVERSAMPLED)
@@ -51,7 +51,7 @@ def low_passed(n: int, corner_hz: float, poles: int, seed: int) -> Array:
 
 
 def averaged(n: int, count: int, seed: int) -> Array:
-    """Moving average of white noise, (n,)."""
+    """Return the moving average of white noise, (n,)."""
     waves = np.random.default_rng(seed).standard_normal(n + count - 1)
     return np.convolve(waves, np.ones(count) / count, "valid")
 
@@ -64,7 +64,7 @@ def resonance(radius: float, angle: float, n: int, seed: int) -> Array:
     return ar((2 * radius * np.cos(angle), -(radius**2)), n, 1, seed)[0]
 
 
-# --- what is there is found ---
+# # --- existing peaks are found ---
 
 AT_JOINTS_OF_OCTAVES = (1.09, 2.16, 2.18, 4.33, 4.35, 8.68, 8.7, 17.3, 17.45)
 
@@ -79,7 +79,7 @@ def test_a_line_is_found_and_left_out(search: Search, n: int, amplitude: float, 
     (peak,) = search.find(seen)
     resolution_hz = 1 / (n * H) if search is FILE else max(0.12, 0.01 * hz)
     assert peak.frequency_hz == pytest.approx(hz, abs=resolution_hz)
-    # Half of a line that stands at a joint.
+    # Half of a spectral line that lies at a joint between octaves.
     share = amplitude**2 / 2
     assert peak.power_share == pytest.approx(share / (1 + share), rel=0.25 if search is FILE else 0.6)
     assert peak.kind == "line" or search is LIVE
@@ -153,7 +153,7 @@ def test_a_resonance_is_found_with_its_width(search: Search) -> None:
 @both
 @pytest.mark.parametrize("n", [3000, N])
 def test_a_resonance_above_slow_noise_stays_one(search: Search, n: int) -> None:
-    """Between the two lies a floor, which is no notch."""
+    """The minimum between the resonance and the slow noise is a floor, not a notch."""
     for seed in range(3):
         y = 0.4 * resonance(0.95, 2.0, n, seed) + white(n, 1, seed + 10)[0]
         y += 3 * ar((0.99,), n, 1, seed + 20)[0]
@@ -161,7 +161,7 @@ def test_a_resonance_above_slow_noise_stays_one(search: Search, n: int) -> None:
         assert peak.frequency_hz == pytest.approx(2.0 / (2 * np.pi * H), abs=1)
 
 
-# --- and nothing where nothing is ---
+# # --- no peak is found where there is none ---
 
 NOISES: dict[str, Callable[[int, int], Array]] = {
     "white": lambda n, series: white(n, series, 3),
@@ -180,14 +180,14 @@ NOISES: dict[str, Callable[[int, int], Array]] = {
 @pytest.mark.parametrize(("n", "series", "most"), [(3000, 100, 4), (20_000, 20, 1)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noise_has_no_peaks(search: Search, noise: str, n: int, series: int, most: int) -> None:
-    """At a rate of false alarms of 1 %; also where the spectrum is steep at the ends of the band."""
+    """At a false-alarm rate of 1 %; also where the spectrum is steep at the ends of the band."""
     assert sum(bool(search(y)) for y in NOISES[noise](n, series)) <= most
 
 
 @both
 @pytest.mark.parametrize("phi", [-0.5, -0.8, -0.9])
 def test_a_spectrum_that_rises_to_nyquist_has_no_peak(search: Search, phi: float) -> None:
-    """Also where a line of the live fit is as wide as what the spectrum changes over."""
+    """Also where the live fit's resolution is as coarse as the changes of the spectrum."""
     assert sum(bool(search(y)) for n in (20_000, N) for y in ar((phi,), n, 6, 7)) <= 1
 
 
@@ -204,7 +204,7 @@ def test_a_filter_has_no_peaks_nor_are_its_side_lobes_resonances(search: Search,
     assert search(FILTERED[noise](n)) == ()
 
 
-# --- the band about them ---
+# # --- the band around peaks ---
 
 
 def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
@@ -228,7 +228,7 @@ def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
 def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
     kind: str, notch_hz: tuple[float, float], from_hz: float
 ) -> None:
-    """Three widths of it, where a line is below four times the band's lowest frequency."""
+    """It begins three widths above the line, if the line is below four times the band's lowest frequency."""
     assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
 
 
@@ -272,7 +272,7 @@ def test_the_native_search_refuses_what_are_no_lines() -> None:
 @both
 @pytest.mark.filterwarnings("error")
 def test_counts_that_repeat_exactly_have_lines_without_a_word_of_numpy(search: Search) -> None:
-    """There may be no noise beside them at all."""
+    """There may be no noise in addition to the lines."""
     counts = np.rint(40 * np.sin(2 * np.pi * 5 * np.arange(N) * H))
     found = search(counts)
     assert min(abs(peak.frequency_hz - 5.0) for peak in found) < 0.02

@@ -1,7 +1,7 @@
-"""Random sentences are drawn, and what is claimed is in them.
+"""Draw random noise models, and check that what the program claims about each is true.
 
-The draws are the same each time: of hundreds of claims at 95 % and more some are wrong, and how many may be
-is a question of counting, not of one example.
+The draws are the same each time. Of hundreds of claims at 95 % and more some are wrong, so the tests count
+how many are wrong, instead of checking single examples.
 """
 
 import math
@@ -20,16 +20,16 @@ from tiers import slow
 Parts = list[p.Part]
 
 SLOWEST_SHARE = 20
-"""A record over the correlation time of the slowest relaxation."""
+"""Ratio of a record's length to the correlation time of the slowest relaxation."""
 
 
 def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
-    """A random sentence and the number of samples."""
+    """Draw a random noise model and the number of samples."""
     n = int(rng.choice([3_000, 8_000, 20_000, 60_000, 200_000]))
     parts: Parts = [p.White(1.0)]
 
     def level() -> float:
-        """Of a part's density over that of white noise."""
+        """Draw a part's density relative to that of white noise."""
         return float(np.exp(rng.uniform(np.log(0.5), np.log(300))))
 
     if rng.random() < 0.35:
@@ -62,7 +62,7 @@ def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
 
 
 def is_there(kind: str, parts: Parts) -> bool:
-    """Whether what a verdict claims is in the parts."""
+    """Whether the parts include what a verdict claims."""
 
     def has(*kinds: type[p.Part]) -> bool:
         return any(isinstance(part, kinds) for part in parts)
@@ -94,7 +94,7 @@ def is_there(kind: str, parts: Parts) -> bool:
 
 
 def says_less_than_it_knows(e: Evidence, kind: str, text: str) -> bool:
-    """Whether it says "white" or "too faint" though a model is ahead that no peak explains."""
+    """Whether the verdict is "white" or "too faint" though a model that no peak explains fits better."""
     ahead = -e.candidates.bic(e.candidates.plain) > e.apart
     return ahead and (kind == "white" or "too faint" in text) and not e.peaks
 

@@ -1,4 +1,5 @@
-"""Fits of sentences beside slow ones of scipy, intervals beside slow profiles, and what the search finds."""
+"""Fits of noise models compared with slow fits by scipy, intervals with slow profiles, and the model
+search."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,7 +20,7 @@ Parts = Sequence[p.Part]
 
 
 def order(alpha: float, corner_hz: float, power: float) -> p.Order:
-    """An order that bends at a corner, of so much density below it."""
+    """Return an order with a corner frequency, and this density below the corner."""
     g = -((2 * math.pi * corner_hz * H) ** alpha)
     return p.Order(alpha, g / H**alpha, power * g**2 / H ** (2 * alpha))
 
@@ -53,7 +54,10 @@ def at(parts: Parts, eta: Sequence[float]) -> list[p.Part]:
 
 
 def slow_fit(parts: Parts, data: Binned, held: tuple[int, float] | None = None) -> float:
-    """-log L of the best by scipy's simplex, from the truth on; held: a coordinate and its value."""
+    """Return -log L of the best fit by scipy's simplex, started at the truth.
+
+    `held`: a free parameter and its fixed value.
+    """
     start = np.concatenate([part.eta(H) for part in parts])
     free = np.ones(len(start), dtype=bool)
     if held is not None:
@@ -84,7 +88,8 @@ def fitted(parts: Parts, data: Binned, n: int) -> tuple[CandidateModels, Sentenc
 
 @pytest.mark.parametrize("name", [name for name in NOISES if name != "notch"])
 def test_as_good_as_the_slow_fit(name: str) -> None:
-    """Of a notch the native fit takes the mean over each bin, which at the zero is not that of its middle."""
+    """For a notch the native fit averages over each bin, which near the zero differs from the value at the
+    bin's centre."""
     for seed in range(2):
         data = bins(NOISES[name], 20_000, H, seed)
         _, found = fitted(NOISES[name], data, 0)
@@ -101,7 +106,7 @@ def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
         for end in (interval.low, interval.high):
             assert end is not None
             if field == "width_hz":
-                continue  # its coordinate is the width over the frequency, so that it moves with that
+                continue  # its free parameter is width over frequency, so it changes with the frequency
             at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
             fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - sentence.nll)
             assert fall == pytest.approx(CRITICAL, abs=0.15)

@@ -1,4 +1,4 @@
-"""The test of stationarity: silent on noises that stay the same, loud on those that do not."""
+"""The test of stationarity: it accepts noises that stay the same, and rejects those that change."""
 
 from collections.abc import Callable
 
@@ -34,7 +34,7 @@ NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = WHITE | {
 @pytest.mark.parametrize("n", [3000, slow(20_000)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noises_that_stay_the_same(noise: str, n: int) -> None:
-    """At 1 %, of 50 series."""
+    """At the level 1 %, in 50 series."""
     rng = np.random.default_rng(n)
     assert sum(change(NOISES[noise](n, rng)) is not None for _ in range(50)) <= 3
 
@@ -69,7 +69,7 @@ def test_power_that_goes_up_and_down() -> None:
 
 
 def swinging(n: int, period_s: float, ratio: float, seed: int, *, regular: bool = True) -> Array:
-    """White noise whose standard deviation is `ratio` times as large in every other half of a period."""
+    """Return white noise whose standard deviation is `ratio` times larger in every other half of a period."""
     rng = np.random.default_rng(seed)
     if regular:
         up = (np.arange(n) * H + rng.uniform(0, period_s)) // (period_s / 2) % 2
@@ -128,7 +128,7 @@ def test_swings_are_forgotten_with_the_rest() -> None:
 
 
 def test_a_small_change_does_not_matter() -> None:
-    """Significant, but of no practical importance."""
+    """The change is significant, but of no practical importance."""
     n = 200_000
     y = white(n, 1, 4)[0]
     y[n // 2 :] *= np.sqrt(1.15)
@@ -144,7 +144,7 @@ def test_what_is_left_out_is_not_looked_at() -> None:
 
 
 def test_a_sharp_resonance_does_not_change() -> None:
-    """It fills whole blocks alike: without care one in four would be called so."""
+    """A resonance fills whole blocks equally; without a correction one in four would be called changing."""
     phi = 2 * 0.995 * np.cos(1.97), -(0.995**2)
     kinds = [decide(examined(y, H).evidence).kind for y in ar(phi, 6000, 20, 1)]
     assert kinds == ["resonance"] * 20

@@ -1,4 +1,4 @@
-"""What is said of noises of known parts, and that what is said agrees with the figures."""
+"""The verdicts on noises of known parts, and that the words agree with the figures."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -81,13 +81,13 @@ def test_a_slow_sine_is_told_by_its_period() -> None:
 
 
 def test_the_ends_of_a_short_record_do_not_leak() -> None:
-    """3,000 samples with a ramp of thirty deviations are white but for it."""
+    """3,000 samples with a ramp of thirty deviations are white except for the ramp."""
     e = examined(white(3000, 1, 3)[0] + np.linspace(0, 30, 3000), H).evidence
     assert e.p_clean > 0.01
     assert decide(e).kind == "drift"
 
 
-# --- what is found beside the sentences ---
+# # --- findings in addition to the noise model ---
 
 LINE = Peak("line", 31.4, 0.02, 0.1, 80.0, (31.2, 31.6))
 RESONANCE = Peak("resonance", 20.0, 2.0, 0.3, 8.0, (17.0, 23.0))
@@ -100,7 +100,7 @@ CUBIC = SlowPower(1 / 60, 0.3, 0.9, 25.0, 1e-12)
 
 @pytest.fixture(scope="module")
 def plain() -> Evidence:
-    """Ten minutes of white noise."""
+    """Return ten minutes of white noise."""
     return examined(white(60_000, 1, 9)[0], H).evidence
 
 
@@ -146,7 +146,7 @@ HUMP, EDGE = p.Resonance(0.28, 9.6, 7.1), p.Resonance(2.3, 44.6, 9.0)
 
 @pytest.mark.parametrize(("hump", "n"), [(HUMP, 60_000), (EDGE, 8_000)], ids=["broad", "at the end"])
 def test_what_is_clearly_there_is_never_too_faint(hump: p.Resonance, n: int) -> None:
-    """No maximum that stands out, and yet a resonance is far ahead of white noise."""
+    """There is no distinct maximum, yet a resonance fits far better than white noise."""
     e, verdict = seen([p.White(1.0), hump], n, 1)
     assert -e.candidates.bic(e.candidates.plain) > e.apart
     assert verdict.kind == "resonance", verdict.text
@@ -196,7 +196,7 @@ def blocks_taken_off(n: int, size: int, seed: int) -> np.ndarray:
 def test_an_auto_zero_is_a_high_pass_whatever_its_shape(
     auto_zero: Callable[[int, int, int], np.ndarray], level: float
 ) -> None:
-    """Its swings beyond the corner are no resonance, and what its ends leak is no drift."""
+    """Its ripple above the corner is no resonance, and leakage from its ends is no drift."""
     for seed in range(3):
         e = examined(auto_zero(200_000, 300, seed), H).evidence._replace(level=level)
         assert decide(e).kind == "high-pass", decide(e).text
@@ -215,18 +215,19 @@ BESIDE, ALIKE = "with other parts", {"pure": "plain"}
 
 @pytest.fixture(scope="module")
 def ordered() -> Evidence:
-    """Three minutes of noise that has an order."""
+    """Return three minutes of noise that has an order."""
     return seen(FAMILIES["an order"][0], 20_000, 1)[0]
 
 
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # At 0: the sentence that is compared with white noise, the one that stands, and a walk or an order.
+        # At lead 0: the model compared with white noise, the accepted one, and a walk or an order.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
-        # At what counts as apart: a claim, an order beside other parts, and one beside nothing.
+        # At the lead that counts as significant: a claim, an order in addition to other parts, and an order
+        # alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,
@@ -248,7 +249,7 @@ def test_how_far_an_order_is_ahead_decides(
     said: Callable[[Evidence, Verdict], bool],
     step: float,
 ) -> None:
-    """Each question turns where the lead passes its bound, and only there."""
+    """Each decision changes exactly where the lead passes its bound."""
     candidates = copy(ordered.candidates)
     candidates.lead, candidates.lead_over_rich = at + step, over_rich
     for name, other in same.items():
