@@ -1,4 +1,4 @@
-"""`fltea record` without a board: what it says in the end of what is in the folder."""
+"""`fltea record` without a board: the summary that it prints at the end."""
 
 from pathlib import Path
 

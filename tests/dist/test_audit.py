@@ -1,4 +1,5 @@
-"""CI looks for known vulnerabilities: one ends it, and where nobody can be asked the check says so."""
+"""CI checks for known vulnerabilities: one found is an error, and the check says if the service cannot be
+reached."""
 
 import json
 import shutil
@@ -40,7 +41,7 @@ NO_DATA = "audit: NOT DONE: no data on vulnerabilities can be had from here (bui
 def test_what_is_known_ends_it_and_what_is_not_is_said(
     installs: bool, found: list[Any] | None, code: int, lines: list[str], tmp_path: Path
 ) -> None:
-    """found: what pip-audit prints; None: it fails, and prints nothing."""
+    """`found`: what pip-audit prints; None: it fails, and prints nothing."""
     folder = tmp_path / "build/audit/bin"
     folder.mkdir(parents=True)
     (tmp_path / "found.json").write_text("" if found is None else json.dumps({"dependencies": found}))

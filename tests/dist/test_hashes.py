@@ -1,4 +1,4 @@
-"""What set-up installs is what is pinned, every file by its hash (tools/hashes.sh)."""
+"""Set-up installs only pinned packages, with a hash for every file (tools/hashes.sh)."""
 
 import re
 import subprocess
@@ -80,7 +80,7 @@ def test_set_up_asks_for_hashes_and_nothing_else() -> None:
 
 
 def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
-    """Each installation of tools/dist, by names that the lists have with all that these need."""
+    """Each installation of tools/dist uses names from the lists, which include all dependencies."""
     scripts = {file.name: file.read_text("utf-8") for file in (ROOT / "tools/dist").glob("*.sh")}
     installs = [line for text in scripts.values() for line in re.findall(r"pip install.*", text)]
     assert len(installs) == 2
@@ -98,7 +98,7 @@ def test_what_is_given_to_others_is_made_of_files_with_hashes() -> None:
 
 
 def closure(*names: str) -> set[str]:
-    """What these packages and all that they need are called, on this machine."""
+    """Return the names of these packages and all their dependencies on this machine."""
     found: set[str] = set()
     waiting = [Requirement(name) for name in names]
     while waiting:

@@ -34,7 +34,8 @@ def sdist(tmp_path_factory: pytest.TempPathFactory) -> tarfile.TarFile:
 
 
 def needed() -> list[Path]:
-    """The package, the sources of the native module, the headers that those include, the licence."""
+    """Return the files of the package, the sources of the native module, the headers they include, and the
+    licence."""
     package = [
         path
         for path in (ROOT / "host/fltea").rglob("*")
@@ -106,7 +107,7 @@ def test_figures_of_two_machines_are_compared() -> None:
 
 
 def control() -> dict[str, str]:
-    """The fields of the binary package, each in one line."""
+    """Return the fields of the binary package, each on one line."""
     text = (DIST / "debian/control").read_text("utf-8")
     fields = re.findall(r"^([A-Z][\w-]*): (.*(?:\n .*)*)", text.split("\n\n")[1], re.MULTILINE)
     return {name: re.sub(r"\n ", " ", value) for name, value in fields}
@@ -140,7 +141,7 @@ def test_files_that_are_packed_exist() -> None:
     named = set(re.findall(r"\$here/(tools/[\w./-]+)", script))
     assert len(named) >= 7
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
-    # What deb.sh changes in the unit is still in it.
+    # The changes that deb.sh makes to the unit still apply.
     unit = (ROOT / "tools/deploy/fltea.service").read_text("utf-8")
     assert all(
         f"\n{line}" in unit
@@ -165,7 +166,7 @@ def test_container_takes_the_package_that_is_built() -> None:
 
 
 def test_every_override_says_why() -> None:
-    """A comment stands above each group of lintian's overrides."""
+    """A comment precedes each group of lintian's overrides."""
     lines = (DIST / "debian/lintian-overrides").read_text("utf-8").splitlines()
     assert lines[0].startswith("# ")
     assert all(line.startswith(("# ", "fltea: ")) for line in lines)

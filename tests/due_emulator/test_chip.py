@@ -1,4 +1,5 @@
-"""The chip model against its papers: RM-MPU-9250A-00, RM-MPU-6000A-00, PS-MPU-9250A-01; numbers by hand."""
+"""The chip model compared with RM-MPU-9250A-00, RM-MPU-6000A-00 and PS-MPU-9250A-01; numbers typed by
+hand."""
 
 import pytest
 from chip_support import MS, Ramp, running, words
@@ -96,7 +97,7 @@ def test_stands_still_in_sleep_and_without_clock(power):
 def test_a_burst_is_of_one_instant_and_single_reads_may_tear(fifo):
     chip = running(Ramp())
     chip.write_register(0x23, 0xF8)
-    chip.write_register(0x6A, fifo)  # goes on converting under the burst
+    chip.write_register(0x6A, fifo)  # the conversion continues during the burst
     chip.advance(7 * MS)
     assert chip.start(0x68, False)
     chip.advance(7_900_000)
@@ -149,10 +150,10 @@ def test_reserved_bits_stay_0(register, written, kept):
 def test_reset_takes_its_time():
     chip = running(at_ms=1000)
     chip.write_register(0x6B, 0x80)
-    assert chip.read_block(0x75, 1) == b"\x71"  # it answers
+    assert chip.read_block(0x75, 1) == b"\x71"  # the chip answers
     chip.advance(1012 * MS)
-    assert chip.read_block(0x6B, 1) == b"\x81"  # H_RESET is still on
-    chip.write_register(0x1B, 0x18)  # too early: it will be lost
+    assert chip.read_block(0x6B, 1) == b"\x81"  # H_RESET is still set
+    chip.write_register(0x1B, 0x18)  # too early, so the write will be lost
     chip.advance(1094 * MS)
     assert chip.read_block(0x1B, 1) == b"\x18"
     chip.advance(1096 * MS)
@@ -168,8 +169,8 @@ def test_power_up_takes_its_time():
     with pytest.raises(OSError, match="Remote"):
         chip.read_block(0x75, 1)
     chip.advance(1012 * MS)
-    assert chip.read_block(0x6B, 1) == b"\x01"  # nobody has asked for a reset
-    chip.write_register(0x1B, 0x18)  # too early: it will be lost
+    assert chip.read_block(0x6B, 1) == b"\x01"  # no reset was requested
+    chip.write_register(0x1B, 0x18)  # too early, so the write will be lost
     chip.advance(1096 * MS)
     assert chip.read_block(0x19, 5) == bytes(5)
 
@@ -178,7 +179,7 @@ def test_power_cycle_and_brown_out():
     chip = running()
     chip.advance(5 * MS)
     chip.brown_out()
-    assert chip.read_block(0x19, 5) == bytes(5)  # answers at once, at ±250 deg/s
+    assert chip.read_block(0x19, 5) == bytes(5)  # the chip answers at once, at ±250 deg/s
     chip.advance(6 * MS)
     assert words(chip.read_block(0x43, 6)) == [131, -262, 393]
     chip.power_off()

@@ -1,4 +1,5 @@
-"""The chip's data-ready flag, INT pin and FIFO, by register number of the map, and any use of it at all."""
+"""The chip's data-ready flag, INT pin and FIFO, by register number of the map, and arbitrary register
+accesses."""
 
 import pytest
 from chip_support import MS, Ramp, running, words
@@ -36,7 +37,8 @@ def test_the_part_of_a_period_that_has_passed_stays_when_the_clock_changes():
     chip.clock_ppm = -100_000
     chip.advance(35 * MS)
     rises = [at for at, level in edges if level]
-    # 0.4 of a period, then 2 ms at 1.1 times the rate: 0.22; the 0.38 left at 0.9 times the rate
+    # 0.4 of a period, then 2 ms at 1.1 times the rate, which is 0.22; the remaining 0.38 run at 0.9 times the
+    # rate
     assert rises[:2] == [10_000_000, pytest.approx(16_000_000 + 3_800_000 / 0.9, abs=2)]
     assert rises[2] - rises[1] == pytest.approx(10_000_000 / 0.9, abs=2)
 
@@ -84,7 +86,7 @@ def test_time_does_not_run_backwards():
 
 
 def filling(sources, *arguments, **options):
-    """A chip that puts these into its FIFO."""
+    """Return a chip that puts these values into its FIFO."""
     chip = running(*arguments, **options)
     chip.write_register(0x23, sources)
     chip.write_register(0x6A, 0x40)
@@ -104,7 +106,7 @@ def test_fifo_holds_every_sample_in_order():
         n = 10 * (k + 1)
         assert words(data[14 * k : 14 * k + 14]) == [n, 0, 16384, 1335, n * 0x0123, -n, n]
     assert fifo_count(chip) == 0
-    assert chip.read_block(0x74, 2) == data[-1:] * 2  # empty: the last byte again
+    assert chip.read_block(0x74, 2) == data[-1:] * 2  # empty: the last byte is repeated
 
 
 def test_fifo_count_is_latched_by_its_high_byte():
@@ -121,7 +123,7 @@ def test_fifo_count_is_latched_by_its_high_byte():
     [(0x71, 0x01, 256, 5), (0x71, 0x41, 256, 1), (0x68, 0x01, 512, 5), (0x68, 0x41, 512, 5)],
 )
 def test_fifo_overflow(who, mode, samples, first):
-    """Two bytes a sample, and so many fit; the one of an MPU-6050 always takes the newest."""
+    """Two bytes a sample, and `held` samples fit; the FIFO of an MPU-6050 always keeps the newest."""
     chip = filling(0x10, Ramp(), dlpf=mode, who_am_i=who)
     chip.advance(samples * MS)
     assert chip.read_block(0x3A, 1) == b"\x01"
@@ -184,7 +186,7 @@ def test_any_sequence_keeps_the_invariants(steps, who):
                 chip.advance(now)
             case ("write", register, value):
                 if register == 0x6A:
-                    value &= ~0x10  # I2C_IF_DIS would end the conversation
+                    value &= ~0x10  # I2C_IF_DIS would end the communication
                 if register == 0x1B:
                     value |= 0x18
                 try:
@@ -204,19 +206,19 @@ def test_any_sequence_keeps_the_invariants(steps, who):
             x, _, z, _, gx, gy, gz = words(chip.read_block(0x3B, 14))
         except OSError:
             continue
-        # Every value of a burst tells the same moment, at ±2000 deg/s, or ±250 deg/s after a reset.
+        # All values of a burst are of the same moment, at ±2000 deg/s, or at ±250 deg/s after a reset.
         if z:
             assert (gx, gy, gz) in [at_range(x, lsb) for lsb in (16.4, 131.0)]
         else:
             assert (x, gx, gy, gz) == (0, 0, 0, 0)
-    # The pin alternates: there is no edge that is none, and time only runs on.
+    # The pin alternates: no edge repeats the level before it, and time only increases.
     assert [level for _, level in levels] == [i % 2 == 0 for i in range(len(levels))]
     assert [at for at, _ in levels] == sorted(at for at, _ in levels)
 
 
 @given(st.lists(st.integers(1, 40_000_000), min_size=1, max_size=20))
 def test_how_often_time_is_advanced_changes_nothing(steps):
-    """Skipping updates gives the same registers as going through each."""
+    """Skipping updates gives the same registers as running each update."""
     noise = NoiseSettings(window=10)
     often, seldom = (running(Fractional(noise), divider=3) for _ in range(2))
     now = 0

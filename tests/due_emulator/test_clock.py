@@ -1,4 +1,5 @@
-"""Clock tree, flash wait states, watchdog, resets and random numbers: what works, and what ends the run."""
+"""Clock tree, flash wait states, watchdog, resets and random numbers: correct use works, misuse ends the
+run."""
 
 import pytest
 from machine_support import (
@@ -22,7 +23,7 @@ MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3
 
 @pytest.fixture
 def board():
-    """A board at its first instruction; the test plays the program."""
+    """Return a board at its first instruction; the test takes the place of the program."""
     return Bench(b"\xff" * 8).board
 
 

@@ -1,4 +1,4 @@
-"""The processor: time, memory, counting, and what ends a run."""
+"""The processor: time, memory, instruction counts, and the errors that end a run."""
 
 from itertools import pairwise
 
@@ -97,7 +97,7 @@ def test_polling_a_timer_goes_on_in_time():
 
 
 def test_a_loop_that_counts_its_turns_takes_the_time_of_its_instructions():
-    # As the Arduino core's Wire waits for a flag that never comes: 20,000 turns.
+    # The Arduino core's Wire waits like this for a flag that never comes: 20,000 turns.
     waiting = """ldr r2, =0xE000E010
   ldr r3, =20000
 1: ldr r1, [r2]
@@ -130,7 +130,7 @@ SKIPPING = """subs r2, r2, r2
   it ne
   movne r3, #4
 """
-"""Seven instructions, three of them switched off by their condition, wide and narrow, and no branch."""
+"""Seven instructions, wide and narrow; their condition disables three of them, and there is no branch."""
 
 
 def test_an_instruction_that_its_condition_switches_off_takes_its_cycle():
@@ -228,7 +228,7 @@ def test_without_a_compiler_it_says_what_is_missing(command, reason, tmp_path, m
 
 
 COMPUTE = " ldr r6, =300\n1: subs r6, #1\n bne 1b\n"
-"""Long enough without an access for the second processor to take over."""
+"""Long enough without an access that the second processor takes over."""
 
 
 @pytest.mark.parametrize(("text", "reason"), FORBIDDEN)

@@ -1,4 +1,4 @@
-"""Faults: what may stand in their texts, what is said of mistakes, and what each does to the board."""
+"""Faults: the syntax of their texts, error messages, and the effect of each fault on the board."""
 
 import pytest
 from fltea.records.errors import UsageError
@@ -9,7 +9,7 @@ from tools.due_emulator.machine import PS_PER_S
 
 
 class Board(SmallBoard):
-    """Writes down what faults ask of the parts that are not here."""
+    """Records the calls of faults to parts that are absent here."""
 
     def __init__(self):
         super().__init__()
@@ -99,7 +99,7 @@ def test_sda_stuck_for_clocks():
     ],
 )
 def test_who_answers(fault, told):
-    """told: after so many microseconds more, this WHO_AM_I."""
+    """`told`: after this many further microseconds, this WHO_AM_I."""
     board = Board().suffer(fault)
     for wait_us, who in told:
         board.wait_us(wait_us)

@@ -1,6 +1,7 @@
-"""What a program must not do with a peripheral, in one table each for the board's and for the TWI's.
+"""Forbidden uses of peripherals, in one table for the board's peripherals and one for the TWI.
 
-A step before is a write (peripheral, register, value), a time in ms, or a helper of `machine_support`.
+A step before the forbidden one is a write (peripheral, register, value), a time in ms, or a helper of
+`machine_support`.
 """
 
 import pytest
@@ -21,7 +22,7 @@ UNLOCKED = [wait_states, crystal, ("PMC", "CKGR_PLLAR", PLLA_168), HALVED, 0.5]
 
 
 def test_the_table_begins_where_nothing_is_refused():
-    """Else a row could be refused for another reason than its own."""
+    """Otherwise a row could be refused for a reason other than its own."""
     for steps in (UART, SLOWEST_RC, [TC], [wait_states, *SLOWEST_RC]):
         play(Bench(b"\xff" * 8).board, steps)
 

@@ -1,4 +1,4 @@
-"""Which functions and phases the instructions of a program are said to be of."""
+"""Assign a program's instructions to functions and phases."""
 
 import pytest
 from machine_support import FOLDER, Bench, linked_program
@@ -7,7 +7,7 @@ from tools.due_emulator.function_profile import Profile, functions_of
 
 CALLS = (FOLDER / "calls.S").read_text(encoding="utf-8")
 LEAF = 2 + 1000 * 5 + 1
-"""Its instructions: those that a condition switches off take their cycle too."""
+"""Number of the leaf's instructions: those that a condition disables also take a cycle."""
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_a_phase_that_goes_back_to_its_beginning_was_called_once(bench):
 
 
 def test_only_what_runs_between_the_two_moments_is_counted(bench):
-    # The second of six calls of the leaf, of 1.25 ms each.
+    # The second of six calls of the leaf, which take 1.25 ms each.
     bench.run(0.0015)
     before = bench.board.cpu.instructions
     found = profiled(bench, 0.0022)

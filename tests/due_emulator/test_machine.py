@@ -12,7 +12,7 @@ from tools.due_emulator.register_table import peripherals
 
 
 def clocked():
-    """A machine of which all peripherals have their clock."""
+    """Return a machine in which all peripherals have their clock."""
     machine = Machine()
     machine.clocked = (1 << 45) - 1
     return machine

@@ -1,4 +1,4 @@
-"""The world around the sensor: known noise, value by value, and recordings."""
+"""The simulated world of the sensor: known noise, value by value, and recordings."""
 
 import numpy as np
 import pytest
@@ -28,11 +28,11 @@ def test_seeds_differ_and_repeat():
 
 
 def test_counts_are_those_of_the_hosts_quantisation():
-    """A poll at 100 Hz through the chip gives each value once, in the counts that `fltea` expects."""
+    """Polling the chip at 100 Hz gives each value once, in the counts that `fltea` expects."""
     chip = Mpu9250(fractional_world(QUERY))
     chip.write_register(0x19, 0, 1, 0x18, 0, 1)
     source = NoiseGenerator(parse_noise(QUERY + "&lsb_per_dps=0"))
-    source.step()  # value 0 is over before the first poll
+    source.step()  # value 0 has passed before the first poll
     for k in range(1, 300):
         chip.advance(k * 10 * MS)
         counts = np.frombuffer(chip.read_block(0x43, 6), ">i2")

@@ -1,4 +1,5 @@
-"""The board's running spectrum and fit, on the emulated Due: the same bits as on a PC, and what they cost."""
+"""The board's running spectrum and fit, on the emulated Due: the same bits as on a PC, and their cost in
+time."""
 
 import pytest
 from toolchain import arm_compiler

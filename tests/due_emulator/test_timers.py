@@ -1,4 +1,4 @@
-"""Timer counters: what they count, when they compare, and what is refused."""
+"""Timer counters: what they count, when they compare, and which uses are refused."""
 
 import pytest
 from machine_support import Bench, peripheral, reason
@@ -28,7 +28,7 @@ def tc(board):
 
 
 def begin(tc, mode, channel=0, **registers):
-    """Set a channel up, and let it count."""
+    """Set a channel up, and start it."""
     for name, value in {"CMR": mode, **registers, "CCR": START}.items():
         tc.write(f"{name}{channel}", value)
 

@@ -1,4 +1,4 @@
-"""The TWI as a master: SAM3X datasheet, chapter 33. Times are worked by hand from the bits on the wires."""
+"""The TWI as a master: SAM3X datasheet, chapter 33. Times are computed by hand from the bits on the wires."""
 
 import pytest
 from hypothesis import given
@@ -63,7 +63,7 @@ def test_nobody_at_the_address(board):
     seen = board.wait_for(TXCOMP)
     assert seen & NACK
     assert not seen & RXRDY
-    assert not board.twi.read("SR") & NACK  # reading cleared it
+    assert not board.twi.read("SR") & NACK  # reading has cleared it
     assert board.twi.busy_ps == (1 + 9 + 1) * 2_500_000
     assert board.read_block(0x75, 1) == b"\x71"
 
@@ -72,7 +72,7 @@ def test_refused_byte_of_a_write(board):
     board.socket.nacks_left = 0
     board.address(0x1B, False)
     board.twi.write("THR", 0x18)
-    board.wait_us(60)  # address and register are through
+    board.wait_us(60)  # address and register have been sent
     board.socket.nacks_left = 1
     assert board.wait_for(TXCOMP) & NACK
     assert board.chip.read_block(0x1B, 1) == b"\x00"
@@ -85,13 +85,13 @@ def test_what_a_refused_write_leaves_is_sent_first_by_the_next_one(board, reset)
     assert board.wait_for(TXCOMP) & NACK
     if reset:
         board.set_up()
-    # A read is not concerned.
+    # A read is not affected.
     assert board.read_block(0x75, 1) == b"\x71"
     board.begin_write(0x1B, 0x10)
     assert not board.wait_for(TXCOMP) & NACK
-    # The byte goes into the register, the next one into the one behind it.
+    # The byte goes into the register, the next byte into the following register.
     assert board.chip.read_block(0x1B, 2) == (b"\x10\x00" if reset else b"\x18\x10")
-    # And it is gone.
+    # And the byte is gone.
     board.begin_write(0x1B, 0x08)
     board.wait_for(TXCOMP)
     assert board.chip.read_block(0x1B, 1) == b"\x08"
@@ -125,7 +125,7 @@ def test_a_write_waits_for_its_stop(board):
 
 
 def test_scl_waits_until_rhr_is_read(board):
-    """Nothing is overrun: the second byte does not end before the first is fetched (33.8.5)."""
+    """No overrun occurs: the second byte does not end before the first is read (33.8.5)."""
     board.begin_read(0x75, START)
     assert board.wait_for(RXRDY)
     board.wait_us(500)
@@ -137,7 +137,7 @@ def test_scl_waits_until_rhr_is_read(board):
 
 @pytest.mark.parametrize(
     ("fetched", "waits"),
-    # SCL waits on the last bit, from 7.5 bits after the byte before; half a bit and the acknowledge follow.
+    # SCL is held at the last bit, from 7.5 bits after the byte before; half a bit and the acknowledge follow.
     [(0.4, 0), (7.4, 0), (7.6, 0.1), (8.2, 0.7), (30, 22.5)],
 )
 def test_scl_waits_on_the_last_bit_for_as_long_as_rhr_is_full(board, fetched, waits):
@@ -177,7 +177,7 @@ def test_a_byte_is_acknowledged_unless_stop_was_set_before_its_last_bit_ended(bo
 
 
 def test_stop_set_too_late_is_a_fault(board):
-    """STOP after the last byte was fetched: one more is on its way, and nobody wants it."""
+    """STOP after the last byte was read: a further, unwanted byte is already on its way."""
     board.begin_read(0x3B, START)
     for _ in range(14):
         assert board.wait_for(RXRDY)
@@ -189,7 +189,8 @@ def test_stop_set_too_late_is_a_fault(board):
 
 
 def test_a_stale_byte_shifts_the_next_read_that_does_not_drain_it(board):
-    """RXRDY after a complete read, as on the controllers before the SAMA5D2 (Linux, i2c-at91-master.c)."""
+    """RXRDY stays set after a complete read, as on the controllers before the SAMA5D2 (Linux,
+    i2c-at91-master.c)."""
     board.wait_us(2000)
     burst = board.read_block(0x3B, 14)
     board.twi.stale_reads = 1
@@ -232,7 +233,7 @@ def test_a_stale_byte_waits_for_the_last_byte_to_be_fetched(board):
 
 
 def test_stop_set_while_the_last_byte_arrives_is_in_time(board):
-    """As the Arduino core does it: after the next-to-last byte was fetched."""
+    """The Arduino core sets STOP so, after reading the next-to-last byte."""
     board.begin_read(0x3B, START)
     for i in range(14):
         if i == 13:
@@ -286,7 +287,7 @@ def test_bus_load_counts_a_transfer_that_hangs(board):
 
 
 def test_a_burst_on_the_wires_is_of_one_instant(board):
-    """390 us at an output rate of 8 kHz: three updates pass while it is read."""
+    """390 us at an output rate of 8 kHz: three updates happen during the read."""
 
     class Counting:
         def at(self, now_ns):

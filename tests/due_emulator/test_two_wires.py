@@ -1,4 +1,5 @@
-"""The two wires, edge by edge, and the TWI when they are held, its pins are lost or the sensor goes away."""
+"""The two wires, edge by edge, and the TWI when a wire is held, its pins are reassigned or the sensor
+vanishes."""
 
 import pytest
 from sensor_support import RXRDY, SCL, SDA, START, STOP, SWRST, TXCOMP, SmallBoard
@@ -81,12 +82,12 @@ def test_stuck_for_good():
 @pytest.mark.parametrize(
     ("byte", "bits", "clocks"),
     [
-        (0x00, 0, 8),  # the whole byte is 0: free in the acknowledge slot
+        (0x00, 0, 8),  # the whole byte is 0: SDA is released in the acknowledge slot
         (0x00, 7, 1),
         (0x80, 1, 7),
         (0x01, 3, 4),
         (0xFF, 0, 0),
-        (0xF0, 2, 0),  # the bit on the line is a 1: free at once
+        (0xF0, 2, 0),  # the bit on the wire is a 1: SDA is released at once
     ],
 )
 def test_sensor_cut_off_in_a_byte_holds_sda_by_its_bits(byte, bits, clocks):
@@ -238,7 +239,7 @@ def test_unplugged_in_mid_burst(board):
     board.lines.unplug()
     board.twi.read("RHR")
     assert board.wait_for(RXRDY)
-    board.twi.read("RHR")  # was on the wires already
+    board.twi.read("RHR")  # the byte was on the wires already
     board.twi.write("CR", STOP)
     assert board.wait_for(RXRDY)
     assert board.twi.read("RHR") == 0xFF

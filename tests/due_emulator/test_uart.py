@@ -1,4 +1,5 @@
-"""The UART as transmitter: by hand, by interrupt and by PDC; its time on the line, and what ends the run."""
+"""The UART as a transmitter: by polling, by interrupt and by PDC; its timing, and the uses that end the
+run."""
 
 import pytest
 from machine_support import Bench, reason, run
@@ -13,7 +14,7 @@ UART_ID = 8
 
 
 class Line:
-    """Notes bytes, when they came, and how fast."""
+    """Records bytes with their times and their speed."""
 
     def __init__(self, board):
         self.board = board
@@ -95,7 +96,7 @@ def test_the_pdc_sends_a_block_and_the_next_one_behind_it(board, line):
     uart.write("PTCR", 1 << 8)
     assert uart.read("PTSR") & 1 << 8
     board.machine.advance(BYTE_PS)
-    # One byte is sent, one on the line, and the third in the holding register: the first block is over.
+    # One byte is sent, one is on the wire, and the third is in the holding register: the first block is done.
     assert uart.read("SR") & (ENDTX | TXBUFE) == ENDTX
     assert (uart.read("TPR"), uart.read("TCR"), uart.read("TNCR")) == (RAM_BASE + 5, 2, 0)
     board.machine.advance(4 * BYTE_PS)

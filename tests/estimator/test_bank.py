@@ -1,4 +1,4 @@
-"""The bank against the oracle that takes one sample at a time, and against itself in other blocks."""
+"""The bank compared with the oracle that takes one sample at a time, and with itself in other blocks."""
 
 from math import nan
 from pathlib import Path
@@ -57,16 +57,16 @@ def test_equals_the_oracle_with_gaps(changes: dict[str, object]) -> None:
 
 def test_equals_the_oracle_with_runaways_and_tells_each() -> None:
     y = noise(2500)
-    y[:, 1] += 1.0  # an offset that nobody takes off
+    y[:, 1] += 1.0  # an offset that is not removed
     changes = PRINTED | {"bias": [0.5, -1.0, 2.0], "R": [0.0235, 0.0235, 0.002]}
     found, expected = (f(y, config(**changes), LSB, {1200: 40}) for f in (by_bank, by_sample))
     assert sum(expected.restarts.values()) > 3
     assert expected.lost
-    assert_close(found, expected, 1e-6)  # a run that diverges multiplies any rounding
+    assert_close(found, expected, 1e-6)  # a run that diverges amplifies any rounding
 
 
 def test_equals_the_oracle_where_the_guard_has_to_hold() -> None:
-    """Withdrawn while a quarter of the samples are held, and begun again after."""
+    """The lane is invalid while a quarter of the samples are limited, and starts over later."""
     y = noise(2000)
     y[600:1100, 0] += 30 * np.random.default_rng(1).choice([-1, 1], 500)
     found = by_bank(y, config(), LSB)
@@ -114,7 +114,7 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
 
 
 def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut() -> None:
-    """As of the last hundred that were full: behind a low-pass, white, and coloured for a while."""
+    """It refers to the last full hundred: behind a low-pass, white, and coloured for a while."""
     y = noise(4000, quantised=False)
     y[:, 0] = lfilter(*butter(2, 20.0, fs=1 / H), y[:, 0])
     y[1500:2100, 2] = lfilter(*butter(2, 20.0, fs=1 / H), y[1500:2100, 2])
@@ -160,7 +160,7 @@ BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
     (0.5, 0.02, None, [], Baseline((0.5, 0.5), (0.02, 0.02), ())),
     ([0.5, -1], "auto", None, [[1, 1], [3, 2]], Baseline((0.5, -1), (2, 0.5), ())),
     ("startup", 0.1, None, [[1, 1], [1, 2]], Baseline((1, 1.5), (0.1, 0.1), ())),  # constant, with a given R
-    # The resolution is the floor of R: x hardly ever changes, y always.
+    # The resolution is the lower limit of R: x hardly ever changes, y always does.
     (
         "startup",
         "auto",
@@ -237,7 +237,7 @@ def test_samples_that_vary_beyond_measure_or_below_it() -> None:
 
 
 def test_losses_while_bridging_are_told() -> None:
-    """Unguarded, a prediction over a long gap can run away by itself."""
+    """Without the guard, a prediction over a long gap can run away."""
     bank, lost = Bank(AXES, config(bias="none", R=1e-3, **PRINTED), H, None), []
     y = noise(400, quantised=False)
     for k in range(0, 400, 20):

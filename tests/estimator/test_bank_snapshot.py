@@ -1,4 +1,4 @@
-"""Snapshots of a bank: what goes on to the bit, and what is refused with a reason."""
+"""Snapshots of a bank: which state continues to the bit, and which snapshots are refused with a reason."""
 
 import math
 import struct
@@ -84,7 +84,7 @@ def test_a_snapshot_goes_on_with_its_own_instruction_set(name: str, monkeypatch:
 
 
 def test_what_the_supervisors_have_seen_goes_on() -> None:
-    """A sensor that is being thrown about is not valid either after a restart of the program."""
+    """A sensor in violent motion stays invalid after a restart of the program."""
     bank = Bank(AXES, CONFIG, H, None)
     bank.run(noise(50))
     y = noise(200, 1)

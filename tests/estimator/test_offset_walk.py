@@ -1,4 +1,5 @@
-"""What an offset does beside the noise that the spectrum shows, and how sure the heading's band is of it."""
+"""The offset's walk in addition to the noise in the spectrum, and how certain the heading's band is about
+it."""
 
 import math
 
@@ -44,7 +45,7 @@ def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
 
 
 def width(s: System, t_s: float, *truth: Part) -> float:
-    """Return the band of the heading, over that of a filter that knows the truth."""
+    """Return the width of the heading's band relative to that of a filter that knows the truth."""
     known = system(truth, H, N)
     known = known if known.walks else known.with_offset()
     return heading_std(s, rested(s, N), H, t_s) / heading_std(known, rested(known, N), H, t_s)
@@ -57,7 +58,7 @@ def test_a_ramp_goes_on_within_its_band(seed: int) -> None:
     heading, std = predicted(found_in(y, WHITE), y, 300.0)
     seen = 300 * (3.0 + slope * (N * H + 150))
     assert abs(heading - seen) < 2.6 * std
-    assert std < 1.0  # 4.3 deg is what the ramp makes
+    assert std < 1.0  # the ramp makes 4.3 deg
 
 
 def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
@@ -75,7 +76,7 @@ def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
     assert verdict.high is not None
     assert slope == pytest.approx(verdict.value, rel=0.03)
     half = 1.96 * abs(per_s) * math.sqrt(P[ramp, ramp])
-    # The offset may walk beside it.
+    # The offset may walk in addition.
     assert 1 <= half / ((verdict.high - verdict.low) / 2) < 1.3
 
 
@@ -86,7 +87,7 @@ def test_an_offset_that_stays_has_no_slope_and_hardly_a_wider_band() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_walk_of_the_spectrum_may_have_bounds(seed: int) -> None:
-    """Of a relaxation of 10 s ten minutes do not show the spectrum's corner, but no walk either."""
+    """For a relaxation of 10 s, ten minutes show neither the spectrum's corner nor a walk."""
     y = noise(seed) + relaxing(seed, 0.05, 10.0)
     s = found_in(y, WHITE, Walk(0.05 * math.sqrt(2 / 10)))
     assert not s.walks
@@ -94,7 +95,7 @@ def test_a_walk_of_the_spectrum_may_have_bounds(seed: int) -> None:
 
 
 def test_a_relaxation_of_the_spectrum_may_be_a_walk() -> None:
-    """Of ten minutes a spectrum may well say 9 s where the samples walk without bounds, and the reverse."""
+    """In ten minutes a spectrum may well show 9 s where the samples walk without bounds, and the reverse."""
     walking = noise(1) + np.cumsum(np.random.default_rng(2).normal(0, 2e-3, N))
     for parts in ([WHITE, Relaxation(0.047, 9.4)], [WHITE, Relaxation(0.06, 20.0)]):
         s = found_in(walking, *parts)

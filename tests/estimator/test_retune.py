@@ -1,4 +1,4 @@
-"""Filters whose Q and R change while they run: nothing of what they remember is lost."""
+"""Filters whose Q and R change while they run keep all of their memory."""
 
 import math
 from typing import Literal
@@ -145,7 +145,7 @@ BELIEF = FilterModel(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
 def test_an_axis_goes_on_with_the_order_that_belongs_to_its_variances(
     variant: Literal["joint", "triple"],
 ) -> None:
-    """With its state and its memory; where α is certain, it stays; the others do not notice."""
+    """Its state and memory continue; where α is certain, it stays; the other axes are not affected."""
     certain = BELIEF._replace(alpha_std=1e-6, F_std=1e-6, f_std=1e-6)
     (told, y), (plain, _) = begun(variant=variant), begun(variant=variant)
     a, b = told.run(y[:300]), plain.run(y[:300])

@@ -1,4 +1,4 @@
-"""The tracker when a sensor moves, changes its offset, rounds, or when its noise is found to be another."""
+"""The tracker when a sensor moves, changes its offset, rounds, or when a fit finds a different noise."""
 
 import math
 from typing import Any
@@ -29,7 +29,7 @@ def made(name: str | None, **rules: Any) -> Tracker:
 
 
 def apart(found: Tracks, clean: Tracks) -> Array:
-    """How far two biases are, in deviations."""
+    """Return the difference of two biases, in deviations."""
     return np.abs(found.bias - clean.bias) / clean.bias_std
 
 
@@ -46,7 +46,7 @@ def test_it_predicts_while_the_sensor_turns(name: str | None) -> None:
     assert AT <= moving[0] <= AT + 64
     assert AT + 300 <= moving[-1] <= AT + 400
     assert found.moving.sum() == one.figures()[0].moved == moving[-1] - moving[0] + 1
-    # What it has seen of the turn before it knew is undone; the bias goes on from before.
+    # The samples of the turn before its detection are undone; the bias continues from before the turn.
     still = slice(moving[0] + 1, moving[-1])
     before, during = found.bias_std[AT - 10], found.bias_std[still]
     assert np.all(np.diff(during) >= -1e-12)
@@ -94,7 +94,7 @@ def test_what_was_known_when_motion_began_is_known_in_it() -> None:
     y[600] = 1000
     found = run(made("white"), y)
     assert found.moving[600]
-    # Gains are held at this time, but not what is known.
+    # Gains are held at this time, but the covariance is not.
     np.testing.assert_allclose(found.bias_std[600:650], found.bias_std[599], rtol=0.03)
     assert abs(found.bias[650] - y[:600].mean()) < 0.02
 
@@ -165,7 +165,7 @@ def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
     one = made(name)
     found = run(one, y)
     assert one.figures()[0].moved == 0
-    # What has never changed has no noise: with the first change the bank begins.
+    # A constant signal has no noise: with the first change the bank begins.
     woken = np.s_[2000:2016] if axis == "stepping once" and name is None else np.s_[:0]
     seen, std = (np.delete(column, woken)[20:] for column in (found.bias, found.bias_std))
     assert np.all(np.isfinite(seen))
@@ -175,7 +175,7 @@ def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
 
 
 def test_an_axis_that_wakes_up_is_at_rest() -> None:
-    """No noise could be told from samples that were all the same, so its noise was motion for ten minutes."""
+    """The constant samples had no noise, so real noise was once taken for motion for ten minutes."""
     y = np.zeros(9000)
     y[3000:] = 0.5 + 0.1 * np.random.default_rng(2).standard_normal(6000)
     found = run(tracker(None, largest_step=2.0), y)
@@ -264,7 +264,7 @@ def test_a_system_found_after_hours(s: System) -> None:
 
 @pytest.mark.parametrize("name", ["white", "order", "resonance"])
 def test_means_of_samples_tell_bounds_of_a_walk_as_the_samples_do(name: str) -> None:
-    """A relaxation goes on within the time of a mean, and what is faster is not white there."""
+    """A relaxation evolves during the time of a mean, and faster parts are not white in the means."""
     bare = {"white": white(1.0), "order": of(Order(0.7, -1.0, 0.3 / H**1.4)), "resonance": RESONANT}[name]
     q, a = 2e-3, math.exp(-1 / 1000)
 
@@ -326,7 +326,7 @@ def test_systems_of_which_no_filter_can_be_made_change_nothing() -> None:
 
 
 def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refused() -> None:
-    """Its means' filter has no covariance: they said nothing but NaN of the bias."""
+    """The filter of its means has no covariance: once every bias was NaN."""
     parts = [
         White(0.009609324474215877),
         Sharpening(-0.09692657484116714),

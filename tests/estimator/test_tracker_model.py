@@ -1,4 +1,4 @@
-"""A model that is made beside the walk does to a tracker what it does when all is made in the walk."""
+"""A model computed in another thread has the same effect on a tracker as one computed in place."""
 
 import threading
 from collections.abc import Callable
@@ -35,12 +35,12 @@ def noise(n: int, seed: int = 1) -> Array:
 
 
 def after(tracker: Tracker) -> Tracks:
-    """Return all that a tracker says of the samples that come."""
+    """Return all outputs of a tracker for the next samples."""
     return tracker.run(noise(3000, seed=9))
 
 
 def begun(samples: int) -> tuple[Tracker, Tracker, Remembered]:
-    """Return two trackers that have taken the same, and what one of them remembers."""
+    """Return two trackers that have seen the same samples, and the saved state of one."""
     one, other = Tracker([None], RULES), Tracker([None], RULES)
     for tracker in (one, other):
         tracker.run(noise(samples))
@@ -74,7 +74,7 @@ def knocked(tracker: Tracker) -> None:
 
 
 def stepped(tracker: Tracker) -> None:
-    """Step the bias, as far as it is told."""
+    """Step the bias, by the amount that was reported."""
     tracker.run(noise(100, seed=2) + 1.5)
     assert [event.kind for event in tracker.events] == [EventKind.STEP]
 

@@ -1,8 +1,8 @@
-"""How near the tracker is to the best that is possible, and whether its σ holds, on noise it has not made.
+"""How close the tracker is to the optimum, and whether its σ holds, on independently generated noise.
 
-The generators and the best possible share no code with the filter: states are made of white noise by
-`scipy.signal.lfilter`, or of their spectrum by circulant embedding (Davies & Harte, 1987), and the best is
-the linear estimate from the last samples, of the covariances, by Levinson's recursion.
+The generators and the optimum share no code with the filter. States are made of white noise by
+`scipy.signal.lfilter`, or from their spectrum by circulant embedding (Davies & Harte, 1987). The optimum is
+the linear estimate from the last samples, computed from the covariances by Levinson's recursion.
 """
 
 import math
@@ -25,14 +25,14 @@ WHITE = p.White(R)
 
 
 def covariances(spectrum: Callable[[Array], Array], n: int) -> Array:
-    """Return those of the first n lags, of a spectrum of λ in rad a sample."""
+    """Return the covariances of the first n lags, for a spectrum over λ in rad a sample."""
     points = 2**17
     lam = np.pi * (np.arange(points) + 0.5) / points
     return np.asarray(dct(spectrum(lam))[:n] / (2 * points))
 
 
 class Family(NamedTuple):
-    """A state and what else is in a sample: their covariances, None for a walk, and the model."""
+    """A state and the other noise in a sample: their covariances (None for a walk) and the model."""
 
     parts: Sequence[p.AnyPart]
     state: Callable[[Array], Array] | None
@@ -106,7 +106,7 @@ def best(family: Family, known: int = 4000) -> float:
 
 
 def made(spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator) -> Array:
-    """Return series of n with this spectrum, (SERIES, n): one of a ring of many times that length."""
+    """Return series of n samples with this spectrum, (SERIES, n), each cut from a ring many times longer."""
     ring = 2 ** math.ceil(math.log2(8 * n))
     lam = 2 * np.pi * (np.arange(ring // 2) + 0.5) / ring
     scale = np.sqrt(spectrum(lam) * ring / 2)
@@ -138,7 +138,7 @@ def series(name: str, n: int) -> tuple[Array, Array]:
 
 
 class Quality(NamedTuple):
-    """Of the states between two samples of 60 series."""
+    """Figures of the states between two samples, over 60 series."""
 
     rmse: float
     over_best: float
@@ -180,7 +180,7 @@ def test_with_the_right_model_it_is_the_best_possible(name: str, offset: float |
 
 
 HARD = {"order .3 -2, 1": (1.5, 0.1)}
-"""What can be expected of noise that no time of half a minute can tell from white noise."""
+"""Expected figures of noise that no test can distinguish from white noise within half a minute."""
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Steps of a bias: how soon they are seen, what is known of them, and what is none."""
+"""Steps of a bias: how soon they are detected, what the estimate knows of them, and what is not a step."""
 
 import math
 
@@ -17,7 +17,7 @@ WHITE = white(1.0).with_offset()
 
 
 def of(s: System, n: int = LANES, **rules: float) -> Tracker:
-    """Return a tracker of so many axes of this noise."""
+    """Return a tracker of this many axes with this noise."""
     one = Tracker([None] * n, TrackerRules(**rules))  # type: ignore[arg-type]
     for lane in range(n):
         one.set(lane, s)
@@ -31,7 +31,7 @@ def steps(one: Tracker) -> list[TrackerEvent]:
 @pytest.mark.parametrize("before", [12_000, 100_000])
 @pytest.mark.parametrize("size", [1.0, 0.3])
 def test_a_step_is_seen_about_as_soon_as_any_test_can_see_it(size: float, before: int) -> None:
-    """Lorden's bound, at a false alarm a week: 30 (σ/δ)² samples."""
+    """Lorden's bound, at one false alarm a week: 30 (σ/δ)² samples."""
     rng = np.random.default_rng(1)
     one = of(WHITE)
     one.run(rng.standard_normal((before, LANES)))
@@ -64,7 +64,7 @@ def test_the_bias_after_a_step_is_that_of_the_samples_since_then() -> None:
     since = 14_000 - (event.row + 1 - event.ago)
     assert found.bias[-1, 0] == pytest.approx(y[-since:].mean(), abs=0.01)
     assert found.bias_std[-1, 0] == pytest.approx(1 / math.sqrt(since), rel=0.05)
-    # At once, and not when it has been seen to be wrong for long.
+    # The band widens at once, before the estimate has been wrong for long.
     assert found.bias_std[event.row + 1, 0] > 10 * found.bias_std[11_999, 0]
 
 
@@ -102,7 +102,7 @@ NOISES = {
 
 @pytest.mark.parametrize("name", NOISES)
 def test_there_are_no_false_steps(name: str) -> None:
-    """In three hours of six axes: a rate of one a week would show one in ten such tests."""
+    """Three hours of six axes: at one false step a week, one in ten such tests would show one."""
     s, noise = NOISES[name]
     rng = np.random.default_rng(4)
     y = np.stack([noise(rng, 180_000) for _ in range(6)], axis=1)
@@ -218,7 +218,7 @@ def eventful() -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("name", ["relaxation", "walking offset", "order", "low-pass"])
 def test_the_bias_is_the_mean_of_what_comes(name: str) -> None:
-    """By a filter in numpy, and the mean that its state makes of the next samples."""
+    """Compared with a filter in numpy, and with the mean that its state predicts for the next samples."""
     s, ahead = SYSTEMS[name], 50
     y, _ = simulated(s, 500, 1)
     y[0] = 0

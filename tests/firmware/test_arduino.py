@@ -1,4 +1,4 @@
-"""The Arduino sketch, compiled as it stands against a stub of the Arduino core, and run in virtual time."""
+"""The unchanged Arduino sketch, compiled with a stub of the Arduino core and run in virtual time."""
 
 import json
 import subprocess
@@ -26,7 +26,7 @@ SKETCH = ROOT / "firmware/arduino/fltea"
 
 @pytest.fixture(scope="session", params=[slow("g++"), slow("clang++")])
 def build(request: pytest.FixtureRequest) -> Path:
-    """Folder of the programs, made by one of both compilers with all warnings as errors."""
+    """Build with one of the two compilers, with all warnings as errors; return the folder of the programs."""
     needed(request.param)
     folder = ROOT / "build/tests-arduino" / request.param
     make(FOLDER / "arduino_stub", folder, f"CXX={request.param}", "all")
@@ -61,7 +61,8 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 
 
 def lost(run: Run) -> tuple[list[str], int, int]:
-    """Reasons of the host's epochs, samples that the host takes as lost, and epochs' samples delivered."""
+    """Return reasons of the host's epochs, samples that the host counts as lost, and samples delivered by
+    epoch."""
     place = Decoder(lambda: 0, max_gap=10**6)
     reasons: list[str] = []
     for frame in run.frames:
@@ -165,7 +166,7 @@ def test_a_short_trouble_costs_few_samples_and_no_epoch(
 
 @pytest.mark.parametrize("stalls", [1, 2])
 def test_a_stalled_transfer_loses_its_instants_and_nothing_else(build: Path, stalls: int) -> None:
-    """A sample that is read a period or more after its instant would carry a time of another instant."""
+    """A sample that is read a period or more after its instant would have the time of another instant."""
     after = run(build, "4.8", f"stalls=2,{stalls}")
     reasons, missing, _ = lost(after)
     assert reasons == ["start"]
@@ -208,7 +209,7 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_counts_them(build: Pat
 
 
 def test_a_stalled_transfer_takes_as_long_as_the_readme_says(build: Path) -> None:
-    """Wire counts turns, twice in a read: 55 ms; two reads in a row are the worst."""
+    """Wire's time limit counts turns, twice in a read: 55 ms; two reads in a row are the worst."""
     one, two = run(build, "3", "stalls=2,1"), run(build, "3", "stalls=2,2")
     assert one.board["longest_us"] in range(55_000, 58_000)
     assert two.board["longest_us"] in range(110_000, 113_000)

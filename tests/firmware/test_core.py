@@ -1,4 +1,4 @@
-"""Builds and runs the C++ tests of firmware/core, so that pytest shows them beside the others."""
+"""Build and run the C++ tests of firmware/core, so that pytest shows them with the others."""
 
 import shutil
 import subprocess
@@ -11,7 +11,7 @@ from tiers import slow
 FOLDER = Path(__file__).parent
 
 compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
-"""Each builds in a folder of its own."""
+"""Each compiler builds in a folder of its own."""
 
 
 LONG = ",".join(
@@ -20,11 +20,12 @@ LONG = ",".join(
         *("edges: each is*", "random trouble*", "application: the ends of*"),
     ]
 )
-"""Hours of virtual time, half of all test cases' time: only clang's build runs them, in the second tier."""
+"""Test cases of hours of virtual time, half of the total time: only clang's build runs them, in the second
+tier."""
 
 
 def made_by(compiler: str, goal: str) -> Path:
-    """Make something of the core's tests; returns the folder in which it is."""
+    """Build targets of the core's tests; return the build folder."""
     for tool in (compiler, "make"):
         assert shutil.which(tool), f"{tool} is missing: tools/setup.sh names the packages that the tests need"
     folder = BUILD / "tests-firmware" / compiler.rstrip("+")

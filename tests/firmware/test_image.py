@@ -1,4 +1,4 @@
-"""The committed image for the Due: what it holds, that the sources give it, and that its checker checks."""
+"""The committed image for the Due: its content, that the sources reproduce it, and that its checker works."""
 
 import hashlib
 import json
@@ -46,7 +46,7 @@ def record() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the sources with both images freshly built in it."""
+    """Return a copy of the sources in which both images were freshly built."""
     arm_compiler()
     root = copy_tree(tmp_path_factory.mktemp("first") / "fltea")
     done = run_tool("build_firmware.py", root)
@@ -191,7 +191,7 @@ def test_check_finds_a_changed_source(tmp_path: Path) -> None:
     root = copy_tree(tmp_path)
     source = root / "firmware/due/clock.cpp"
     source.write_text(source.read_text() + "// changed\n")
-    done = run_tool("build_firmware.py", root, "--check", env={"PATH": ""})  # no compiler is needed for it
+    done = run_tool("build_firmware.py", root, "--check", env={"PATH": ""})  # the check needs no compiler
     assert done.returncode == 1
     assert record()["build_id"] in done.stderr
     done = run_tool("generated.py", root, "build_id", "--check")
@@ -237,7 +237,7 @@ def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
     if change == "content":
         source.write_text(source.read_text().replace("27", "26"))
     elif change == "name":
-        source.rename(source.with_name("lcd.cpp"))  # the same place in the order
+        source.rename(source.with_name("lcd.cpp"))  # the sorting order stays the same
     else:
         source.with_name("empty.h").touch()
     assert run_tool("generated.py", root, "build_id").returncode == 0

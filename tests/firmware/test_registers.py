@@ -1,7 +1,7 @@
-"""The registers that firmware and emulator work with, against facts typed by hand and against their source.
+"""The registers that firmware and emulator use, compared with facts typed by hand and with their source.
 
-The facts are what those who have programmed the chip know of the register mapping tables and reset values in
-the SAM3X/SAM3A datasheet: chapters EEFC, PIO, PMC, RSTC, TC, TRNG, TWI, UART, WDT, and 9.1 Peripheral
+The facts are those that programmers of the chip know from the register mapping tables and reset values in the
+SAM3X/SAM3A datasheet: chapters EEFC, PIO, PMC, RSTC, TC, TRNG, TWI, UART, WDT, and 9.1 Peripheral
 Identifiers.
 """
 
@@ -148,7 +148,7 @@ def test_one_register_an_offset_but_for_alternatives() -> None:
 
 
 def test_another_description_is_refused(tmp_path: Path) -> None:
-    """One whose address of a register is another."""
+    """A description in which one register has another address is refused."""
     fetched = run_tool("generated.py", ROOT, "gen_registers", "--check")
     if "could not fetch" in fetched.stderr:
         missing(fetched.stderr)

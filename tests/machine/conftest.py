@@ -1,4 +1,4 @@
-"""The machine that the tests of this folder look at."""
+"""The simulated machine for the tests of this folder."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from fltea.machine import host_system
 
 @pytest.fixture
 def system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> FakeSystem:
-    """One of our own making, which commands take for this machine, too."""
+    """Make commands use a simulated machine in place of this one."""
     system = FakeSystem(tmp_path)
     monkeypatch.setattr(host_system, "System", lambda: system)
     return system

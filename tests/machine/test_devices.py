@@ -1,4 +1,4 @@
-"""What is plugged in, drivers of the kernel among it, and what is printed of it."""
+"""Connected devices, including those with kernel drivers, and how they are printed."""
 
 import json
 import os
@@ -298,7 +298,7 @@ def test_a_sensor_that_is_ready(system: FakeSystem, tmp_path: Path) -> None:
 
 
 def test_the_driver_of_the_mpus(system: FakeSystem, tmp_path: Path) -> None:
-    """It takes its own trigger only, and its low-pass follows the rate."""
+    """It accepts its own trigger only, and its low-pass follows the rate."""
     device = imu(tmp_path)
     (device.folder.parent / "driver").symlink_to(tmp_path / "sys/bus/i2c/drivers/inv-mpu6050-i2c")
     device.trigger("fltea", 1)

@@ -1,4 +1,4 @@
-"""`fltea doctor` on machines of our own making: each finding, and what it tells a person to do."""
+"""`fltea doctor` on simulated machines: each finding, and its advice."""
 
 import os
 import socket
@@ -209,13 +209,13 @@ def test_a_folder_that_cannot_be_one(system: FakeSystem, tmp_path: Path) -> None
     assert (found.level, found.message) == ("problem", f"{file} is no folder.")
     assert outputs(system, state__file=str(tmp_path / "state")) == []
     assert levels(outputs(system, state__file=str(file / "state"))) == {"state": "problem"}
-    # The folder of recordings is made by fltea run, that of the snapshot is not.
+    # fltea run makes the folder of recordings, but not that of the snapshot.
     missing = finding_of(outputs(system, state__file=str(tmp_path / "no/state")), "state")
     assert (missing.level, missing.message) == ("problem", f"there is no folder {tmp_path / 'no'}.")
     assert levels(outputs(system, state__file=str(tmp_path))) == {"state": "problem"}
     tilde = finding_of(
         outputs(system, record__folder="~/rec"), "disk"
-    )  # as fltea run takes it: a folder named so
+    )  # fltea run takes it for a folder of that name
     assert " free for ~/rec:" in tilde.message
 
 

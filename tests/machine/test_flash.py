@@ -1,4 +1,5 @@
-"""`fltea flash` with tools that only write down how they were called, and a pseudo-terminal for a board."""
+"""`fltea flash` with fake tools that only record their arguments, and a pseudo-terminal in place of a
+board."""
 
 import re
 import struct
@@ -26,17 +27,17 @@ def says(hello: wire.Hello) -> Callable[[int], bytes]:
 
 @pytest.fixture
 def board() -> Iterator[SpeakingPort]:
-    """A board that says HELLO several times a second."""
+    """Start a board that sends HELLO several times a second."""
     with speaking(says(HELLO), 0.05) as port:
         yield port
 
 
 UNKNOWN = "--erase-unknown-board"
-"""A pseudo-terminal has no USB id."""
+"""Needed here, since a pseudo-terminal has no USB id."""
 
 
 class Desk:
-    """A board, an image, and a folder of tools that is the whole PATH of the command."""
+    """A board, an image, and a folder of tools that is the command's whole PATH."""
 
     def __init__(self, folder: Path, board: SpeakingPort) -> None:
         self.folder, self.board = folder, board
@@ -73,7 +74,7 @@ class Desk:
 def desk(tmp_path: Path, board: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> Desk:
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # of what runs in this process
+    monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # only for commands within this process
     monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
     return Desk(tmp_path, board)
 
@@ -258,7 +259,7 @@ def test_no_other_port_is_ever_touched(
 def test_a_port_that_nothing_names_a_due_is_opened_only_with_the_flag(
     usb_id: tuple[int | None, int | None], desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Opening at 1200 baud erases; `--yes` alone is no word on which board that may be."""
+    """Opening at 1200 baud erases a board; `--yes` alone does not say which board that may be."""
     ports(monkeypatch, (desk.board.port, *usb_id))
     desk.add("bossac")
     before, given = desk.board.speed(), ("--port", desk.board.port, "--image", desk.image, "--yes")
@@ -277,7 +278,7 @@ def test_the_flag_does_not_open_a_native_port(board: SpeakingPort, monkeypatch: 
 
 
 def test_a_due_needs_no_flag(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As `make flash PORT=PORT` calls it."""
+    """`make flash PORT=PORT` calls it so."""
     ports(monkeypatch, (desk.board.port, *DUE))
     desk.add("bossac")
     done = fltea_here("flash", "--port", desk.board.port, "--image", desk.image, "--yes")

@@ -1,4 +1,5 @@
-"""Before the tool runs: which files are taken for an image, and the touch at 1200 baud, in which order."""
+"""Before the tool runs: which files are accepted as an image, and the order of steps of the touch at 1200
+baud."""
 
 import errno
 import struct
@@ -21,7 +22,7 @@ def board() -> Iterator[SpeakingPort]:
 
 
 class Line:
-    """Writes down what happens to the port, each with the speed that the terminal has just then."""
+    """Records what happens to the port, with the terminal's speed at that time."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
         self.seen: list[tuple[str, object, int]] = []

@@ -1,4 +1,4 @@
-"""A short look at a device: a pseudo-terminal that says something, and the fit of the two clocks."""
+"""Listen briefly to a device: a pseudo-terminal that sends, and the fit of one clock to the other."""
 
 from collections.abc import Iterator
 
@@ -21,7 +21,7 @@ def speaker() -> Iterator[SpeakingPort]:
 
 
 def frames(turn: int, hello: wire.Hello = WIRE_HELLO) -> bytes:
-    """HELLO and STATUS now and then, and a sample each turn, but for every tenth, which gets lost."""
+    """Return HELLO and STATUS now and then, and a sample each turn, except every tenth, which is lost."""
     said = b"\0"
     if turn % 5 == 0:
         said += encode(hello, turn, turn * 10_000)
@@ -89,7 +89,7 @@ def test_a_port_that_is_not_there_or_cannot_be() -> None:
 
 @pytest.mark.parametrize("ppm", [-80.0, 0.0, 5000.0])
 def test_drift_is_found_within_its_error(ppm: float) -> None:
-    """Delays as of a USB bridge: never negative, sometimes long."""
+    """The delays are like a USB bridge's: never negative, sometimes long."""
     z_scores = []
     for seed in range(30):
         delay_s = np.random.default_rng(seed).exponential(1e-3, 400)

@@ -1,4 +1,4 @@
-"""Builds and runs the C++ tests of host/native, so that pytest shows them beside the others."""
+"""Build and run the C++ tests of host/native, so that pytest shows them with the others."""
 
 import subprocess
 
@@ -16,7 +16,7 @@ LONG = ",".join(
         *("tracker: snapshots*", "tracker: what was saved*"),
     ]
 )
-"""Four fifths of all test cases' time."""
+"""Test cases that take four fifths of the total time."""
 
 
 @pytest.mark.timeout(600)  # a first build with sanitizers on a small machine

@@ -1,4 +1,5 @@
-"""The native module says which sources it was built from, and a test run refuses that of other ones."""
+"""The native module states the sources it was built from, and a test run refuses a module of other
+sources."""
 
 import re
 import runpy
@@ -17,7 +18,7 @@ INCLUDE = re.compile(r'^#include "(.*)"', re.M)
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """A tree with copies of the sources."""
+    """Return a folder with copies of the sources."""
     for path in SOURCES:
         place = tmp_path / path.relative_to(ROOT)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +70,7 @@ def test_make_builds_anew_after_a_change_of_any() -> None:
 def test_a_module_of_other_sources_is_refused(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # by its path: several folders have a module of the name conftest
+    # loaded by its path, since several folders have a module named conftest
     conftest = request.config.pluginmanager.get_plugin(str(ROOT / "tests/conftest.py"))
     assert conftest is not None
     conftest.pytest_configure()

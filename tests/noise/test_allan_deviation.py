@@ -1,4 +1,4 @@
-"""Allan deviation of a spectrum: against closed forms with 40 digits, and against noise that has it."""
+"""Allan deviation of a spectrum, compared with closed forms of 40 digits, and with noise of that spectrum."""
 
 import mpmath
 import numpy as np
@@ -21,7 +21,8 @@ def ar1(lam: np.ndarray, phi: float) -> np.ndarray:
 
 
 def ar1_deviation(phi: float, m: float) -> float:
-    """Of x_k = φ x_{k-1} + noise of variance 1, from the variances of sums of m and 2m values."""
+    """Return the deviation of x_k = φ x_{k-1} + noise of variance 1, from variances of sums of m and 2m
+    values."""
     with mpmath.workdps(40):
         p = mpmath.mpf(phi)
 
@@ -45,7 +46,7 @@ def test_ar1(phi, factors):
 
 
 def test_a_random_walk_at_its_corner():
-    """σ² = s2 (2 m² + 1) / (6 m) of a sum of steps, here as long as its relaxation is far."""
+    """σ² = s2 (2 m² + 1) / (6 m) for a sum of steps; the relaxation's corner is far away."""
     m = OCTAVES[:12]
     found = model_adev(lambda lam: ar1(lam, 1 - 1e-9), m)
     np.testing.assert_allclose(found, np.sqrt((2 * m**2 + 1) / (6 * m)), rtol=2e-4)

@@ -1,4 +1,4 @@
-"""How far Allan variances spread, against simulations and against the sums for powers of the frequency."""
+"""The spread of Allan variances, compared with simulations and with the known sums for power-law spectra."""
 
 import itertools
 
@@ -33,7 +33,8 @@ MODELS = {
 
 @pytest.mark.parametrize("name", MODELS)
 def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
-    """The mean to its own error, and its degrees of freedom to theirs: of a variance of what is skewed."""
+    """The mean agrees within its own error, the degrees of freedom within theirs, which allows for
+    skewness."""
     model, factors = MODELS[name], averaging_factors(N)
     deviation, degrees = expected(model, H, factors, differences(factors, [N]))
     simulated = itertools.islice(draws(model, H, N, np.random.default_rng(5)), SIMULATIONS)
@@ -63,7 +64,7 @@ def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) 
 
 
 def test_of_neighbours_of_white_noise_it_is_exact() -> None:
-    """r = 1, -1/2 of differences of neighbours: M / (1 + 2/4)."""
+    """r = 1, -1/2 for differences of neighbours: M / (1 + 2/4)."""
     found = allan_degrees(np.ones_like, [1], [1.0], [10**6])
     assert found == pytest.approx(10**6 / 1.5, rel=1e-5)
 
@@ -78,7 +79,7 @@ def test_a_line_alone_has_two_degrees_for_each_time_that_it_remembers(
 
 
 def test_the_deviation_of_a_narrow_line_is_that_of_its_cosine() -> None:
-    """As of sin⁴: the quadrature has panels as narrow as it is."""
+    """A narrow line behaves as sin⁴: the quadrature has panels as narrow as the line."""
     line = Lorentzian(7.3, 1e-5, 2.0)
     factors = np.array([1, 3, 10, 31, 100])
     found, _ = expected(AxisModel((White(1e-12),), (line,)), H, factors, np.full(5, 1e6))

@@ -1,4 +1,4 @@
-"""How far a heading is off after a rest."""
+"""The error of a heading after a rest."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None
     s, rest, more, many = _system(name), 300, 137, 4000
     rng = np.random.default_rng(29)
     root = np.linalg.cholesky(s.Q + 1e-30 * np.eye(len(s.a)))
-    # What is not known before is of this much, lest the true bias be large.
+    # The prior deviation of the bias, in case the true bias is large.
     x = rng.normal(size=(many, len(s.a))) * np.sqrt(np.diag(s.P0))
     mean, P, angle = np.zeros_like(x), s.P0, np.zeros(many)
     for k in range(rest + more):
@@ -108,7 +108,8 @@ def test_a_drive_is_the_inverse_of_a_rest(name: str) -> None:
 
 
 def test_a_drive_ends_when_the_heading_is_off_for_the_first_time() -> None:
-    """Behind a resonance of 1 Hz it swings: off after half a period, and good again after a whole one."""
+    """Behind a resonance of 1 Hz the error swings: too large after half a period, small again after a whole
+    one."""
     s = system((White(1e-8), Resonance(1.0, 1.0, 0.02)), H, 60000)
     half, whole = heading_stds(s, rested(s, 1), H, [0.5, 1.0])
     assert whole < 0.5 * half
@@ -125,7 +126,7 @@ def test_a_drive_may_be_none_and_may_have_no_end() -> None:
 
 
 def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
-    """Return row and variance of the mean of the bias: one sample after another, without squares."""
+    """Return row and variance of the mean of the bias, summed sample by sample without matrix powers."""
     rows = [s.bias]
     for _ in range(samples):
         rows.append(rows[-1] @ s.A)

@@ -1,4 +1,5 @@
-"""Parts of noise: spectra against closed forms, slopes, and coordinates there and back."""
+"""Parts of noise: spectra compared with closed forms, derivatives, and conversions to free parameters and
+back."""
 
 import math
 
@@ -83,7 +84,7 @@ def test_a_state_that_grows_has_no_spectrum() -> None:
 
 @given(st.floats(-0.99, 0.99))
 def test_aliases(phi: float) -> None:
-    """α = 0 with g = φ, α = 1 with g = φ - 1, and AR(1), by its textbook formula, are the same."""
+    """α = 0 with g = φ, α = 1 with g = φ - 1, and AR(1) by its textbook formula are the same process."""
     textbook = 1 / (1 - 2 * phi * np.cos(LAM) + phi**2)
     np.testing.assert_allclose(spectrum.fractional(LAM, 0.0, phi), textbook, rtol=1e-9)
     np.testing.assert_allclose(spectrum.fractional(LAM, 1.0, phi - 1), textbook, rtol=1e-7)
@@ -98,7 +99,7 @@ def test_fractional_is_the_square_of_its_transfer_function(alpha: float, g: floa
 
 
 def test_recursion_has_the_spectrum() -> None:
-    """Averages over frequency and series of I/S are 1, at low and at high frequencies."""
+    """Averages of I/S over frequency and series are 1, at low and at high frequencies."""
     alpha, f = 0.6, -3.0
     p = periodogram(recursion(alpha, f, 1500, 64, 1, 1000), H)
     ratio = (p.power / spectrum.fractional(p.lam, alpha, spectrum.g_of(alpha, f, H))).mean(axis=0)

@@ -1,4 +1,4 @@
-"""Non-negative least squares against scipy's, which comes with the tests only."""
+"""Non-negative least squares compared with scipy's, which only the tests need."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ H = 0.01
 
 
 def spectrum(omega: np.ndarray, alpha: float, f: float, Q: float, R: float) -> np.ndarray:
-    """Closed form of the model with unlimited memory: S = h^2α Q / |(1 - z)^α - h^α f z|² + R, z = e^-iω."""
+    """Return the closed form for unlimited memory: S = h^2α Q / |(1 - z)^α - h^α f z|² + R, z = e^-iω."""
     z = np.exp(-1j * omega)
     return H ** (2 * alpha) * Q / np.abs((1 - z) ** alpha - H**alpha * f * z) ** 2 + R
 
@@ -40,7 +40,7 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
 
 
 def test_order_0_is_an_autoregression_and_order_1_its_alias() -> None:
-    # (0, φ) and (1, (φ - 1)/h) with the noise scaled by 1/h are one and the same process.
+    # (0, φ) and (1, (φ - 1)/h) with the noise scaled by 1/h are the same process.
     phi, n = 0.7, 4000
     y, x = FractionalNoise(0, phi, 1.0, 0.5, H, seed=3).samples(n)
     alias = FractionalNoise(1, (phi - 1) / H, 1 / H**2, 0.5, H, seed=3).samples(n)
@@ -127,7 +127,7 @@ def test_the_rule_of_stationarity(alpha: float, f: float, expected: bool) -> Non
 
 
 def test_the_rule_of_stationarity_agrees_with_the_recursion() -> None:
-    # Just inside and outside of -2^α < g: the impulse response dies or grows.
+    # Just inside and outside of -2^α < g: the impulse response decays or grows.
     alpha = 0.6
     for factor, stable in ((0.97, True), (1.03, False)):
         f = -factor * 2**alpha / H**alpha

@@ -21,7 +21,7 @@ LOW = LAM < 1
 
 
 def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
-    """Of spectra at LAM: the system's over the parts' own, but for the zeros of a filter."""
+    """Return the ratio of spectra at LAM: the system's over that of its parts, without a filter's zeros."""
     wanted = p.spectrum(parts, LAM, H)
     found: np.ndarray = 1 + (system(parts, H, samples).spectrum(LAM) - wanted) / np.maximum(
         wanted, 0.003 * np.median(wanted)
@@ -100,7 +100,8 @@ HIGH_PASSED: dict[str, list[p.Part]] = {
 
 @pytest.mark.parametrize("name", HIGH_PASSED)
 def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(name: str) -> None:
-    """Over what is before the filter: of what it stops only R is left, which is small."""
+    """Compared with the noise before the filter: of the frequencies that the filter stops only R is left,
+    which is small."""
     parts = HIGH_PASSED[name]
     s = system(parts, H, N)
     floor = sum(part.R for part in parts if isinstance(part, p.Floor))
@@ -149,11 +150,11 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     s = system(parts, H, samples)
     check(s)
     check(s.with_offset())
-    # P0 is the stationary covariance of all that has one.
+    # P0 is the stationary covariance of all states that have one.
     still = np.hypot(s.a, s.b) < 1
     apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
     np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
-    Tracker([0.0]).set(0, s)  # which a filter can work with
+    Tracker([0.0]).set(0, s)  # a filter can work with it
 
 
 @pytest.mark.parametrize("alpha", [1e-6, 0.1, 0.49])
@@ -184,7 +185,7 @@ def test_what_is_not_stationary_is_refused() -> None:
 
 @pytest.mark.parametrize("poles", [2.1215274861128472, 2.132277290972571, 2.0276815574736102])
 def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
-    """Nearly the same pole twice once had powers 10⁷ times that of their sum, and the filter ran away."""
+    """Two nearly equal poles once had powers 10⁷ times that of their sum, and the filter diverged."""
     s = system([p.White(0.019), p.LowPass(21.0, poles), p.Walk(0.1164)], H, 4096)
     of_noise = s.signal == 0
     assert np.trace(s.P0[np.ix_(of_noise, of_noise)]) < 100 * 0.019
@@ -193,11 +194,11 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
 @pytest.mark.parametrize(
     ("parts", "signal"),
     [
-        ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),  # an EMA of white noise
+        ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),  # an exponential average of white noise
         ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),  # the same, rounded
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Relaxation(0.05, 2.0)], [0.0, 1.0]),
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Walk(0.01)], [0.0, 1.0]),
-        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),  # a floor is seen
+        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),  # a floor is visible
         ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),  # no filter of a sensor is so slow
     ],
 )

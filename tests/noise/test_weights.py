@@ -1,4 +1,4 @@
-"""The weights of the past, and the past itself, of the reference."""
+"""The reference's weights of past samples, and the sums of the past."""
 
 from math import comb
 
@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 
-# 48: in floats 49 * (1/49) is not 1, a data check for the factor that must vanish.
+# 48: in floats 49 * (1/49) is not 1, which would spoil the factor that must vanish.
 @pytest.mark.parametrize("order", [*range(9), 48])
 def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) -> None:
     c = weights(float(order), 100)
@@ -23,7 +23,7 @@ def test_integer_orders_are_signed_binomials_and_end_in_exact_zeros(order: int) 
 @given(st.floats(-0.9, 3))
 def test_real_orders_against_arbitrary_precision(order: float) -> None:
     # Three roundings a factor: at j = 5000 they add up to 5000 * 3 * 1.1e-16 = 1.7e-12 at worst. Orders
-    # nearer to zero than the 40 digits reach are left to the absolute bound.
+    # closer to zero than the 40 digits reach are covered by the absolute bound.
     c = weights(order, 5000)
     for j in (0, 1, 2, 3, 4, 10, 100, 1000, 5000):
         with mpmath.workdps(40):

@@ -1,6 +1,6 @@
-"""The generator: `--check` says which files are not up to date, and a wrong definition is named.
+"""The generator: `--check` names the files that are out of date, and a wrong definition is named.
 
-`make lint` holds the committed files against it.
+`make lint` checks the committed files with it.
 """
 
 import shutil

@@ -1,4 +1,7 @@
-"""Messages: there and back, what does not fit, the version rule; the device's encoder beside the host's."""
+"""Messages: encoding and decoding, values out of range, the version rule.
+
+The device's encoder gives the host's bytes.
+"""
 
 import math
 import struct
@@ -16,7 +19,7 @@ from protocol_support import HELLO, PROTOCOL, fixed, messages, sequences, times
 
 
 def decode(data: bytes) -> Frame | Refused | BadFrame:
-    """The one frame that it is."""
+    """Return the only frame in these bytes."""
     (found,) = FrameReader().feed_all(data)
     return found
 
@@ -25,7 +28,7 @@ def decode(data: bytes) -> Frame | Refused | BadFrame:
 @fixed(300)
 def test_decode_undoes_encode(message: wire.Message, sequence: int, device_us: int) -> None:
     frame = decode(encode(message, sequence, device_us))
-    # As text, in which a NaN equals itself and -0.0 is not 0.0; it names the class too.
+    # Compared as text, in which a NaN equals itself and -0.0 differs from 0.0; the text names the class too.
     assert repr(frame) == repr(Frame(message.TYPE, sequence, device_us, message))
 
 
@@ -56,14 +59,14 @@ def test_numbers_that_do_not_fit_raise(value: int) -> None:
 
 FLOATS = wire.Estimate(0, 1, 2, 3, *(0.0,) * 6, *(0,) * 9, *(0.0,) * 4)
 BEYOND = 2.0**128 - 2.0**103
-"""Half-way between the largest f32 and the next that there would be."""
+"""Half-way between the largest f32 and the next that would follow."""
 
 
 @pytest.mark.parametrize(
     ("number", "rounded"),
     [
         (0.1, 0x3DCCCCCD),
-        (1 + 2.0**-24, 0x3F800000),  # half-way: to even
+        (1 + 2.0**-24, 0x3F800000),  # half-way: rounded to even
         (1 + 3 * 2.0**-24, 0x3F800002),
         (math.nextafter(BEYOND, 0.0), 0x7F7FFFFF),
         (2.0**-150, 0x00000000),

@@ -1,4 +1,4 @@
-"""The vectors of protocol/vectors against the host and, where it encodes, against the device's code.
+"""The vectors of protocol/vectors, checked on the host and, for encoding, with the device's code.
 
 Sources: PyPI cobs, zlib and struct (tools/make_vectors.py), and published values typed by hand (cited there).
 """
@@ -40,7 +40,7 @@ def test_good_frame(record: list[tuple[str, str]]) -> None:
     assert encode_frame(kind, sequence, device_us, payload) == on_wire
     assert _native.encode_frame(kind, sequence, device_us, payload) == on_wire
     (found,) = in_chunks(BlockReader(), [on_wire])
-    assert repr([found]) == repr(decoded(on_wire))  # a NaN equals itself as text alone
+    assert repr([found]) == repr(decoded(on_wire))  # a NaN equals itself only as text
     if kind not in wire.MESSAGES:
         assert found == Found(BadFrame("unknown_type", on_wire[:-1]), len(on_wire))
         return
@@ -78,7 +78,7 @@ def test_bad_frame(record: list[tuple[str, str]]) -> None:
 
 @pytest.mark.parametrize("record", STREAMS, ids=names(STREAMS))
 def test_stream(record: list[tuple[str, str]]) -> None:
-    """Once through each decoder; that chunks do not matter is tested with any bytes."""
+    """Once through each decoder; another test covers arbitrary chunks."""
     data = b"".join(bytes.fromhex(value) for key, value in record if key == "bytes")
     expected = [f"{key} {value}" for key, value in record if key in ("frame", "bad", "refused")]
     counts = Counter({v.split()[0]: int(v.split()[1]) for key, v in record if key == "count"})

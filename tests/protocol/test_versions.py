@@ -1,4 +1,7 @@
-"""Hosts and boards of neighbouring minor versions read each other; the later one adds where it may."""
+"""Hosts and boards of neighbouring minor versions read each other.
+
+The later version adds only where permitted.
+"""
 
 import subprocess
 import sys
@@ -27,7 +30,7 @@ doc = "what boards of before do not know"
 NEXT = protocol_definition.load(
     DEFINITION.replace(f"minor = {PROTOCOL.minor}", f"minor = {MINOR}")
     .replace("# ----", ADDED_FIELD + "# ----", 3)
-    .replace(ADDED_FIELD, "", 1)  # before HELLO is no message
+    .replace(ADDED_FIELD, "", 1)  # before HELLO there is no message
     .replace(
         "data_ready = { value = 1",
         f'later = {{ value = 9, since = {MINOR}, doc = "x" }}\ndata_ready = {{ value = 1',
@@ -36,11 +39,11 @@ NEXT = protocol_definition.load(
     + f'\n[[message]]\nname = "NOTE"\nid = 99\nsince = {MINOR}\ndoc = "x"\n'
     + ADDED_FIELD.replace(f"since = {MINOR}", "")
 )
-"""The next minor version: HELLO and SAMPLE have a field more; a message, a value and a bit are new."""
+"""The next minor version: HELLO and SAMPLE have an additional field; a message, a value and a bit are new."""
 
 
 def module_of(protocol: protocol_definition.Protocol) -> Any:
-    """The Python of a definition."""
+    """Return the Python module generated from a definition."""
     module = sys.modules[f"next_{id(protocol)}"] = ModuleType(f"next_{id(protocol)}")
     exec(gen_protocol.module(protocol), module.__dict__)
     return module
@@ -119,8 +122,8 @@ def test_the_next_native_decoder_reads_this_board_and_the_one_after_it(tmp_path:
     ("major", "minor", "schema", "readable"),
     [
         (1, PROTOCOL.minor, wire.SCHEMA_HASH, True),
-        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # changed without a word
-        (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),  # versions before `oldest` changed what there was
+        (1, PROTOCOL.minor, 0xDEADBEEF, False),  # changed without a new version
+        (1, PROTOCOL.minor - 1, 0xDEADBEEF, False),  # versions before `oldest` changed existing messages
         (1, MINOR, 0xDEADBEEF, True),
         (2, MINOR, 0xDEADBEEF, False),
         (2, PROTOCOL.minor, wire.SCHEMA_HASH, False),

@@ -43,7 +43,7 @@ def tracked() -> tuple[str, ...]:
 
 
 def prose(name: str) -> str:
-    """Return what a file says to its readers: comments, docstrings, or the whole of a page."""
+    """Return a file's text for readers: comments, docstrings, or the whole of a page."""
     source = (ROOT / name).read_text(encoding="utf-8")
     if name.endswith((".py", ".pyi")):
         return "\n".join(re.findall(r'(?m)(?:^|(?<=\s))# [^\n]*|^\s*(?:""".*?""")', source, re.DOTALL))
@@ -70,7 +70,7 @@ def unknown_files(text: str) -> set[str]:
 
 @cache
 def ends_of_paths() -> frozenset[str]:
-    """Return each path of the repository as it may be named: with or without its folders."""
+    """Return all ways to name each path of the repository: with or without its folders."""
     parts = [name.split("/") for name in tracked()]
     return frozenset("/".join(one[n:]) for one in parts for n in range(len(one)))
 
@@ -98,7 +98,7 @@ def settings() -> frozenset[str]:
 
 
 def unknown_modules(text: str) -> set[str]:
-    """Return which modules `room.module.Name` names that are not in that room of the host."""
+    """Return names `room.module.Name` whose module is not in that package of the host."""
     found = set()
     for room, module in re.findall(rf"`(?:fltea\.)?({'|'.join(ROOMS)})\.(\w+)\.[A-Z]\w+`", text):
         folder = ROOT / "host/fltea" / room
@@ -110,13 +110,13 @@ def unknown_modules(text: str) -> set[str]:
 
 @cache
 def fields_of_records() -> frozenset[str]:
-    """Return the names of the fields, such as link.frames, and their tables."""
+    """Return the names of record fields, such as link.frames, and their tables."""
     rows = re.findall(r"(?m)^\| `([^`]+)`", site_records.records())
     return frozenset({*rows, *(".".join(name.split(".")[:n]) for name in rows for n in (1, 2))})
 
 
 def unknown_settings(text: str) -> set[str]:
-    """Return what is written `table.name` on a page, where the table is one of settings."""
+    """Return names `table.name` on a page that look like a setting, where the table has no such setting."""
     tables = {name.partition(".")[0] for name in settings() if "." in name}
     named = re.findall(rf"`((?:{'|'.join(sorted(tables))})(?:\.[a-zA-Z]\w*)+)(?: ?=[^`]*)?`", text)
     return {name for name in named if name not in settings() and name not in fields_of_records()}

@@ -1,4 +1,4 @@
-"""A page of the site in a real browser, with what the theme adds to it there."""
+"""A page of the site in a real browser, with the theme's additions."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""What the site says is true: commands, options and settings, and all that is written from the code."""
+"""The site's texts are true: commands, options and settings, and all text generated from the code."""
 
 import itertools
 import os
@@ -35,9 +35,9 @@ TEXTS = [
         for file in (ROOT / folder).rglob("*.md")
     ),
 ]
-"""All that people read. The links of the site's own pages are checked when it is built (`make docs`)."""
+"""All texts for people. Building the site (`make docs`) checks the links of its own pages."""
 INCLUDED = ("firmware/README.md", "protocol/README.md", "host/README.md")
-"""What is a page of the site, or a part of one, too."""
+"""Files that are also pages of the site, or parts of pages."""
 FLAGS = {
     name: {
         flag
@@ -51,13 +51,13 @@ FENCED = re.compile(r"^ *(```|~~~).*?^ *\1", re.MULTILINE | re.DOTALL)
 
 
 def anchors(text: Path) -> set[str]:
-    """The headings' anchors, as GitHub makes them and the site does."""
+    """Return the headings' anchors, as GitHub and the site make them."""
     headings = re.findall(r"^#+ +(.*?) *$", FENCED.sub("", text.read_text(encoding="utf-8")), re.MULTILINE)
     return {slugify(case="lower")(heading.replace("`", ""), "-") for heading in headings}
 
 
 def code(page: Path) -> Iterator[str]:
-    """Lines of code: fenced, or indented after an empty line."""
+    """Return lines of code: fenced, or indented after an empty line."""
     fenced = False
     for line in page.read_text(encoding="utf-8").splitlines():
         if line.lstrip().startswith("```"):
@@ -98,14 +98,14 @@ FOUND = {
     "cookbook/vins.md": "VINS",
     "cookbook/ros.md": "ROS 2",
 }
-"""What people search for, by the page that answers."""
+"""Search terms, by the page that answers."""
 
 
 @pytest.mark.parametrize(
     ("page", "word"), [(page, word) for page in FOUND for word in FOUND[page].split(", ")]
 )
 def test_what_people_search_for_is_found(page: str, word: str) -> None:
-    """The site's search looks for words as they stand in the pages; one in a link's address is none."""
+    """The site's search finds words in a page's text, not those in a link's address."""
     text = re.sub(r"\]\([^)]*\)", "]", (DOCS / page).read_text(encoding="utf-8"))
     assert re.search(rf"\b{re.escape(word)}\b", text, re.IGNORECASE)
 
@@ -205,7 +205,7 @@ def test_the_example_of_a_navigation_filter_gives_what_the_page_says(tmp_path: P
 
 @pytest.mark.parametrize("text", [*(page.relative_to(ROOT).as_posix() for page in PAGES), *INCLUDED])
 def test_lists_are_written_as_both_github_and_the_site_read_them(text: str) -> None:
-    """Python's Markdown wants an empty line before a list, and four spaces a level."""
+    """Python's Markdown needs an empty line before a list, and four spaces for each level."""
     lines = FENCED.sub("", (ROOT / text).read_text(encoding="utf-8")).split("\n")
     for before, line in itertools.pairwise(lines):
         if re.match(r"([-*]|\d+\.) ", line):

@@ -1,4 +1,5 @@
-"""The bench of the chain: which rows a run has, how it measures two programs in turns, and its tables."""
+"""The benchmark of the chain: the rows of a run, the alternating measurement of two programs, and its
+tables."""
 
 import json
 import sys

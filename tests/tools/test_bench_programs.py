@@ -1,4 +1,4 @@
-"""Another commit's program beside the present one: its own code, our packages, built once."""
+"""Another commit's program next to the present one: its own code, our packages, built once."""
 
 import subprocess
 import sys
@@ -29,7 +29,7 @@ def git(root: Path, *arguments: str) -> None:
 
 @pytest.fixture(scope="module")
 def repository(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A program in two commits, which says which one it is."""
+    """Make a program in two commits; it prints its commit."""
     root = tmp_path_factory.mktemp("repository")
     package = root / "host/fltea"
     package.mkdir(parents=True)

@@ -1,4 +1,5 @@
-"""The bench of reading: it reads each form that it writes whole, and names a figure that misses its goal."""
+"""The benchmark of reading: it reads completely each form that it writes, and names a figure that misses its
+goal."""
 
 from pathlib import Path
 from typing import Any

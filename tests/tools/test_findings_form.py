@@ -1,4 +1,4 @@
-"""The form of `findings/` is checked; what the scripts find needs a package index and is no test."""
+"""The form of `findings/` is checked; running the scripts needs a package index, so it is no test."""
 
 import shutil
 from pathlib import Path

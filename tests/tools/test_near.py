@@ -1,4 +1,4 @@
-"""`make near`: what is run for which changed files."""
+"""`make near`: what it runs for which changed files."""
 
 import re
 import subprocess
@@ -69,7 +69,7 @@ def test_users_are_found_by_what_they_import() -> None:
 
 
 def test_every_module_has_the_name_that_lint_gives_it() -> None:
-    """Each file of Python is typed, by a word that `tools/check_types.py` has too."""
+    """Each Python file is type-checked, under a module name that `tools/check_types.py` uses too."""
     known = near.check_types.names()
     pairs = set(zip(known[::2], known[1::2], strict=True))
     for top in ("tools", "tests"):

@@ -1,4 +1,4 @@
-"""The part `bias`: its noises, peers and plain filter by their laws, its sections on a few samples."""
+"""The part `bias`: its noises, peers and plain filter agree with theory; its sections on a few samples."""
 
 import ast
 import math
@@ -38,7 +38,7 @@ COMPONENTS = {
 
 
 def cells(tables: list[Any]) -> list[Any]:
-    """All rows of all tables, which have as many cells as headings."""
+    """Return all rows of all tables, after a check that each has as many cells as headings."""
     for one in tables:
         assert isinstance(one, Table)
         assert one.rows
@@ -65,7 +65,8 @@ def test_a_part_goes_on_where_it_stopped(name: str, cut: int) -> None:
 
 @pytest.mark.parametrize("name", ["white", "EMA (.2)", "CIC", "DLPF"])
 def test_filters_keep_the_density(name: str) -> None:
-    """The mean of five seconds has σ²/500; of 400 of them the spread is known to 3.5 %."""
+    """The mean over five seconds has the variance σ²/500; with 400 such means the spread is known to 3.5
+    %."""
     axis = Lane(name, np.random.default_rng(2))
     y, x = axis.take(200_000)
     means = (y - x).reshape(-1, 500).mean(axis=1)
@@ -156,7 +157,7 @@ def test_the_plain_filter_of_an_offset_is_the_mean() -> None:
 def test_the_plain_filter_is_the_best_linear_forecast(
     K: float, states: list[tuple[float, float]], ahead: int, seed: int
 ) -> None:
-    """By the covariance of all samples, without a recursion."""
+    """Compared with the forecast from the covariance of all samples, without a recursion."""
     n = 30
     k = np.arange(1, n + ahead + 1)
     covariance = 0.5**2 + K**2 * H * np.minimum.outer(k, k)

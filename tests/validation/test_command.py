@@ -1,4 +1,4 @@
-"""`make validate` as a user calls it, on records of 5 Hz; what is kept, and what is not done again."""
+"""`make validate` as a user calls it, on records of 5 Hz; what is kept, and what is not repeated."""
 
 import functools
 import json
@@ -24,7 +24,7 @@ Call = Callable[..., tuple[int, str, str]]
 
 @pytest.fixture
 def validate(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Call:
-    """Call the command in an empty folder; returns exit code, stdout, stderr."""
+    """Run the command in an empty folder; return exit code, stdout, stderr."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(records, "QUICK", (5.0, 30.0))
 
@@ -51,7 +51,7 @@ def test_tables_and_files(validate: Call, tmp_path: Path) -> None:
 
 
 def test_json_and_resumed(validate: Call, tmp_path: Path) -> None:
-    """A last line that was cut off is done again; what is there is not."""
+    """A last line that was cut off is computed again; complete lines are not."""
     first = validate("--only", "white", "--no-figures", "--json")
     kept = tmp_path / "build/validation/gallery.ndjson"
     lines = kept.read_text().splitlines(keepends=True)
@@ -96,7 +96,7 @@ def test_mistakes(validate: Call, tmp_path: Path, arguments: tuple[str, ...], wo
 def test_a_full_disk_leaves_no_half_file(
     validate: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The table that was there stays."""
+    """The earlier table stays."""
     folder = tmp_path / "build/validation"
     folder.mkdir(parents=True)
     (folder / "gallery.md").write_text("old")
@@ -104,7 +104,7 @@ def test_a_full_disk_leaves_no_half_file(
     def full(descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "fsync", full)  # a disk may say so only when it has to have it all
+    monkeypatch.setattr(os, "fsync", full)  # a disk may report the error only when data are flushed
     code, _, err = validate("--only", "outliers", "--no-figures")
     assert code == 1
     assert "cannot be written" in err
@@ -112,7 +112,7 @@ def test_a_full_disk_leaves_no_half_file(
 
 
 class Backwards(Here):
-    """Three tasks at a time, of which those begun last are done first."""
+    """Runs three tasks at a time, and finishes those begun last first."""
 
     slots = 4
 

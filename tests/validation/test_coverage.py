@@ -1,4 +1,4 @@
-"""Every interval that is published is measured, and counted for what it says."""
+"""Every published interval is measured, and its coverage is compared with the stated one."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
 
 
 def test_each_row_is_measured() -> None:
-    """One axis of each population; a new part of the grammar fails here until it has a population."""
+    """One axis of each population; a new part of noise models fails here until a population has it."""
     rows = [row for name in POPULATIONS for row in run.count(name, 1)]
     measured = {row["quantity"] for row in rows}
     wanted = {one for one in FIGURES.values() if isinstance(one, str)}
@@ -53,7 +53,7 @@ def test_what_holds_a_truth_of_2(
 
 
 def test_coverage_has_its_error() -> None:
-    """Of 100 intervals 4 miss: 96 % with the error of a share."""
+    """4 of 100 intervals miss: 96 % with the error of a proportion."""
     row = {"population": "white", "quantity": "N", "intervals": 120, "published": 100}
     row |= {"below": 1.0, "above": 3.0, "squares": 4.0, "width": 0.1}
     whole, single = run.tables([row])
@@ -64,7 +64,8 @@ def test_coverage_has_its_error() -> None:
 
 
 def test_true_figures() -> None:
-    """White noise of R = 4 at 100 Hz: N = 0.2, and the Allan deviation falls with the root of the time."""
+    """White noise of R = 4 at 100 Hz: N = 0.2, and the Allan deviation falls with the square root of the
+    time."""
     white = (p.White(4.0), p.Relaxation(3.0, 0.2), p.Quantisation(0.1))
     assert measure.true_N(white) == pytest.approx(0.2)
     np.testing.assert_allclose(
@@ -73,21 +74,22 @@ def test_true_figures() -> None:
 
 
 def held(rows: list[dict[str, object]], quantity: str) -> tuple[float, float]:
-    """How many intervals hold the truth, and how many there are."""
+    """Return how many intervals hold the truth, and how many there are."""
     (row,) = (one for one in rows if one["quantity"] == quantity)
     published, below, above = (float(str(row[name])) for name in ("published", "below", "above"))
     return published - below - above, published
 
 
 def test_N_holds_what_a_fast_relaxation_that_was_not_found_would_make_of_it() -> None:
-    """Of 40, 95 % are 38; by the model that stands for the noise alone it is 21."""
+    """Of 40 intervals 95 % are 38; intervals from the accepted model alone give 21."""
     inside, published = held(run.count("fast relaxation", 40), "N")
     assert published >= 25
     assert inside >= 0.85 * published
 
 
 def test_N_of_white_noise_is_no_wider() -> None:
-    """Of pure white noise: the half width is 1.96 / 2 of the root of the ordinates, in nine of ten."""
+    """For pure white noise the half width is 1.96 / 2 of the root of the number of ordinates, in nine of
+    ten."""
     rng = np.random.default_rng(1)
     wider = []
     for _ in range(60):
@@ -102,7 +104,8 @@ def test_N_of_white_noise_is_no_wider() -> None:
 
 
 def test_parameters_of_an_order_have_their_own_profile() -> None:
-    """Of 40, 95 % are 38: f and Q move with α, so that an end with α as it is holds half of them or less."""
+    """Of 40 intervals 95 % are 38. f and Q change with α, so intervals at a fixed α hold half of them or
+    less."""
     rows = run.count("order, no white", 40)
     for quantity in ("alpha of order", "f of order", "Q of order"):
         inside, published = held(rows, quantity)

@@ -1,4 +1,4 @@
-"""The filters as lanes, also with Q and R that change, and the fits beside them: what the daemon gives."""
+"""The filters as lanes, also with changing Q and R, and the fits: both give what the daemon gives."""
 
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ CASE = Case(0.6, -3.0, 3.0)
 
 @pytest.mark.parametrize("setting", MAIN[:2], ids=lambda setting: setting.name)
 def test_what_the_daemon_gives(setting: object) -> None:
-    """Sample by sample with its own start-up window and supervisor, to the rounding of the bias."""
+    """Sample by sample with the daemon's start-up window and supervisor, to the rounding of the bias."""
     y = samples(CASE, 2, 1_200)
     (found,) = read(y, H, setting.config, (1_200,))
     for seed in range(2):
@@ -78,7 +78,7 @@ CLEAR = Case(0.8, -1.0, 3.0)
 
 @pytest.mark.parametrize("name", list(TUNED))
 def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
-    """A tuning without a value changes nothing; one with values is a change of the settings."""
+    """A tuning without a value changes nothing; one with values changes the settings."""
     config, y = TUNED[name], samples(CLEAR, 2, 1_000)
     nothing, handed = np.full(2, np.nan), (np.full(2, 0.01), np.full(2, 0.004))
     (plain,) = read(y, H, config, (1_000,))
@@ -95,7 +95,7 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
 
 
 def test_only_what_is_known_is_handed_over() -> None:
-    """s2 and R of ten minutes are; of half a minute, and of white noise, they are not."""
+    """s2 and R of ten minutes are passed on; those of half a minute, and of white noise, are not."""
     handed = tunings(samples(CLEAR, 2, 20_000), H, 20_001)
     assert np.isnan(handed[0].Q).all()
     last = handed[-1]
@@ -113,7 +113,7 @@ def test_fit_points() -> None:
 
 
 STRONG = Case(0.8, -1.0, 30.0)
-"""Its bound is 0.036 for α and 0.41 for f after 3,000 samples."""
+"""The Cramér–Rao bound of this case is 0.036 for α and 0.41 for f after 3,000 samples."""
 
 
 def test_truths() -> None:
@@ -129,7 +129,7 @@ def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
-    # Above the tenth ordinate f is known to a factor of two, and moves by a fifth of itself.
+    # Above the tenth ordinate f is known to a factor of two, and changes by a fifth of itself.
     for name, most in (("alpha", 0.03), ("F", 0.03), ("s2", 0.1), ("f", 0.25)):
         np.testing.assert_allclose(live.estimates[name], whole.estimates[name], rtol=most, atol=1e-3)
     for name in QUANTITIES:

@@ -1,4 +1,5 @@
-"""Intervals counted over many series, of one noise and of several parts, and the referee on short ones."""
+"""Coverage of intervals over many series, for one noise and for several parts, and the reference on short
+series."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from tools.validation.evaluate.referee import judge, rms, share
 
 
 def test_points() -> None:
-    """Eight, stationary, with and without white noise."""
+    """Eight stationary noises, with and without white noise."""
     assert len(set(POINTS)) == 8
     assert all(spectra.stationary(one.alpha, H**one.alpha * one.f) for one in POINTS)
     assert [one.name for one in POINTS if one.white == 0] == ["α = 0.4, f = -1, R = 0"]
@@ -60,7 +61,7 @@ def test_mixtures_are_not_called_fractional() -> None:
 
 
 def test_three_answers_to_the_same_series() -> None:
-    """Weakly dependent, where Whittle is right: the three errors are alike."""
+    """Weakly dependent noise, where Whittle's likelihood is right: the three errors are alike."""
     case = Case(0.8, -10.0, 30.0)
     (found,) = judge(case, 4, 600)
     assert (found["noise"], found["samples"]) == (case.name, 600)

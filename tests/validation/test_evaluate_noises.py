@@ -1,4 +1,4 @@
-"""The noises: stationary, of the power and the shares that they claim, and those that change in mid-run."""
+"""The noises: stationary, with their stated power and shares, and those that change during a run."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ GRID = grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS)
 
 
 def test_the_grid() -> None:
-    """White noise once, then what is stationary; f = -3 at α = 0.2 is not."""
+    """White noise once, then the stationary noises; f = -3 at α = 0.2 is not stationary."""
     assert GRID[0] == Case()
     assert len(GRID) == len(set(GRID)) == 53
     for case in GRID[1:]:
@@ -68,7 +68,7 @@ SEEDS = 6
 
 @pytest.fixture(scope="module")
 def found() -> dict[tuple[str, bool], Row]:
-    """By the name of the shift, and whether the fit forgets."""
+    """Return the results by the name of the shift, and whether the fit forgets."""
     rows = [row for shift in SHIFTS for row in score_shift(shift, SEEDS)]
     return {(row["change"], row["memory_s"] is not None): row for row in rows}
 
@@ -89,7 +89,7 @@ def test_three_time_constants_later_the_truth_is_back(
 @pytest.mark.slow
 @pytest.mark.parametrize("shift", SHIFTS, ids=lambda shift: shift.name)
 def test_without_forgetting_the_verdict_says_it(shift: Shift, found: dict[tuple[str, bool], Row]) -> None:
-    """What is no change of the noise does not spoil the fit."""
+    """A shift that does not change the noise does not spoil the fit."""
     score = found[shift.name, False]
     assert score["verdicts"].get("not stationary", 0) == (0 if shift.stationary else SEEDS)
     if shift.stationary:

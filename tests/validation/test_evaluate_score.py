@@ -1,4 +1,4 @@
-"""Scores of a few estimates by hand; the Cramér–Rao bound against closed forms and differences."""
+"""Scores of a few estimates by hand; the Cramér–Rao bound compared with closed forms and differences."""
 
 import math
 
@@ -72,7 +72,7 @@ def test_fractional_noise(d: float) -> None:
 
 @pytest.mark.parametrize("case", CASES)
 def test_total_power_is_known_to_two_over_n(case: tuple[float, float, float, float]) -> None:
-    """To scale s2 and R together scales the spectrum."""
+    """Scaling s2 and R together scales the spectrum."""
     assert fisher(*case, N)[2:, 2:].sum() == pytest.approx(N / 2, rel=1e-9)
 
 
@@ -84,7 +84,7 @@ def log_spectrum(p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("case", CASES)
 def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, float]) -> None:
-    """With f itself for a parameter, and the slopes from the spectrum that the Whittle fit uses."""
+    """With f itself as a parameter, and derivatives of the spectrum that the Whittle fit uses."""
     alpha, g, s2, R = case
     here = np.array([alpha, spectrum.f_of(alpha, g, H), math.log(s2), math.log(R)])
     slopes = []

@@ -1,4 +1,4 @@
-"""The exact likelihood against the density it is the logarithm of, and against closed forms."""
+"""The exact likelihood compared with the density whose logarithm it is, and with closed forms."""
 
 import math
 
@@ -22,7 +22,8 @@ def toeplitz(gamma: Array) -> Array:
 
 
 def multivariate(gamma: Array, y: Array) -> float:
-    """-log of the normal density of y, at the best mean and scale, from the whole matrix."""
+    """Return -log of the normal density of y, at the best mean and scale, from the whole covariance
+    matrix."""
     n, ones = len(y), np.ones(len(y))
     matrix = toeplitz(gamma)
     mean = ones @ np.linalg.solve(matrix, y) / (ones @ np.linalg.solve(matrix, ones))
@@ -47,7 +48,7 @@ def test_sixty_samples_against_the_whole_matrix(alpha: float, share: float, weig
 
 @pytest.mark.parametrize("phi", [-0.9, 0.3, 0.95, 0.999])
 def test_ar1(phi: float) -> None:
-    """γ(k) = φ^k / (1 - φ²); of each sample only what its neighbour does not say."""
+    """γ(k) = φ^k / (1 - φ²); each sample adds only what its neighbour does not predict."""
     gamma = autocovariance(1 / (1 - 2 * phi * np.cos(FREQUENCIES) + phi**2), 3000)
     np.testing.assert_allclose(gamma * (1 - phi**2), phi ** np.arange(3000.0), atol=1e-4)
     y = np.random.default_rng(5).standard_normal((3000, 1))
@@ -64,7 +65,7 @@ def test_fractional_noise(d: float) -> None:
     expected = (
         math.gamma(1 - 2 * d) / math.gamma(1 - d) ** 2 * np.cumprod(np.append(1, (k - 1 + d) / (k - d)))
     )
-    # Beyond the circle its memory goes on, as a constant over so few lags.
+    # Beyond the circle its memory continues, as a constant over so few lags.
     np.testing.assert_allclose(gamma - gamma[0], expected - expected[0], atol=2e-3 * expected[0])
 
 
@@ -83,7 +84,10 @@ def test_lengths(n: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_fit_is_a_maximum_and_its_interval_is_where_it_ends(seed: int) -> None:
-    """Of 600 samples: no neighbour is better; the deviance decides which orders are in the interval."""
+    """On 600 samples no neighbouring parameters are better.
+
+    The deviance decides which orders are in the interval.
+    """
     case = Case(0.8, -10.0, 30.0)
     series = ExactSeries(samples(case, 2, 600)[:, seed], H)
     _, found = series.covers(case.alpha, series.fit())

@@ -1,4 +1,4 @@
-"""The smaller parts, on a few short series: what they count, and their tables."""
+"""The smaller parts, on a few short series: their counts, and their tables."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from tools.validation.tables import Table
 
 
 def cells(tables: list[Any]) -> list[Any]:
-    """All rows of all tables, which have as many cells as headings."""
+    """Return all rows of all tables, after a check that each has as many cells as headings."""
     for one in tables:
         assert isinstance(one, Table)
         assert one.rows
@@ -91,7 +91,7 @@ def test_an_axis_looked_at_all_the_while(noise: str, rules: list[str]) -> None:
 
 
 def test_critical_values_rise_with_the_correlation() -> None:
-    """Without correlation the bound says nothing of the other: 3.84."""
+    """Without correlation one bound does not depend on the other: 3.84."""
     points = {row["rho"]: row["critical"] for row in bound.critical_values()}
     assert points[0.0] == pytest.approx(3.84 + 0.0, abs=0.03)
     assert list(points.values()) == sorted(points.values())

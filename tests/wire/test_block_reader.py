@@ -1,4 +1,4 @@
-"""Any bytes in any chunks: no growth, no wrong frame, and what the plain decoder finds."""
+"""Any bytes in any chunks: memory stays bounded, no frame is wrong, and the plain decoder agrees."""
 
 import random
 from collections import Counter
@@ -34,12 +34,15 @@ sample_frames = st.builds(encode, samples, sequences, times)
 
 @st.composite
 def good_frames(draw: st.DrawFn) -> bytes:
-    """A composite strategy has a short repr, which hypothesis writes for every example that it gives up."""
+    """Draw good frames.
+
+    A composite strategy has a short repr, which hypothesis writes for every rejected example.
+    """
     return encode(draw(st.one_of(samples, messages)), draw(sequences), draw(times))
 
 
 good = good_frames()
-# Intact, of any type and length: unknown types, wrong lengths, HELLOs of other versions.
+# Intact frames of any type and length: unknown types, wrong lengths, HELLOs of other versions.
 intact = st.builds(
     encode_frame, st.one_of(st.integers(0, 8), st.integers(0, 255)), sequences, times, st.binary(max_size=240)
 )
@@ -52,8 +55,8 @@ runs = st.builds(
 )
 idle = st.builds(bytes, st.integers(1, 3))
 parts = st.one_of(good, intact, mutated, cut, runs, idle, st.binary(max_size=300))
-# Half of it samples, so that runs of them stand before, between and behind everything else. (one_of would
-# take branches that are alike for one.)
+# Half of the frames are samples, so that runs of samples occur before, between and after all others. (one_of
+# would merge equal branches.)
 halves = st.booleans().flatmap(lambda sample: sample_frames if sample else parts)
 streams = st.lists(halves, max_size=12).map(b"".join)
 
@@ -153,14 +156,15 @@ def test_endless_bytes_without_a_zero_take_no_memory() -> None:
 
 
 def damaged(frame: bytes, pattern: int, start: int) -> bytes:
-    """`frame` with the bits of `pattern` flipped from bit `start` on, as far as it reaches."""
+    """Return `frame` with the bits of `pattern` flipped from bit `start` on, as far as the frame reaches."""
     mask = (pattern << start) % (1 << 8 * len(frame))
     return (int.from_bytes(frame, "little") ^ mask).to_bytes(len(frame), "little")
 
 
 def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
     hurt = damaged(frame, pattern, start)
-    # The 0x00 in front keeps the damage from counting as "partial"; the one behind closes what lost its own.
+    # The 0x00 in front keeps the damage from counting as "partial"; the one behind closes a frame that lost
+    # its own.
     found = FrameReader().feed(b"\0" + hurt + b"\0" + NEXT)
     assert [item.sequence for item in found if isinstance(item, Frame)] == [99], (hurt.hex(), pattern, start)
     assert len(found) == 1
@@ -169,8 +173,8 @@ def must_be_rejected(frame: bytes, pattern: int, start: int) -> None:
 @pytest.mark.parametrize("message", [SAMPLE, SAMPLE._replace(gyro_x=0, accel_x=0), HELLO])
 def test_bursts_are_rejected(message: wire.Message) -> None:
     """Every start and length of a burst: all ones, both ends alone, and random insides."""
-    # Bits 0 to 7 of a byte travel in this order on a UART, so a burst on the line is a run of these bits.
-    # Those that begin before the closing 0x00 may reach over it; one in it alone is tested below.
+    # A UART sends bits 0 to 7 of a byte in this order, so a burst on the wire is a run of these bits. A burst
+    # that begins before the closing 0x00 may reach over it; one in the 0x00 alone is tested below.
     frame = encode(message, 513, 0x01020304)
     source = random.Random(2)
     for start in range(8 * (len(frame) - 1)):
@@ -206,7 +210,7 @@ def test_what_is_not_bytes_is_refused_and_changes_nothing() -> None:
 
 
 def test_threads_may_share_a_decoder() -> None:
-    # Whole frames a call, and so many that others run meanwhile: nothing is lost or mixed.
+    # Several frames a call, enough that other threads run meanwhile: nothing is lost or mixed.
     decoder = _native.Decoder()
     with ThreadPoolExecutor(4) as threads:
         calls = [threads.submit(decoder.feed, encode(SAMPLE, k, k) * 2000) for k in range(40)]

@@ -1,4 +1,4 @@
-"""Inspection: a line for every block in a stream, for each kind of it."""
+"""Inspection prints a line for every block of a stream; tested for each kind of block."""
 
 from collections import Counter
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Many ports in one loop: whatever one of them does, the others lose nothing and come in every round."""
+"""Many ports in one loop: whatever one port does, the others lose nothing and are read in every round."""
 
 import contextlib
 import fcntl
@@ -28,7 +28,7 @@ BAUD = 250_000
 
 
 class Loop:
-    """Drives the ports as the daemon does, and remembers what came from each."""
+    """Runs the ports as the daemon does, and stores what came from each."""
 
     def __init__(self, urls: Sequence[str | Path], latency_s: float = 0.0) -> None:
         self.ports = Ports([Port(str(url), BAUD, latency_s) for url in urls])
@@ -48,7 +48,7 @@ class Loop:
         return b"".join(event.data for event in self.heard[place] if isinstance(event, Reads))
 
     def kinds(self, place: int) -> list[str]:
-        """What happened to the port itself, in order."""
+        """Return the events of the port itself, in order."""
         events = (event for event in self.heard[place] if isinstance(event, Opened | Failed))
         return [event.kind if isinstance(event, Failed) else "opened" for event in events]
 
@@ -68,7 +68,7 @@ def loop_of() -> Iterator[Callable[[Sequence[str | Path]], Loop]]:
 
 @pytest.fixture
 def many(terminals, loop_of) -> tuple[list[Terminal], Loop]:
-    """Ten ports that are open."""
+    """Open ten ports."""
     found = terminals(10)
     loop = loop_of([one.link for one in found])
     loop.opened(*range(10))
@@ -80,7 +80,7 @@ def many(terminals, loop_of) -> tuple[list[Terminal], Loop]:
 def test_what_comes_from_a_port_is_its_own_in_any_order_of_sending_and_reading(
     many: tuple[list[Terminal], Loop], story: list[tuple[int, bytes | None]]
 ) -> None:
-    """None: a round of the loop in between. The examples go on with the same ports."""
+    """None stands for a round of the loop in between. The examples reuse the same ports."""
     terminals, loop = many
     sent = [loop.data(place) for place in range(10)]
     for place, data in story:
@@ -150,10 +150,10 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
     flood = 0
     for k in range(300):
         with contextlib.suppress(BlockingIOError):
-            for _ in range(100):  # more than goes in, before every round
+            for _ in range(100):  # more than fits in, before every round
                 flood += os.write(many[1].master, bytes(1000))
         many[k % 2 * 2].send(b"x")
-        # What a terminal was given may come a moment later; a flood that is read to its end takes 16 reads.
+        # Bytes written to a terminal may arrive a moment later; reading a flood to its end takes 16 reads.
         floods = 0
         while len(loop.data(0)) + len(loop.data(2)) <= k:
             before = len(loop.heard[1])
@@ -165,7 +165,7 @@ def test_one_that_floods_loses_nothing_and_holds_up_nobody(terminals, loop_of) -
 
 
 def test_reads_wait_for_each_other_and_keep_their_own_times(monkeypatch) -> None:
-    """A pipe in the place of the port, as what it was given is there at once."""
+    """A pipe takes the place of the port, since its bytes arrive at once."""
     near, far = os.pipe()
     os.set_blocking(near, False)
     monkeypatch.setattr(Port, "fileno", lambda port: near)
@@ -187,7 +187,7 @@ def test_reads_wait_for_each_other_and_keep_their_own_times(monkeypatch) -> None
 
 
 def waiting(descriptor: int) -> int:
-    """Bytes that nobody has read."""
+    """Return the number of bytes that are not yet read."""
     (found,) = struct.unpack("i", fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)))
     return int(found)
 
@@ -272,7 +272,7 @@ def test_closing_frees_every_port_also_one_that_was_just_opened(monkeypatch, ter
     opened = loop.ports._openings._opened
     wait_until(lambda: opened.qsize() == 2, "ports that the loop does not know to be open")
     loop.ports.close()
-    loop.ports.wake()  # too late, and no harm
+    loop.ports.wake()  # too late, which does no harm
     go.set()
     assert released.wait(PATIENCE_S)
     for one in many:

@@ -1,4 +1,4 @@
-"""Counts to units, by hand-worked figures."""
+"""Conversion of counts to units, with figures worked by hand."""
 
 import pytest
 from blocks import as_block, raw_samples
@@ -16,7 +16,7 @@ ACCEL_LSB_PER_G = {2: 16384.0, 4: 8192.0, 8: 4096.0, 16: 2048.0}
 
 
 def scaled(*raw: RawSample, **changes: object) -> Sample:
-    """The last of them in units."""
+    """Return the last sample in units."""
     decoder = Decoder(lambda: 0, 100)
     list(decoder.feed(hello(**changes)))
     ((block, *_),) = decoder.feed(as_block(*raw))

@@ -1,4 +1,4 @@
-"""The native line as Python sees it; what it gives is the subject of tests/native/test_wire_line.cpp."""
+"""The native wire decoder as seen from Python; tests/native/test_wire_line.cpp checks its results."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a person reads of chips and faults."""
+"""The texts for people about chips and faults."""
 
 import pytest
 from fltea.wire.faults import fault_text
