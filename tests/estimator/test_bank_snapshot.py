@@ -146,7 +146,7 @@ def test_what_is_not_wholly_sound_is_refused_with_the_reason(changes: dict[str, 
 
 
 def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
-    """With another engine in it, under a right checksum."""
+    """Replace the engine in a snapshot, with a correct checksum."""
     return msgspec.structs.replace(state, engine=engine, checksum=zlib.crc32(engine))
 
 
@@ -155,7 +155,7 @@ def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
 def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
     changes: dict[str, object], data: st.DataObject, value: float
 ) -> None:
-    """Idle lanes and tables do not matter: what is taken goes on as if nothing had been there."""
+    """Idle lanes and tables have no effect: a snapshot that is accepted continues as the original."""
     config = configured(**changes)
     _bank, state = saved(config)
     native = bytearray(state.engine)
@@ -173,7 +173,7 @@ def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
 
 @given(data=st.data())
 def test_bytes_that_somebody_made_end_in_a_reason_or_in_estimates(data: st.DataObject) -> None:
-    """Any bytes in any of its parts: a ValueError, or a bank that works and is valid before long."""
+    """Any bytes in any of its parts lead to a ValueError, or to a bank that works and is soon valid."""
     _, state = saved()
     native = bytearray(state.engine)
     parts = {

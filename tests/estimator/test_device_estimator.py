@@ -1,8 +1,9 @@
-"""The device's estimator, float over integers, against the host's in double over a memory of nine digits.
+"""The device's estimator, float over integers, compared with the host's in double with a memory of nine
+digits.
 
-They differ by rounding and by what the device's memory leaves out. Where the guard steps in, the two may come
-to stand on different sides of a bound and part for a while, and so they do where P or x outgrow what that
-memory can hold: from there on only what must hold for any input is asked of the device.
+They differ by rounding and by what the device's memory leaves out. When the guard acts, the two may come to
+different sides of a bound and differ for a while. They also differ when P or x exceeds what the device's
+memory can hold. From then on the tests only require what must hold for any input.
 """
 
 from pathlib import Path
@@ -26,21 +27,21 @@ from sample_by_sample import Supervisor
 pytestmark = pytest.mark.timeout(300)
 
 
-# A failing example is as short as any other; to look for a plainer one takes minutes.
+# Examples are not shrunk: a failing one is as short as any other, and shrinking takes minutes.
 NO_SHRINKING = (Phase.explicit, Phase.generate)
 
 SAMPLES = 1_000
-"""After the start-up window."""
+"""Number of samples after the start-up window."""
 
 
 class Scenario(NamedTuple):
-    """What one axis may meet: the start-up window and SAMPLES more."""
+    """What one axis may meet: the start-up window and SAMPLES more samples."""
 
     seed: int
     level: float
     """variance in (deg/s)²"""
     order: float
-    """of integration of the noise: 0 is white, 0.5 pink, 1 a random walk"""
+    """order of integration of the noise: 0 is white, 0.5 pink, 1 a random walk"""
     offset_dps: float
     spikes: list[tuple[int, float]]
     """sample after the start-up window, height in deg/s"""
@@ -84,7 +85,8 @@ def host_run(variant: str, counts: NDArray[np.int16], missing: NDArray[np.bool_]
 
 
 def free(rows: dict[str, Array], host: Estimates, R: float) -> int:
-    """Samples before the guard first steps in, or P is too far from constant for the device's memory."""
+    """Return how many samples come before the guard first acts, or before P varies too much for the device's
+    memory."""
     parted = (sum(rows[cause] for cause in CAUSES) > 0) | (host.P[:, 0] > 128 * R)
     return int(np.argmax(parted)) if parted.any() else len(parted)
 
@@ -114,7 +116,7 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_like_the_hosts_without_gaps(variant: str) -> None:
-    """Worst of alpha in 2,700 drawn at random: 3.4e-5 (joint), 9.6e-5 (triple); half stay below 1e-6."""
+    """Largest error of alpha in 2,700 random runs: 3.4e-5 (joint), 9.6e-5 (triple); half stay below 1e-6."""
 
     @given(scenario=scenarios())
     @settings(max_examples=40, phases=NO_SHRINKING)
@@ -126,7 +128,8 @@ def test_like_the_hosts_without_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_like_the_hosts_with_gaps(variant: str) -> None:
-    """Worst of 2,600 drawn at random: 1.9e-4 (joint), 1.5e-3 (triple): P is no longer nearly constant."""
+    """Largest error in 2,600 random runs: 1.9e-4 (joint), 1.5e-3 (triple), since P is no longer nearly
+    constant."""
 
     @given(scenario=scenarios(gaps=3))
     @settings(max_examples=40, phases=NO_SHRINKING)
@@ -138,7 +141,7 @@ def test_like_the_hosts_with_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_half_of_the_runs_agree_though_the_guard_acts(variant: str) -> None:
-    """Knocks of 20 to 100 sigma, which every guard answers to: single runs part, most come together again."""
+    """Every guard acts on knocks of 20 to 100 sigma: single runs diverge, and most converge again."""
     last = []
     for seed in range(40):
         random = np.random.default_rng(seed)
@@ -169,7 +172,7 @@ def test_whatever_comes_estimates_are_finite_and_in_the_box(variant: str) -> Non
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
-    """The start-up window too: the largest sums, and an R of 1,600 deg/s squared."""
+    """Including the start-up window: the largest sums, and an R of 1,600 deg/s squared."""
     counts = np.where(np.random.default_rng(1).integers(0, 2, STARTUP + 3_000) == 0, -32768, 32767)
     device = Device(variant)
     rows = device.run(counts)
@@ -182,7 +185,8 @@ def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> None:
-    """The sensor is turned about for two seconds: distrusted, and begun again once it lies still."""
+    """The sensor is turned for two seconds: the axis becomes invalid, and starts over once the sensor is at
+    rest."""
     n = STARTUP + 3_000
     random = np.random.default_rng(3)
     rate = random.normal(0, 0.15, n)
@@ -193,7 +197,7 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     rows = device.run(counts)
     valid = rows["flags"].astype(int) & EstimateFlags.VALID != 0
 
-    # The host's rules on what the device itself says: counts of the guard begin at 0 again when it restarts.
+    # The host's rules, applied to the device's output: counts of the guard begin at 0 again when it restarts.
     supervisor, bound, expected, restarts = Supervisor(), 0.0, [], 0
     for count in rows["state_bound"].tolist():
         verdict = supervisor.judge(0, 0, 0, state_bound=count > bound)
@@ -209,17 +213,18 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     theirs = host.run(counts[STARTUP:, np.newaxis] / LSB_PER_DPS).valid[:, 0]
     assert host.restarts == {"x": 1}
     assert 100 < np.sum(~theirs) < 1_000
-    assert np.sum(valid != theirs) <= 10  # they need not part with R at the very same sample
+    assert np.sum(valid != theirs) <= 10  # with R they may become invalid at slightly different samples
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("name", ["mpu6050_tomisuarez_100s", "mpu6050_sunsided_10min"])
 @pytest.mark.parametrize("rescaled", [True, False])
 def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool) -> None:
-    """Noise of real sensors, at the device's sensitivity: as many deg/s, or eight times as many.
+    """Noise of real sensors, at the device's sensitivity: with the same deg/s, or eight times as many.
 
-    Worst of alpha: 8.3e-6 (joint) and 3.6e-6 (triple) as it was; 1.9e-5 and 6.0e-5 where the recording's
-    counts are taken for the device's, at which the guard acts up to 2,562 times on an axis.
+    Largest error of alpha: 8.3e-6 (joint) and 3.6e-6 (triple) with the same deg/s. It is 1.9e-5 and 6.0e-5
+    where the recording's counts are taken for the device's; there the guard acts up to 2,562 times on an
+    axis.
     """
     recording = open_npz(recordings / f"{name}.npz").whole()
     scale = LSB_PER_DPS / recording.lsb_per_dps if rescaled else 1.0

@@ -1,4 +1,5 @@
-"""The native engine: equal to the reference, to itself in every partition, and to the physics of scale."""
+"""The native engine equals the reference, and itself for any partition of lanes, and obeys the physics of
+scale."""
 
 import itertools
 from typing import Any
@@ -38,10 +39,9 @@ def kind(engine_settings: LaneSettings) -> str:
 
 
 def relative_difference(estimates: Array, expected: Array) -> Array:
-    """By sample and quantity, (n, quantities).
+    """Return the relative difference by sample and quantity, (n, quantities).
 
-    Estimates pass through zero, where a relative difference means nothing; the quantity's size over the run
-    takes its place there.
+    Where an estimate is near zero, the difference is relative to the quantity's size over the run.
     """
     size = np.maximum(np.abs(expected), np.sqrt(np.nanmean(expected**2, axis=0)))
     return np.asarray(np.abs(estimates - expected) / size)
@@ -51,8 +51,9 @@ def relative_difference(estimates: Array, expected: Array) -> Array:
     ("number", "seed"), [(0, 1), (0, 2), (1, 1), (1, 2), (2, 1), (2, 3), (3, 1), (3, 2)], ids=str
 )
 def test_every_estimate_equals_the_reference(number: int, seed: int) -> None:
-    # What limits it is the order of summation of the past and the last digit of h^α. Both stay near 1e-14 for
-    # as long as the filters are stable; a filter that runs wild amplifies them, in the reference as well.
+    # The accuracy is limited by the order of summation of the past and the last digit of h^α. Both stay near
+    # 1e-14 as long as the filters are stable; a filter that diverges amplifies them, in the reference as
+    # well.
     n = 4000
     tuning = EXAMPLE if number else GYROSCOPE
     y, u = example(number, n, seed) if number else (white(n, 1, seed)[:, 0], np.zeros(n))
@@ -88,9 +89,9 @@ def test_compressed_agrees_with_direct_on_the_gyroscope() -> None:
 
 
 def test_white_noise_with_the_papers_settings_shows_the_papers_figures() -> None:
-    # White noise has no order; what the algorithm says of it after 3,000 samples is a property of its own.
-    # A prototype found medians of 0.39 and -2.2 over 12 seeds. Five dozens of seeds gave 0.39 to 0.43 and
-    # -2.3 to -2.8; single seeds scatter by 0.07 and 1.2. The tolerance covers the dozens twice over.
+    # White noise has no order; the estimate after 3,000 samples is a property of the algorithm. A prototype
+    # gave medians of 0.39 and -2.2 over 12 seeds. Sixty seeds in groups of 12 gave 0.39 to 0.43 and -2.3 to
+    # -2.8; single seeds scatter by 0.07 and 1.2. The tolerance is twice the scatter of the groups.
     estimates = run(GYROSCOPE, np.hstack([white(3000, 1, seed) for seed in range(12)]))
     assert np.median(estimates.alpha[-1]) == pytest.approx(0.39, abs=0.08)
     assert np.median(estimates.f[-1]) == pytest.approx(-2.4, abs=0.8)
@@ -140,7 +141,7 @@ def test_lanes_do_not_know_of_each_other(tuning: LaneSettings) -> None:
     for index in (order, order[:3], order[:1]):
         engine = Engine(len(index), with_(tuning, h=h[index], R=R[index]))
         assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
-    # Rubbish beside them: lanes that overflow (guard off) or have to be held at every sample.
+    # Other lanes get bad data: they overflow (guard off) or are limited at every sample.
     rubbish = y.copy()
     rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
     beside = Engine(lanes, with_(tuning, h=h, R=R)).run(rubbish, u, missing)

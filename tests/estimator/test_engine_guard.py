@@ -1,4 +1,5 @@
-"""The guard: nothing leaves the bounds, every intervention is counted, and idle it changes nothing."""
+"""The guard: no estimate leaves the bounds, every intervention is counted, and without one nothing
+changes."""
 
 import itertools
 import math
@@ -37,7 +38,8 @@ def counted(estimates: Estimates) -> dict[str, int]:
 
 
 def assert_within_bounds(tuning: LaneSettings, estimates: Estimates, y: Array, missing: Flags) -> None:
-    """Finite, in the box, non-negative, and near the measurement where there is one."""
+    """Check that estimates are finite, in the box, non-negative, and near the measurement where there is
+    one."""
     for name in ESTIMATES:
         assert np.isfinite(getattr(estimates, name)[~missing if name == "innovation" else ...]).all(), name
     beta = np.asarray(tuning.h) ** estimates.alpha * estimates.f
@@ -93,7 +95,7 @@ def test_no_input_and_no_settings_leave_the_bounds(tuning: LaneSettings, data: A
 
 
 def wild_signals(n: int) -> Array:
-    """What a broken sensor, a wrong range or a wrong unit would give, (n, signals)."""
+    """Return signals of a broken sensor, a wrong range or a wrong unit, (n, signals)."""
     noise = white(n, 1, 1)[:, 0]
     spikes = noise.copy()
     spikes[:: n // 9] = 2000.0
@@ -123,7 +125,8 @@ def test_wild_signals_leave_the_state_at_the_measurement(tuning: LaneSettings, r
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 @pytest.mark.parametrize("variant", ["triple", "joint"])
 def test_a_prediction_cannot_run_away(guard: str, variant: str) -> None:
-    # h^α f = -4: twice as far each sample. The printed filter would reach 1e300 in 500 missing samples.
+    # h^α f = -4: the state quadruples with each sample. The printed filter would reach 1e300 in 500 missing
+    # samples.
     tuning = with_(
         GYROSCOPE,
         variant=variant,
@@ -163,7 +166,7 @@ def test_a_guard_that_is_never_needed_changes_no_bit(variant: str, memory: str) 
 
 
 class Walk(NamedTuple):
-    """Settings and state of an order or parameter filter."""
+    """Settings and state of the random walk of an order or parameter filter."""
 
     value: float
     P: float
@@ -201,8 +204,8 @@ def unscented(walk: Walk, y: float, output: Callable[[float], float]) -> Walk:
 
 
 def test_consistent_equals_a_straight_loop() -> None:
-    # The printed filters with the state's variance added to R: KFo's with the weighted past of the sample
-    # before, KFw's with the whole P̃ of KFx.
+    # The printed filters with the state's variance added to R: for KFo the weighted past of the last sample,
+    # for KFw the whole P̃ of KFx.
     n, h, Q, R = 60, 0.01, 0.15, 0.0235
     y = white(n, 1, 12)[:, 0]
     order, parameter = Walk(1.0, 0.01, 0.1, R, 0.5), Walk(0.0, 0.01, 0.1, R, 0.5)
@@ -265,8 +268,9 @@ def test_the_state_bound_begins_at_four_deviations(guard: str) -> None:
 
 @pytest.mark.parametrize("guard", ["faithful", "consistent"])
 def test_the_walk_learns_from_the_correction_that_the_box_left(guard: str) -> None:
-    # f0 = 0, x0 = 1: the model's answer is α itself, so y = 3 pulls α from 1.9 to beyond 2. With delta = 1
-    # the walk's variance becomes the square of what the box allowed, 0.1, as if it had been 0.01 all along.
+    # f0 = 0, x0 = 1: the model's output is α itself, so y = 3 pulls α from 1.9 to beyond 2. With delta = 1
+    # the walk's variance becomes the square of the change that the box allowed, 0.1, as if it had always been
+    # 0.01.
     state = StateSettings(x0=1, P0=0, Q=0)
     learning = OrderSettings(P0=0.2, Q0=0.1, alpha0=1.9, delta=1)
     told = OrderSettings(P0=0.29, Q0=0.01, alpha0=1.9, delta=0)

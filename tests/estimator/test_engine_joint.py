@@ -1,4 +1,5 @@
-"""The joint variant: against an implementation with matrices, and on noise of known order and parameter."""
+"""The joint variant, compared with an implementation with matrices, and on noise of known order and
+parameter."""
 
 from collections.abc import Mapping
 
@@ -25,9 +26,9 @@ def straight_loop(
     limit: float = np.inf,
     changes: Mapping[int, tuple[float, float]] | None = None,
 ) -> Array:
-    """α, its variance, f, its variance, x, P of every sample; numbers only in the settings.
+    """Return α, its variance, f, its variance, x and P of every sample; the settings must be plain numbers.
 
-    changes: Q and R from those samples on.
+    `changes`: Q and R that take effect at the given samples.
     """
     Q, R = state.Q, RESTING
     mean = np.array([tuning.alpha0, tuning.beta0], dtype=np.float64)
@@ -68,7 +69,7 @@ def straight_loop(
         expected = output(alpha, beta, drive)
         states.append(expected + P_state / (P_state + R) * (measured - expected))
         variances.append(P_state * R / (P_state + R))
-        slope = h**-alpha * np.array([-np.log(h) * beta, 1.0])  # of f = beta h^-alpha
+        slope = h**-alpha * np.array([-np.log(h) * beta, 1.0])  # derivative of f = beta h^-alpha
         rows.append((alpha, P[0, 0], beta * h**-alpha, slope @ P @ slope, states[-1], variances[-1]))
     return np.array(rows)
 
@@ -114,7 +115,7 @@ def test_joint_finds_order_and_parameter_within_its_own_deviation(alpha: float, 
     beta = h ** estimates.alpha[-1] * estimates.f[-1]
     assert abs(estimates.alpha[-1].mean() - alpha) < 0.06
     assert beta.mean() == pytest.approx(h**alpha * f, abs=0.04)
-    # Honest: the errors' spread is of the size that it reports.
+    # The reported deviation is honest: the errors' spread is of that size.
     alpha_errors = (estimates.alpha[-1] - alpha) / np.sqrt(estimates.alpha_var[-1])
     f_errors = (estimates.f[-1] - f) / np.sqrt(estimates.f_var[-1])
     assert np.sqrt(np.mean(alpha_errors**2)) < 2
@@ -143,7 +144,7 @@ def test_joint_with_nothing_to_learn_keeps_its_start() -> None:
     np.testing.assert_allclose(estimates.f, -0.2 * 0.01**-0.7, rtol=1e-14)
     assert (estimates.alpha_var == 0).all()
     assert (estimates.f_var == 0).all()
-    # The state filter is then the triple one's with order and parameter held.
+    # With order and parameter held, the state filter equals that of the triple variant.
     fixed = with_(
         GYROSCOPE,
         order__P0=0,

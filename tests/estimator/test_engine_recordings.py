@@ -1,4 +1,5 @@
-"""The engine on long series: the compressed memory beside the exact one, and estimates of lossy ones."""
+"""The engine on long series: the compressed memory compared with the exact one, and estimates with lost
+samples."""
 
 from pathlib import Path
 
@@ -21,7 +22,10 @@ from tiers import slow
     ],
 )
 def test_many_real_samples(recordings: Path, variant: str, guard: str, samples: int) -> None:
-    """Two axes of the ten-minute recording one after the other, and no growth from each half to the next."""
+    """Two axes of the ten-minute recording one after the other.
+
+    Memory does not grow from one half to the next.
+    """
     recording = open_npz(recordings / "mpu6050_sunsided_10min.npz").whole()
     rates = recording.gyro / recording.lsb_per_dps
     y = (rates - rates.mean(axis=0))[:, :2].T.reshape(-1, 1)[:samples]
@@ -56,7 +60,8 @@ def fractional() -> np.ndarray:
     ("variant", "guard"), [("triple", "off"), ("triple", "consistent"), ("joint", "consistent")]
 )
 def test_random_losses_do_not_move_the_estimates(noise, variant: str, guard: str) -> None:
-    """Spread: of the lanes, which differ in nothing but their noise, or the filter's own, if larger."""
+    """The tolerance is the spread of the lanes, which differ only in their noise, or the filter's own σ if
+    larger."""
     y = noise()
     settings = with_(GYROSCOPE, memory="compressed", variant=variant, guard=guard)
     whole = Engine(LANES, settings).run(y)

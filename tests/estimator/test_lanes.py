@@ -1,4 +1,4 @@
-"""Lanes under the supervisor: the oracle's verdicts and estimates, in blocks of any size."""
+"""Lanes under the supervisor give the oracle's verdicts and estimates, in blocks of any size."""
 
 import math
 from dataclasses import replace
@@ -24,7 +24,7 @@ def white(n: int, lanes: int, seed: int = 0) -> Array:
 
 
 def thrown_about(n: int, lanes: int) -> Array:
-    """Ever more of it in every lane, and none at the end."""
+    """Return motion that grows from lane to lane, and is zero at the end."""
     y = white(n, lanes)
     loud = np.random.default_rng(1).random(y.shape) < np.arange(lanes) / (2 * lanes)
     loud[2 * n // 3 :] = False
@@ -32,7 +32,8 @@ def thrown_about(n: int, lanes: int) -> Array:
 
 
 def on_and_off(n: int, lanes: int) -> Array:
-    """Loud again as soon as a lane is back: what its supervisor saw before must be forgotten."""
+    """Return motion that resumes as soon as a lane is valid again: its supervisor must have forgotten the
+    earlier motion."""
     y = white(n, lanes)
     loud = (np.random.default_rng(1).random(y.shape) < 0.45) & (np.arange(n)[:, np.newaxis] % 350 < 200)
     return y + 20 * loud * np.random.default_rng(2).choice([-1, 1], y.shape)
@@ -69,7 +70,7 @@ def test_equals_the_oracle_to_the_bit(changes: dict[str, object], R: float, make
 
 
 def test_the_cases_are_there_for_something() -> None:
-    """Runaways, withdrawals and returns do occur in them."""
+    """Lanes do run away, become invalid and return in these cases."""
     reasons = []
     for changes, R, make in CASES:
         runner = Lanes(11, tuning(11, R, **changes))
@@ -102,7 +103,7 @@ def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:
 
 
 def test_threads_wait_for_each_other() -> None:
-    """Calls release Python's lock; each block is taken whole."""
+    """Calls release Python's lock, and each block is processed as a whole."""
     from concurrent.futures import ThreadPoolExecutor
 
     runner = Lanes(3, tuning(3))

@@ -1,4 +1,4 @@
-"""The native memories: elementary functions, exact sums, compressed weights, and what must never happen."""
+"""The native memories: elementary functions, exact sums, compressed weights, and forbidden states."""
 
 from collections.abc import Iterable, Mapping
 
@@ -25,7 +25,7 @@ def history(n: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def exact_sums(a: float, x: np.ndarray, P: np.ndarray, window: int = 0) -> tuple[float, float]:
-    """S and V by the reference's weights; x and P oldest first."""
+    """Return S and V by the reference's weights; x and P oldest first."""
     n = min(len(x), window) if window else len(x)
     if n == 0:
         return 0.0, 0.0
@@ -94,7 +94,7 @@ def test_direct_sums_are_the_references(a: float, window: int, n: int, seed: int
     memory.push(x, P)
     S, V = memory.sums(a)
     c = weights(a, window)
-    # Rounding of nesting: of the sum of the terms' magnitudes, not of the sum.
+    # Rounding of nested sums is relative to the sum of the terms' magnitudes, not to the sum.
     expected_S, expected_V = exact_sums(a, x, P, window)
     assert abs(S[0] - expected_S) <= 1e-14 * (abs(c).sum() * (abs(x).max() if n else 0))
     assert abs(V[0] - expected_V) <= 1e-13 * expected_V
@@ -128,9 +128,9 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
 def weight_errors(
     memory: Memory, ages: dict[float, list[int]]
 ) -> dict[float, tuple[list[float], list[float]]]:
-    """Relative errors of c_j and c_j^2 of each order at its ages j, from the answer to one impulse.
+    """Return relative errors of c_j and c_j^2 of each order at its ages j, from the response to one impulse.
 
-    What the memory holds does not depend on the order, which only its sums do.
+    The memory's content does not depend on the order; only its sums do.
     """
     memory.reset()
     memory.push([1.0], [1.0])
@@ -149,7 +149,8 @@ def weight_errors(
 
 
 def bounds(order: float, digits: int) -> tuple[float, float]:
-    """What compressed_config() promises for c_j, and what follows for its square (docs/theory/filters.md)."""
+    """Return the error that compressed_config() promises for c_j, and the resulting one for its square
+    (docs/theory/filters.md)."""
     state = 10.0**-digits * (1 if order <= 1 else 50)
     return state, 10.0**-digits * (100 if order <= 1 else 10_000)
 
@@ -172,7 +173,7 @@ def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
 @settings(max_examples=80)
 def test_weights_anywhere(order: float, j: int) -> None:
     if order in (0, 1, 2, 3) or min(abs(order - n) for n in range(4)) < 1e-100:
-        return  # no weight to be relative to
+        return  # there is no weight to compare with
     state, variance = weight_errors(Memory(8), {order: [j]})[order]
     assert state[0] < bounds(order, 8)[0]
     assert variance[0] < bounds(order, 8)[1]
@@ -222,7 +223,7 @@ def test_sums_are_those_of_the_direct_memory(window: int, kind: str) -> None:
 def assert_like_direct(
     memory: Memory, direct: Memory, orders: Iterable[float], S: Mapping[str, float], V: float
 ) -> None:
-    """S: tolerances of the sums of states; V: relative one of those of variances."""
+    """Check S with the tolerances of sums of states, and V with the relative one of sums of variances."""
     for order in orders:
         found, expected = memory.sums(order), direct.sums(order)
         assert found[0][0] == pytest.approx(expected[0][0], **S)
@@ -280,7 +281,7 @@ def test_variance_is_not_negative_when_rounding_is_all_there_is() -> None:
 def test_nothing_grows_over_ten_million_steps(window: int) -> None:
     worn, fresh = Memory(6, window), Memory(6, window)
     worn.stir(10_000_000, 7)
-    if window == 0:  # what the past leaves is part of the result: only its size can be judged
+    if window == 0:  # the remainder of the past is part of the result, so only its size can be judged
         for order in (-0.5, 0.3, 0.8):
             S, V = worn.sums(order)
             assert abs(S[0]) < 10
@@ -314,7 +315,10 @@ def test_float32_is_good_for_six_digits() -> None:
 
 
 def test_cost_in_modes() -> None:
-    """Digits and window set the modes; pinned, so that a change of the rule is seen."""
+    """Digits and window determine the number of modes.
+
+    The numbers are pinned, so that a change of the rule is seen.
+    """
     by_digits = [Memory(digits, 3000).modes for digits in (3, 6, 9, 11)]
     assert by_digits == [(16, 16), (32, 28), (48, 48), (64, 64)]
     by_window = [Memory(6, window).modes for window in (10, 1000, 10**6, 0)]

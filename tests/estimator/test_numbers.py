@@ -1,4 +1,5 @@
-"""Reference and engine against numbers of others: worked by hand, and in 50 digits (tools/make_golden.py)."""
+"""Reference and engine compared with independent numbers: worked by hand, and in 50 digits
+(tools/make_golden.py)."""
 
 from fractions import Fraction as F
 from pathlib import Path
@@ -80,12 +81,12 @@ def test_all_three_filters_for_two_steps() -> None:
 
 
 ROOT = Path(__file__).resolve().parents[2]
-# Columns of the files in the order of engine_cases.ESTIMATES; without the walks' Q.
+# Columns of the files in the order of engine_cases.ESTIMATES, without the walks' Q.
 COLUMNS = [4, 5, 7, 8, 2, 3]
 
 
 def golden(number: int) -> tuple[Array, Array, Array]:
-    """y, u and the expected estimates, (200, 6)."""
+    """Return y, u and the expected estimates, (200, 6)."""
     table = np.loadtxt(ROOT / f"tests/estimator/golden/example_{number}.txt")
     return table[:, 0], table[:, 1], table[:, COLUMNS]
 
