@@ -1,8 +1,9 @@
-// The parts of the Arduino port that stand between the core and the board, against the stub.
+// Tests of the Arduino port's parts between the core and the board, with the stub.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
-// After the test framework: the stub takes names such as min, round and bit, as the real core does.
+// Included after the test framework, since the stub defines names such as min, round and bit, as the real
+// core does.
 #include "board.h"
 #include "identity.h"
 #include "serial_sink.h"
@@ -98,11 +99,11 @@ TEST_CASE_FIXTURE(Bench, "Wire's own time-out is told from a NACK by its length"
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::timeout);
     CHECK(bus.write(kAddress, kConfig, 0) == I2cResult::timeout);
     CHECK(board.spins == 2);
-    // The controller has been reset, so that it holds no line.
+    // The controller has been reset, so it holds no line.
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::none);
-    CHECK(board.clocks == 1);  // the controller's own hold is no reason to clock the sensor
+    CHECK(board.clocks == 1);  // a line held by the controller itself is no reason to clock the sensor
 }
 
 TEST_CASE_FIXTURE(Bench,
@@ -115,7 +116,7 @@ TEST_CASE_FIXTURE(Bench,
         board.chip.stalls = 1;
         board.chip.stall_after = after;
         const I2cResult result = bus.read(kAddress, 0x3B, data, 14);
-        // All bytes are there if only the STOP is missing.
+        // If only the STOP is missing, all bytes have arrived.
         CHECK((result == I2cResult::timeout || (after == 14 && result == I2cResult::ok)));
         CHECK(bus.recover() == HeldLines::none);
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
@@ -153,7 +154,7 @@ TEST_CASE_FIXTURE(Bench,
 
 TEST_CASE_FIXTURE(Bench, "a free bus gets no clocks, one STOP, and Wire again") {
     CHECK(bus.recover() == HeldLines::none);
-    CHECK(board.clocks == 1);  // that of the STOP
+    CHECK(board.clocks == 1);  // the clock of the STOP
     CHECK(board.stops == 1);
     CHECK(board.wire_begins == 1);
     CHECK(board.drives == 0);
@@ -173,7 +174,7 @@ TEST_CASE_FIXTURE(Bench, "a held SDA is freed by as many clocks as it needs, nin
         uint8_t data[1];
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     }
-    board.chip.held_clocks = 11;  // nine and that of the STOP are ten
+    board.chip.held_clocks = 11;  // nine clocks and that of the STOP are ten
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::sda);
     CHECK(board.clocks == 10);

@@ -1,7 +1,7 @@
 // Runs the sketch in virtual time and writes to stdout what it sent.
-//   arduino_run SECONDS [KIND=AT,AMOUNT …]      e.g.  arduino_run 5 held=2.0,9 nacks=3.0,4
-// The last line on stderr sums up the board. KIND: nacks, stalls, short, stale (reads), held (clocks; -1 for
-// ever), scl (seconds), unplug (seconds), brownout, deaf (seconds that the line takes nothing), noint
+// arduino_run SECONDS [KIND=AT,AMOUNT …]      e.g.  arduino_run 5 held=2.0,9 nacks=3.0,4
+// The last line on stderr summarises the board. KIND: nacks, stalls, short, stale (reads), held (clocks; -1
+// for ever), scl (seconds), unplug (seconds), brownout, deaf (seconds in which the UART sends nothing), noint
 // (seconds without edges).
 #include <stdio.h>
 #include <stdlib.h>

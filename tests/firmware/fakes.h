@@ -1,6 +1,5 @@
-// The hardware in little: a clock that stands unless it is moved, a sensor as a register file, a bus and a
-// line with faults on demand. Every rule that a port or a chip relies on is checked here, in each test that
-// runs.
+// Simple models of the hardware: a clock that stands still unless it is advanced, a sensor as a register
+// file, a bus and a UART with faults on demand. Every test checks all rules on which a port or a chip relies.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -32,27 +31,27 @@ class FakeClock final : public fltea::Clock {
     uint64_t us_;
 };
 
-// What a FakeChip says when its registers are not as they have to be.
+// Value that a FakeChip returns when its registers are not as required.
 constexpr int16_t kWrong = 0x5A5A;
 
-// An MPU-9250 as far as the driver can tell, with the numbers of the register map typed by hand. Every burst
-// differs from the one before unless `frozen`, says in accel_x which life of the chip it comes from (a reset
-// or brown-out begins another one), and says kWrong in gyro_x if the registers were not as they have to be.
+// An MPU-9250 as seen by the driver, with the numbers of the register map typed by hand. Every burst differs
+// from the one before unless `frozen`. accel_x shows the chip's life (a reset or brown-out begins a new one),
+// and gyro_x is kWrong if the registers were not as required.
 class FakeChip {
   public:
     uint8_t who_am_i = 0x71;
     uint8_t wanted[5] = {0x00, 0x01, 0x18, 0x00, 0x01};  // 0x19 to 0x1D
     bool frozen = false;
-    bool stopped = false;        // as frozen, until the next reset
-    bool reserved_ones = false;  // bits without a meaning read 1
+    bool stopped = false;        // values freeze until the next reset
+    bool reserved_ones = false;  // meaningless bits read 1
     int16_t gyro_y = 7;
-    std::vector<uint8_t> stuck;  // registers that take no value
+    std::vector<uint8_t> stuck;  // registers that ignore writes
     int16_t life = 0;
-    bool quiet = false;  // never pulses its pin
+    bool quiet = false;  // the chip never pulses its pin
 
     explicit FakeChip(FakeClock& clock) : clock_(clock) { power_up(); }
 
-    // Registers as after a loss of supply, without a word.
+    // Resets the registers as a loss of supply does, without notice.
     void power_up() {
         std::memset(registers_, 0, sizeof registers_);
         registers_[0x6B] = who_am_i == 0x68 ? 0x40 : 0x01;
@@ -120,7 +119,7 @@ class FakeChip {
         }
     }
 
-    // 100 ms after a reset before the next transfer.
+    // A reset needs 100 ms before the next transfer.
     void ready() {
         if (resetting_) REQUIRE(clock_.us() - reset_us_ >= 100000);
         resetting_ = false;
@@ -146,7 +145,7 @@ class FakeChip {
     bool resetting_ = false;
 };
 
-// What nine clocks and a STOP cost at most.
+// Largest duration of nine clocks and a STOP.
 constexpr uint64_t kRecoverUs = 900;
 
 class FakeBus final : public fltea::I2cBus {
@@ -154,13 +153,13 @@ class FakeBus final : public fltea::I2cBus {
     bool plugged = true;
     std::deque<fltea::I2cResult> script;  // results of the next transfers; ok once it is empty
     fltea::HeldLines held = fltea::HeldLines::none;
-    bool stale = false;   // the controller holds a byte, which shifts each read; ended by recover()
-    int wrong_reads = 0;  // by a flipped bit or a shift
-    int flips = 0;        // reads yet to have one bit wrong that begin at flip_reg
+    bool stale = false;   // the controller holds a byte, which shifts each read until recover()
+    int wrong_reads = 0;  // number of reads that were wrong by a flipped bit or a shift
+    int flips = 0;        // number of future reads from flip_reg on in which one bit is wrong
     uint8_t flip_reg = 0;
     uint8_t flip_mask = 0x01;
     std::function<void(uint8_t, uint8_t*)> tamper;  // called with register and data of each read
-    int clocks_to_free = 0;                         // recoveries until `held` ends; -1: none will
+    int clocks_to_free = 0;                         // recoveries until `held` ends; -1: never
     int recoveries = 0;
     int failures = 0;
     std::vector<uint8_t> written;     // register numbers, in order
@@ -220,7 +219,7 @@ class FakeBus final : public fltea::I2cBus {
         if (!plugged) result = fltea::I2cResult::nack;
         if (held != fltea::HeldLines::none) result = fltea::I2cResult::timeout;
         if (result != fltea::I2cResult::ok) ++failures;
-        // Nine clocks of 2.5 us a byte; half of them before the values are taken.
+        // Nine clocks of 2.5 us a byte; half of the time passes before the values are read.
         const uint64_t us =
             result == fltea::I2cResult::timeout ? fltea::settings::kI2cTimeoutUs : bytes * 45 / 2;
         clock_.pass(us / 2);
@@ -234,11 +233,11 @@ class FakeBus final : public fltea::I2cBus {
     uint8_t held_byte_ = 0xEE;
 };
 
-// A ring that the line empties at 25 bytes a millisecond.
+// A ring buffer from which the UART sends 25 bytes a millisecond.
 class FakeSink final : public fltea::ByteSink {
   public:
     size_t size = 127;    // as Arduino's
-    bool jammed = false;  // the line takes nothing
+    bool jammed = false;  // the UART sends nothing
     Receiver receiver;
     std::vector<uint8_t> bytes;
 
@@ -256,8 +255,8 @@ class FakeSink final : public fltea::ByteSink {
         receiver.feed(data, n);
         bytes.insert(bytes.end(), data, data + n);
         waiting_ += static_cast<double>(n);
-        // Whole frames only, one at a time, and nothing may take the room of a sample; the device's estimates
-        // may for as long as none is due.
+        // Only whole frames are accepted, one at a time, and none may use the room of a sample. The device's
+        // estimates may use it as long as no sample is due.
         REQUIRE(receiver.frames.size() == frames + 1);
         REQUIRE(data[n - 1] == 0);
         const uint8_t type = receiver.frames.back().type;
@@ -265,7 +264,7 @@ class FakeSink final : public fltea::ByteSink {
         if (type != fltea::Sample::type() && !at_quiet) REQUIRE(room_now - n >= 28);
     }
 
-    // All frames of a type.
+    // Returns all frames of a type.
     template <typename Message>
     std::vector<Frame> of() const {
         std::vector<Frame> found;

@@ -1,6 +1,5 @@
-// libFuzzer on the wire. The first byte of an input chooses: (even) the rest is a stream for the receiver;
-// (odd) the rest is a message, and damage to be done to it. `fuzz_frame --seeds DIR` makes a corpus of the
-// vectors.
+// libFuzzer on frames. The first byte of an input selects: (even) the rest is a stream for the receiver;
+// (odd) the rest is a message, and damage for it. `fuzz_frame --seeds DIR` makes a corpus from the vectors.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -30,7 +29,7 @@ bool same(const Frame& a, const Frame& b) {
            a.payload == b.payload;
 }
 
-// The frame again, by way of the struct of its type: with the fields of this version, no more and no fewer.
+// Encodes the frame again through the struct of its type, with exactly the fields of this version.
 struct Again {
     Frame frame;
     Bytes wire;
@@ -44,7 +43,7 @@ struct Again {
     }
 };
 
-// Whatever is accepted has only one encoding, so the firmware's encoder gives the very bytes that came.
+// An accepted frame has only one encoding, so the firmware's encoder gives the same bytes.
 void any_stream(const uint8_t* data, size_t n) {
     Receiver receiver;
     Bytes block;
@@ -72,7 +71,7 @@ void any_stream(const uint8_t* data, size_t n) {
     }
 }
 
-// The input cut into a header, a payload, and pairs (what, where) of damage.
+// The input split into a header, a payload, and pairs (kind, position) of damage.
 void damaged_message(const uint8_t* data, size_t n) {
     if (n < 8) return;
     const size_t size = data[0] % (fltea::kMaxPayload + 1);
@@ -102,7 +101,7 @@ void damaged_message(const uint8_t* data, size_t n) {
     receiver.feed(0);
     receiver.feed(wire.data(), wire.size());
     receiver.feed(0);
-    // A payload may carry what is a frame by itself, and zeros cut it free: no checksum can know better.
+    // A payload may contain a valid frame, and damage by zeros may cut it free: no checksum can detect that.
     const bool cut = std::find(wire.begin(), wire.end() - 1, 0) != wire.end() - 1;
     for (const Frame& frame : receiver.intact)
         check(cut || same(frame, sent), "accepted only if it is what was sent");
@@ -124,8 +123,8 @@ void write_message(const std::string& folder, int number, size_t type, const Byt
     write_seed(folder, number, message);
 }
 
-// Streams as they are; good frames as messages without damage, and as the payload of a message of which a
-// zero before and one after leave the inner frame.
+// Streams unchanged; good frames as messages without damage; and good frames as the payload of a message in
+// which zeros before and after free the inner frame.
 void write_seeds(const std::string& folder) {
     int number = 0;
     for (const char* name : {"good.txt", "bad.txt", "streams.txt"}) {

@@ -1,4 +1,4 @@
-// Mean and variance of counts, as a text book has them.
+// Mean and variance of counts by the textbook's formulas.
 #pragma once
 
 #include <stdint.h>

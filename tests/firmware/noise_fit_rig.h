@@ -1,4 +1,4 @@
-// What the tests of the device's fits share: counts of noise, and the names of what they test.
+// Shared by the tests of the device's fits: counts of noise, and the names of what they test.
 #pragma once
 #include <doctest/doctest.h>
 
@@ -27,7 +27,7 @@ typedef fltea::engine::FitBins<Octaves> Bins;
 
 constexpr float kCountsPerDps = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
 
-// White noise and a slow state, in counts.
+// Returns white noise and a slow state, in counts.
 class Counts {
   public:
     explicit Counts(unsigned seed, double slow = 0.5) : random_(seed), white_(0, 3), slow_(0, slow) {}

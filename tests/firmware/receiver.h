@@ -1,4 +1,4 @@
-// A receiver of the wire for tests alone, written from protocol/README.md and not from the host's.
+// A receiver of frames for tests alone, written from protocol/README.md and not from the host's decoder.
 #pragma once
 
 #include <cstddef>
@@ -66,7 +66,7 @@ inline uint32_t little_endian(const uint8_t* bytes, size_t n) {
     return value;
 }
 
-// One bit at a time, from the polynomial: not the firmware's table.
+// CRC computed one bit at a time from the polynomial, without the firmware's table.
 inline uint32_t plain_crc32(const uint8_t* bytes, size_t n) {
     uint32_t state = 0xFFFFFFFFu;
     for (size_t i = 0; i < n; ++i) {
@@ -78,9 +78,9 @@ inline uint32_t plain_crc32(const uint8_t* bytes, size_t n) {
 
 class Receiver {
   public:
-    std::vector<Frame> frames;          // of known types and right length
-    std::vector<Frame> intact;          // all with a right CRC, in any version
-    std::map<std::string, int> counts;  // blocks under their reason, and "frames" for the good ones
+    std::vector<Frame> frames;          // frames of known types and right length
+    std::vector<Frame> intact;          // all frames with a right CRC, in any version
+    std::map<std::string, int> counts;  // number of blocks by their error, and "frames" for the good ones
     int refused = 0;                    // intact HELLOs of another version
 
     void feed(const uint8_t* bytes, size_t n) {
@@ -100,7 +100,7 @@ class Receiver {
         }
     }
 
-    // Blocks judged so far, whatever the verdict.
+    // Number of blocks judged so far, whatever the verdict.
     int judged() const {
         int total = refused;
         for (const auto& reason : counts) total += reason.second;
@@ -110,7 +110,7 @@ class Receiver {
   private:
     static constexpr size_t kMaxBlock = 252;
 
-    // A block that began before the port was opened proves nothing when it is damaged.
+    // Damage in a block that began before the port was opened proves nothing.
     void count(const std::string& reason) {
         if (reason == "refused") {
             ++refused;
@@ -158,7 +158,7 @@ class Receiver {
     bool first_ = true;
 };
 
-// Visitor of a message's fields that takes them from a payload, in their order.
+// Visitor that reads a message's fields from a payload, in order.
 class PayloadReader {
   public:
     explicit PayloadReader(const std::vector<uint8_t>& payload) : next_(payload.data()) {}

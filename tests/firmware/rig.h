@@ -1,4 +1,4 @@
-// A device of fakes: the real application on them, stepped as a port would.
+// A simulated device: the real application on fake hardware, stepped as a port would.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -10,7 +10,7 @@
 
 constexpr uint64_t kMs = 1000;
 constexpr uint64_t kS = 1000000;
-constexpr uint64_t kWrap = UINT64_C(1) << 32;  // of the clock
+constexpr uint64_t kWrap = UINT64_C(1) << 32;  // one wrap of the clock [us]
 constexpr uint64_t kPeriodUs = fltea::settings::kSamplePeriodUs;
 
 inline fltea::Identity test_identity() {
@@ -21,7 +21,7 @@ inline fltea::Identity test_identity() {
 
 class Rig {
   public:
-    // How a port calls step().
+    // When a port calls step().
     enum class Calls { often, every_tick, unevenly };
 
     FakeClock clock;
@@ -45,7 +45,7 @@ class Rig {
         bus.during_of = this;
     }
 
-    // Runs for `us` more.
+    // Runs for `us` more microseconds.
     void run(uint64_t us) {
         const uint64_t end = clock.us() + us;
         while (clock.us() < end) {
@@ -60,10 +60,10 @@ class Rig {
 
     void start() { application.start(); }
 
-    // Start, and run until the sensor does.
+    // Starts, and runs until the sensor is running.
     void start_and_settle() {
         start();
-        run(305 * kMs);  // in the middle between two instants
+        run(305 * kMs);  // in the middle between two sampling instants
         REQUIRE(!samples().empty());
     }
 
@@ -72,7 +72,7 @@ class Rig {
     fltea::Hello hello() const { return message_of<fltea::Hello>(sink.of<fltea::Hello>().back()); }
     fltea::Status status() const { return message_of<fltea::Status>(sink.of<fltea::Status>().back()); }
 
-    // Frames so far of one FAULT code; and the detail of the last one.
+    // Number of frames so far of one FAULT code; and the detail of the last one.
     int fault_count(fltea::FaultCode code) const {
         int n = 0;
         for (const Frame& frame : faults()) n += message_of<fltea::Fault>(frame).code == code;
@@ -104,7 +104,7 @@ class Rig {
             case Calls::often:
                 return 150;
             case Calls::every_tick:
-                // A waiting CPU wakes with its timer and with the pin.
+                // A waiting CPU is woken by its timer and by the pin.
                 return std::min(kPeriodUs - clock.us() % kPeriodUs,
                                 chip.pulses() ? next_edge_us_ - clock.us() : kPeriodUs);
             default:
@@ -116,7 +116,7 @@ class Rig {
     uint64_t random_ = 1;
 };
 
-// delivered + overruns + dropped = due, as STATUS and the numbers of the samples say it.
+// Checks delivered + overruns + dropped = due, by STATUS and the numbers of the samples.
 inline void check_balance(const Rig& rig) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();

@@ -1,5 +1,5 @@
-// Compiled with the firmware's flags only, never run: every template that the firmware uses compiles without
-// exceptions and RTTI, and nothing of the core is larger than a small chip can bear.
+// Only compiled, with the firmware's flags, never run: every template that the firmware uses compiles without
+// exceptions and RTTI, and no object of the core is too large for a small chip.
 #include "application.h"
 
 size_t hello(const fltea::Hello& message, uint8_t* out) { return fltea::encode_message(message, 1, 2, out); }

@@ -1,4 +1,4 @@
-// The device when all is well, and what it says of itself.
+// The device without faults, and what it reports about itself.
 #include <doctest/doctest.h>
 
 #include <string>
@@ -82,7 +82,7 @@ TEST_CASE("application: numbers of starts never come back to 0") {
 TEST_CASE("application: 100 Hz without a gap, in both modes, however it is stepped, over the clock's wrap") {
     for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
         for (Rig::Calls calls : {Rig::Calls::often, Rig::Calls::every_tick}) {
-            // The first at a multiple of the period: there a tick is one of the board's timer.
+            // The first instant at a multiple of the period, as a tick of the board's timer gives it.
             for (uint64_t start : {UINT64_C(0), kWrap - kWrap % kPeriodUs - 500 * kPeriodUs}) {
                 CAPTURE(start);
                 Rig rig(mode, start);
@@ -96,7 +96,7 @@ TEST_CASE("application: 100 Hz without a gap, in both modes, however it is stepp
                     REQUIRE(sample_of(samples[i]).flags == 0);
                     if (i == 0) continue;
                     const uint32_t step = samples[i].device_us - samples[i - 1].device_us;
-                    // A stepping of 150 us and a burst by chance in between; edges have their own time.
+                    // A step of 150 us may overlap a burst; edges have their own time.
                     REQUIRE(step >= (mode == SamplingMode::timer ? 9000 : 10000));
                     REQUIRE(step <= (mode == SamplingMode::timer ? 11000 : 10000));
                 }
@@ -146,7 +146,7 @@ TEST_CASE(
     const std::vector<Frame>& frames = rig.sink.receiver.frames;
     size_t first_sample = 0;
     while (frames[first_sample].type != fltea::Sample::type()) ++first_sample;
-    // HELLO of the start, and with what the device estimates.
+    // HELLO at the start, and again with the settings of its estimates.
     REQUIRE(frames[first_sample - 2].type == fltea::Hello::type());
     CHECK(message_of<fltea::Hello>(frames[first_sample - 2]).sensor_starts == 1);
     CHECK(frames[first_sample - 1].type == fltea::Estimator::type());
@@ -248,14 +248,14 @@ TEST_CASE(
     "application: the ends of 2^32 milliseconds and of 2^32 instants, after 49 and 497 days, are no event") {
     for (SamplingMode mode : {SamplingMode::timer, SamplingMode::data_ready}) {
         for (uint64_t end_us : {kWrap * kMs, kWrap * kPeriodUs}) {
-            // Four billion edges take their time, and are numbered as those of the timer are.
+            // Four billion edges are given time, and are numbered as those of the timer are.
             if (mode == SamplingMode::data_ready && end_us > kWrap * kMs) continue;
             CAPTURE(end_us);
             Rig rig(mode);
             rig.calls = Rig::Calls::every_tick;
             rig.sink.size = 1000;
             rig.start_and_settle();
-            // Months in half-hours for which the program is held: instants pass all the same.
+            // Months in half-hours during which the program is stopped: sampling instants pass all the same.
             const uint64_t half_hour = 1800 * kS;
             while (rig.clock.us() < end_us - 10 * kS) {
                 rig.clock.pass(std::min(half_hour, end_us - 10 * kS - rig.clock.us()));

@@ -1,5 +1,5 @@
-// The device's encoder against the vectors, and at its edges. Sources of the vectors: published values typed
-// by hand, and PyPI cobs and zlib (tools/make_vectors.py).
+// The device's encoder, checked with the vectors and at its limits. Sources of the vectors: published values
+// typed by hand, and PyPI cobs and zlib (tools/make_vectors.py).
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,15 +17,14 @@
 
 namespace {
 
-// A heap block of exactly the size promised, so that the sanitizer sees the first byte beyond it.
+// A heap block of exactly the promised size, so that the sanitizer sees the first byte beyond it.
 Bytes cobs(const Bytes& plain) {
     Bytes out(fltea::cobs_max_encoded(plain.size()));
     out.resize(fltea::cobs_encode(plain.data(), plain.size(), out.data()));
     return out;
 }
 
-// Visitor of a message's fields that fills them from the lines "field NAME VALUE" of a record, in their
-// order.
+// Visitor that fills a message's fields from the lines "field NAME VALUE" of a record, in their order.
 class RecordReader {
   public:
     explicit RecordReader(const Record& record) {
@@ -45,7 +44,7 @@ class RecordReader {
     void operator()(const char* name, float& field) {
         const std::string text = next(name);
         char* end = nullptr;
-        field = std::strtof(text.c_str(), &end);  // std::stof refuses what is smaller than the normal numbers
+        field = std::strtof(text.c_str(), &end);  // std::stof refuses denormal numbers
         REQUIRE(!text.empty());
         REQUIRE(*end == 0);
     }

@@ -1,5 +1,6 @@
-// The data-ready interrupt at every single instruction of the main loop's read: the CPU's single-step trap
-// plays the interrupt, which is what a Cortex-M does to a program: stop it anywhere, run the handler, go on.
+// The data-ready interrupt at every single instruction of the main loop's read. The CPU's single-step trap
+// takes the place of the interrupt; like an interrupt on a Cortex-M, it stops the program anywhere, runs the
+// handler, and continues.
 #include <doctest/doctest.h>
 
 #include "edges.h"
@@ -43,7 +44,7 @@ TEST_CASE(
     handle(SIGTRAP, one_instruction);
     int before = 0;
     int after = 0;
-    // Instants are count * 10000, so that each pair shows whether it belongs together.
+    // Instants are count * 10000, so each pair shows whether its values belong together.
     for (interrupt_at = 1; interrupt_at < 3000; interrupt_at = interrupt_at + 1) {
         fltea::Edges fresh;
         edges = &fresh;
@@ -56,7 +57,7 @@ TEST_CASE(
         }
         REQUIRE(seen.last_us == seen.count * 10000);
         ++(seen.count == 5 ? before : after);
-        if (before > 50) break;  // well past the read
+        if (before > 50) break;  // well past the end of the read
     }
     CHECK(after > 10);
     CHECK(before > 50);

@@ -1,4 +1,4 @@
-// The device while it estimates: what it sends and when, and what happens to the samples if it is too slow.
+// The device while it estimates: what it sends and when, and the effect on samples if it is too slow.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -10,12 +10,12 @@ namespace settings = fltea::settings;
 
 namespace {
 
-// Called before every step of an axis, or null.
+// Called before every step of an axis, unless null.
 std::function<void()> before_axis;
 
 }  // namespace
 
-// The linker puts this in the place of AxisEstimator::step (Makefile).
+// The linker replaces AxisEstimator::step by this function (Makefile).
 extern "C" void __real__ZN5fltea13AxisEstimator4stepEPKs(fltea::AxisEstimator*, const int16_t*);
 extern "C" void __wrap__ZN5fltea13AxisEstimator4stepEPKs(fltea::AxisEstimator* axis, const int16_t* count) {
     if (before_axis) before_axis();
@@ -24,7 +24,7 @@ extern "C" void __wrap__ZN5fltea13AxisEstimator4stepEPKs(fltea::AxisEstimator* a
 
 namespace {
 
-// A rig at rest: a few counts of noise on each axis, and steps of an axis that take `axis_us` each.
+// A rig at rest: a few counts of noise on each axis; each step of an axis takes `axis_us`.
 struct Estimating : Rig {
     uint64_t axis_us = 1800;
 
@@ -41,7 +41,7 @@ struct Estimating : Rig {
     }
     ~Estimating() { before_axis = nullptr; }
 
-    // Work that takes so long.
+    // Simulates work of this duration.
     void pass(uint64_t us) {
         const uint64_t end = clock.us() + us;
         while (clock.us() < end) {
@@ -60,7 +60,7 @@ struct Estimating : Rig {
 
 Estimate estimate_of(const Frame& frame) { return message_of<Estimate>(frame); }
 
-// Numbers without a gap, read on time.
+// Checks that the numbers have no gap and that samples were read on time.
 void check_every_sample(const Rig& rig, size_t from = 0) {
     const std::vector<Frame> samples = rig.samples();
     for (size_t i = from; i < samples.size(); ++i) {
@@ -117,7 +117,8 @@ TEST_CASE("estimating: ESTIMATOR follows each HELLO, and comes when the window i
     for (const Frame& frame : rig.sink.receiver.frames) {
         if (frame.type == fltea::Sample::type()) {
             newest = frame.sequence;
-            // A ring of 127 bytes does not hold both: within the first second it may have to wait.
+            // A ring buffer of 127 bytes does not hold both: within the first second an ESTIMATE may have to
+            // wait.
             if (newest > 100 && newest % 100 == 60) CHECK(hellos <= estimators);
         }
         if (frame.type == fltea::Hello::type()) ++hellos;
@@ -154,8 +155,7 @@ TEST_CASE(
             const Estimate estimate = estimate_of(rig.estimates().back());
             CHECK((estimate.flags & fltea::estimate_flags::skipped) != 0);
             CHECK(estimate.age < estimate.sample - settings::kStartup + 1u);
-            // Skipping keeps it near: by no more than the queue and the samples from one ESTIMATE to the
-            // next.
+            // Skipping limits the lag to the queue and the samples between two ESTIMATEs.
             const int behind = int(rig.samples().back().sequence) - int(estimate.sample);
             CHECK(behind <= 3 * 32 + 3 * settings::kEstimateEvery);
             CHECK(int(rig.status().cpu_share) > 5000);
@@ -211,7 +211,7 @@ TEST_CASE("estimating: STATUS says how much of the time is worked, and its longe
         const fltea::Status window = rig.status();
         rig.run(4 * kS);
         const fltea::Status status = rig.status();
-        // Before it, only the burst: 17 bytes at 22.5 us in 10 ms; then also an axis three times.
+        // Before, only the burst: 17 bytes at 22.5 us in 10 ms; then also three steps of an axis.
         CHECK(static_cast<double>(window.cpu_share) == doctest::Approx(383 + 30).epsilon(0.3));
         CHECK(static_cast<double>(status.cpu_share - window.cpu_share) ==
               doctest::Approx(static_cast<double>(3 * axis_us)).epsilon(0.05));

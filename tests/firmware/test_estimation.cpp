@@ -20,7 +20,7 @@ constexpr uint32_t kStartup = settings::kStartup, kEvery = settings::kEstimateEv
 constexpr uint32_t kMaxGap = settings::kMaxGap, kQueue = 32;
 constexpr float kLsb = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
 
-// Noise of every axis at each instant, so that a test can ask for it again.
+// Noise of every axis at each instant, so that a test can ask for the same noise again.
 int16_t count_at(uint32_t instant, size_t axis) {
     const uint32_t mixed = (instant * 3 + static_cast<uint32_t>(axis)) * UINT32_C(2654435761);
     return static_cast<int16_t>(mixed >> 29) + static_cast<int16_t>(10 * axis);
@@ -56,7 +56,7 @@ struct Device {
             work();
         }
     }
-    // Keeps what is made from here on alone.
+    // Keeps only what is produced from here on.
     void run_anew(uint32_t from, uint32_t to) {
         made.clear();
         run(from, to);
@@ -68,12 +68,13 @@ struct Device {
     }
 };
 
-// One axis by itself: what a device must say that begins at instant `first` and takes what `is_there` says.
+// One axis alone: the expected output of a device that begins at instant `first` and gets the samples for
+// which `is_there` is true.
 struct Alone {
     AxisEstimator estimator;
     size_t axis;
     uint32_t at, collected = 0;
-    uint32_t never_from = 0, never_to = 0;  // instants that it is not told of
+    uint32_t never_from = 0, never_to = 0;  // instants that are hidden from the device
 
     Alone(size_t axis, uint32_t first) : axis(axis), at(first) { estimator.begin(); }
 
@@ -97,7 +98,7 @@ struct Alone {
 
 bool always(uint32_t) { return true; }
 
-// But for what the queue adds.
+// Compares all except what the queue adds.
 void check_same(const Estimate& a, const Estimate& b) {
     CHECK((a.flags & ~flags::skipped) == b.flags);
     CHECK(a.alpha == b.alpha);
@@ -233,7 +234,7 @@ TEST_CASE(
         CHECK(estimate.age == estimate.sample - kStartup + 1 - (estimate.sample < taken ? 0 : skipped));
         if (estimate.axis == fltea::Axis::gyro_x) check_same(estimate, alone.after(estimate.sample, always));
     }
-    // A new start makes good again; the count goes on.
+    // A new start resets the state; the count continues.
     device.estimation.begin();
     device.run_anew(taken + 100, taken + 100 + kStartup + kEvery);
     REQUIRE(device.made.size() == 3);
@@ -259,7 +260,7 @@ TEST_CASE("estimation: begin() leaves nothing of what was under way") {
         CAPTURE(steps);
         Device device;
         device.run(0, kStartup + 20);
-        // A gap, of which some axes have been worked on, and more behind it.
+        // A gap before which some axes have been processed, with more samples behind it.
         for (uint32_t instant : {kStartup + 25, kStartup + 26, kStartup + 27}) device.add(instant);
         for (int i = 0; i < steps; ++i) device.step();
         device.estimation.begin();

@@ -1,4 +1,5 @@
-// The small rules of the device's estimates: start-up window, supervisor, and how much of the time is worked.
+// The small rules of the device's estimates: start-up window, supervisor, and the share of time spent
+// working.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -16,7 +17,7 @@ typedef fltea::engine::Supervisor<float> Supervisor;
 
 namespace {
 
-// Always the same numbers, from 0 up to `end`.
+// Pseudo-random numbers from 0 up to `end`, the same in each run.
 class Random {
   public:
     uint32_t operator()(uint32_t end) {
@@ -86,7 +87,7 @@ TEST_CASE(
     counts[499] = -6;
     CHECK(!baseline_of(counts).constant());
     CHECK(baseline_of(counts).variance() == 1.0f / 12.0f);
-    // The first variance above it: 46 of 500, at 0.0837.
+    // The first variance above the limit: 46 of 500, at 0.0837.
     for (size_t i = 0; i < 46; ++i) counts[i] = -6;
     CHECK(baseline_of(counts).variance() > 1.0f / 12.0f);
 }
@@ -99,7 +100,7 @@ TEST_CASE("supervisor: more than 50 of the last 200 held withdraw an axis, 25 or
         std::vector<bool> held;
         bool distrusted = false;
         for (int k = 0; k < 1500; ++k) {
-            // Now many, now few; the mean share goes slowly through both bounds.
+            // Many and few in turn; the mean share passes slowly through both limits.
             held.push_back(random(1000) < static_cast<uint32_t>(250 + 250 * std::sin(0.01 * k + run)));
             const size_t first = held.size() > 200 ? held.size() - 200 : 0;
             const long count = std::count(held.begin() + static_cast<long>(first), held.end(), true);
@@ -148,8 +149,8 @@ TEST_CASE("workload: the share of the time that was worked, and the longest turn
         workload.add(230000);
         CHECK(int(workload.share(start + 1000000)) == 2500);
         CHECK(int(workload.share(start + 500000)) == 5000);
-        CHECK(int(workload.share(start + 9999)) == 0);        // no time yet to be a share of
-        CHECK(int(workload.share(start + 100000)) == 10000);  // never more than all
+        CHECK(int(workload.share(start + 9999)) == 0);        // no time has passed yet
+        CHECK(int(workload.share(start + 100000)) == 10000);  // never more than 100 %
         CHECK(workload.longest_us() == 230000);
         workload.begin(start + 1000000);
         CHECK(int(workload.share(start + 2000000)) == 0);

@@ -1,4 +1,4 @@
-// What the chip says of itself: settings that were lost, bits that flipped, values that stand still.
+// The checks of the chip's state: lost settings, flipped bits, values that stop changing.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -18,7 +18,7 @@ TEST_CASE("recovery: a brown-out without a word: no sample with a wrong scale, t
         for (const Frame& frame : rig.samples()) {
             REQUIRE(message_of<fltea::Sample>(frame).gyro_x != kWrong);
         }
-        // In data-ready mode the chip gives no edges either: that is what shows first.
+        // In data-ready mode the chip also gives no edges, which is noticed first.
         if (mode == SamplingMode::timer) {
             CHECK(rig.fault_count(FaultCode::readback_mismatch) == 1);
             CHECK(rig.fault_detail(FaultCode::readback_mismatch) == 0x1A0100);
@@ -130,7 +130,8 @@ TEST_CASE(
         CHECK_FALSE(rig.bus.stale);
         CHECK(rig.bus.recoveries == 1);
         CHECK(rig.status().bus_recoveries == 0);
-        // Asked twice for one byte, the chip seems right: the set-up passes, and the first guard tells.
+        // Read twice for one byte, the chip seems right: the set-up passes, and the first guard read detects
+        // it.
         CHECK(rig.status().i2c_errors == (begins == Begins::in_set_up ? 6 : 0));
         CHECK(rig.hello().sensor_starts == (begins == Begins::before_boot ? 1 : 2));
         CHECK(rig.hello().who_am_i == 0x71);
@@ -151,7 +152,7 @@ TEST_CASE("recovery: the bus is made again once for each doubt, and not for a se
     rig.chip.power_up();
     rig.run(2 * kS);
     CHECK(rig.bus.recoveries == 1);
-    rig.bus.fail(I2cResult::nack, 6);  // each pair of them frees the bus as it is
+    rig.bus.fail(I2cResult::nack, 6);  // each pair of failures leads to a recovery of the bus
     rig.run(2 * kS);
     CHECK(rig.hello().sensor_starts == 3);
     CHECK(rig.bus.recoveries == 1 + 3);
@@ -166,7 +167,7 @@ TEST_CASE("recovery: ten equal bursts in a row are no data: said, and the sensor
         const size_t n = rig.samples().size();
         rig.chip.stopped = true;
         rig.run(100 * kMs);
-        // Equal to the last good one: the ninth after it is the tenth, and is not sent.
+        // It equals the last good one: the ninth after that is the tenth, and is not sent.
         REQUIRE(rig.samples().size() == n + 8);
         for (size_t i = n; i < n + 8; ++i) {
             CHECK(message_of<fltea::Sample>(rig.samples()[i]).flags == fltea::sample_flags::repeated);
@@ -206,7 +207,7 @@ TEST_CASE("recovery: equal bursts count on over instants that were lost, and aga
     rig.run(60 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_frozen) == 1);
 
-    // For good: told about once a second, and nine samples a set-up at most.
+    // Permanently: reported about once a second, with nine samples a set-up at most.
     rig.chip.frozen = true;
     const size_t n = rig.samples().size();
     rig.run(10 * kS);

@@ -1,4 +1,4 @@
-// Frames and the room that they find.
+// Sending frames, with and without room for them.
 #include <doctest/doctest.h>
 
 #include "faults.h"
@@ -15,7 +15,7 @@ struct Line {
     fltea::Link link{sink};
 };
 
-// One that the receiver does not refuse.
+// A HELLO that the receiver accepts.
 fltea::Hello hello() {
     fltea::Hello message = {};
     message.protocol_major = fltea::kProtocolMajor;

@@ -102,7 +102,7 @@ TEST_CASE("mpu9250: a register that takes no value is named, with what was writt
         CAPTURE(int(reg));
         Rig rig;
         rig.chip.stuck = {reg};
-        if (reg == 0x6B) rig.chip.who_am_i = 0x68;  // asleep after its reset
+        if (reg == 0x6B) rig.chip.who_am_i = 0x68;  // it sleeps after its reset
         rig.start();
         rig.run(1500 * kMs);
         CHECK(rig.samples().empty());
@@ -256,7 +256,7 @@ TEST_CASE("mpu9250: a sensor is missing from the second probe in a row on that n
     rig.run(20 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_missing) == 1);
     CHECK(rig.fault_detail(FaultCode::sensor_missing) == 0x68);
-    // An answer in between, and a row begins again.
+    // An answer in between restarts the count.
     rig.bus.plugged = true;
     rig.run(1200 * kMs);
     REQUIRE(rig.hello().sensor_starts == 1);

@@ -1,5 +1,5 @@
-// The device's fits: what it says against the same spectrum and fit without slices, what it does with lost
-// samples, and that no sample waits for it.
+// The device's fits: compared with the same spectrum and fit without slices, with lost samples, and that no
+// sample waits for a fit.
 #include "engine/sensor_motion.hpp"
 #include "engine/sliced_fit.hpp"
 #include "noise_fit_rig.h"
@@ -36,7 +36,7 @@ struct Fitting {
         fit->skip(lost);
         for (auto& one : alone) one->skip(lost);
     }
-    // Slices, up to so many, while there is anything to do.
+    // Runs at most this many slices, while there is work.
     void work(int most = 1000000) {
         for (int n = 0; n < most && fit->busy(); ++n) {
             Fit message = {};
@@ -53,7 +53,7 @@ struct Fitting {
             }
         }
     }
-    // The same of one axis at once; its bins are in `bins`.
+    // Fits one axis at once, without slices; its bins are in `bins`.
     Bins bins;
     whittle::FitFigures at_once(size_t axis) {
         bins.begin();
@@ -102,7 +102,7 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
             CHECK(said.used == f.alone[axis]->counts().used);
         }
     }
-    // From the first on one round each kFitEvery samples.
+    // After the first fit, one round every kFitEvery samples.
     REQUIRE(f.fits.size() >= 3 * 27);
     CHECK(first_fit(f) == 1000);
     for (size_t i = 3; i < f.fits.size(); ++i) {
@@ -117,8 +117,7 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
 TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
     Fitting f;
     for (int k = 0; k < 1000; ++k) f.add();
-    // So few slices a sample that 128 samples more come in the midst of the bins: they are begun
-    // again.
+    // So few slices a sample that 128 more samples come while the bins are made: the bins are started again.
     int k = 1000;
     for (; f.fits.empty(); ++k) {
         REQUIRE(k < 200000);
@@ -126,7 +125,7 @@ TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
         f.work(3);
     }
     CHECK(f.fits[0].age > 1000);
-    // What it says is of the spectrum as it was then.
+    // The answer belongs to the spectrum at that time.
     Fitting again;
     for (uint32_t n = 0; n < f.fits[0].age; ++n) again.add();
     const whittle::FitFigures expected = again.at_once(0);
@@ -255,7 +254,7 @@ TEST_CASE("noise fit: begun again without an axis it leaves that axis out") {
 }
 
 TEST_CASE("noise fit: bins carry the number of their own axis's fit") {
-    // Of the third axis there are none at first: it is started later.
+    // The third axis has none at first, since it starts later.
     std::unique_ptr<NoiseFit> fit(new NoiseFit);
     fit->begin();
     std::vector<Counts> noise;
@@ -275,7 +274,7 @@ TEST_CASE("noise fit: bins carry the number of their own axis's fit") {
             const NoiseFit::Told what = fit->work(message, spectrum);
             if (what == NoiseFit::Told::fit) {
                 CHECK(message.number == ++newest[static_cast<size_t>(message.axis)]);
-                // Each model is looked at once at least.
+                // Each model is evaluated at least once.
                 const bool any = message.verdict != fltea::FitVerdict::none;
                 CHECK((any ? message.evaluations >= 4 : message.evaluations == 0));
             }
@@ -327,7 +326,7 @@ TEST_CASE("noise fit: an axis is tracked by its newest fit, lost samples predict
         }
     }
     CHECK(set >= 3 * 9);
-    // What begins again is not known.
+    // An axis that starts over has no known fit.
     f.fit->begin();
     f.fit->start(0);
     fltea::Estimate message = {};

@@ -1,4 +1,4 @@
-// Fits within the device: of samples that were lost or that moved it, and slices that keep no sample waiting.
+// Fits within the device: lost samples, motion, and slices that never make a sample wait.
 #include "noise_fit_rig.h"
 
 TEST_CASE("noise fit: a board that was moved in its start-up window fits as one that rested") {
@@ -72,7 +72,7 @@ TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum
         }
     };
     both(700);
-    // 32 wait; seven more are skipped; after them one that is not.
+    // 32 samples wait; seven more are skipped; the next one is not.
     for (int k = 0; k < 32; ++k, ++taken) {
         add();
         alone[0].add(counts.back());
@@ -105,12 +105,12 @@ TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum
 
 namespace {
 
-// Called before every slice of a fit, or null.
+// Called before every slice of a fit, unless null.
 std::function<void()> before_slice;
 
 }  // namespace
 
-// The linker puts this in the place of NoiseFit::work (Makefile).
+// The linker replaces NoiseFit::work by this function (Makefile).
 extern "C" NoiseFit::Told __real__ZN5fltea8NoiseFit4workERNS_3FitERNS_8SpectrumE(NoiseFit*, Fit&, Spectrum&);
 extern "C" NoiseFit::Told __wrap__ZN5fltea8NoiseFit4workERNS_3FitERNS_8SpectrumE(NoiseFit* fit, Fit& message,
                                                                                  Spectrum& spectrum) {
@@ -137,7 +137,7 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                 before_slice = nullptr;
                 check_every_sample(rig);
                 REQUIRE(begun_us.size() > 100);
-                // In any four seconds, with what was kept from before them and what the last one owes.
+                // In any four seconds, including time saved before them and the excess of the last slice.
                 for (size_t first = 0, last = 0; last < begun_us.size(); ++last) {
                     while (begun_us[last] - begun_us[first] > 4 * kS) ++first;
                     const double took = static_cast<double>((last - first + 1) * slice_us);
@@ -156,7 +156,7 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                     CHECK(fits[i].sequence == i);
                     CHECK(static_cast<size_t>(message_of<Fit>(fits[i]).axis) == i % 3);
                 }
-                // Its bins come behind it, each at its place.
+                // The bins of the fit follow, each at its index.
                 const std::vector<Frame> spectra = rig.sink.of<Spectrum>();
                 REQUIRE(!spectra.empty());
                 CHECK(message_of<Spectrum>(spectra[0]).first == 0);

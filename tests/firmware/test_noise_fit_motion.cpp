@@ -1,9 +1,9 @@
-// Motion of the sensor within the device: of one axis, it keeps all of them from learning.
+// Motion of the sensor within the device: motion of one axis stops all axes from learning.
 #include "noise_fit_rig.h"
 
 namespace {
 
-// Three axes, of which one can be turned.
+// Three axes, one of which can be turned.
 struct Turning {
     std::unique_ptr<NoiseFit> fit{new NoiseFit};
     std::vector<Counts> noise;
@@ -15,7 +15,7 @@ struct Turning {
             fit->start(i);
         }
     }
-    // Samples; with fits, or as if there were no time for them. Rates in counts.
+    // Adds samples, with fits or without time for them. Rates in counts.
     void add(int n, bool fits, int leaks = 0, size_t axis = 0, int turn = 0) {
         for (int k = 0; k < n; ++k) {
             for (size_t i = 0; i < 3; ++i) {
@@ -49,7 +49,7 @@ TEST_CASE("noise fit: while one axis turns none learns, whether fits go on or no
                 CAPTURE(axis);
                 CAPTURE(i);
                 const fltea::Estimate held = turning.tracked(i), known = resting.tracked(i);
-                // A leak of three counts is none of its.
+                // A leak of three counts is not in the bias.
                 CHECK(std::fabs(held.tracker_bias) * kCountsPerDps < 1.0f);
                 CHECK(held.tracker_bias_std > known.tracker_bias_std);
             }

@@ -1,4 +1,5 @@
-// The tests' own receiver against the vectors, so that what it says of the firmware's bytes can be believed.
+// The tests' own receiver, checked with the vectors, so that its verdict on the firmware's bytes can be
+// trusted.
 #include <doctest/doctest.h>
 
 #include "receiver.h"

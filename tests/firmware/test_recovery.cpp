@@ -1,5 +1,4 @@
-// Everything that can go wrong on the bus: what it costs, what is counted, what is said. The chip:
-// test_guard.
+// All faults of the bus: their cost, the counts, and the reports. Faults of the chip: test_guard.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -147,7 +146,7 @@ TEST_CASE("recovery: lines held for good: said once a second, and all goes on wh
             CHECK(rig.fault_detail(FaultCode::bus_held) == static_cast<uint32_t>(held));
             CHECK(rig.fault_count(FaultCode::sensor_missing) == 0);
             CHECK(rig.status().bus_recoveries == 0);
-            // One transfer an instant: while a line is held a second one is in vain.
+            // One transfer per instant: while a line is held, a second one is useless.
             CHECK(rig.fault_detail(FaultCode::sensor_lost) == (at_boot ? 0 : 3));
             rig.bus.held = HeldLines::none;
             rig.run(3 * kS);
@@ -203,7 +202,7 @@ TEST_CASE("recovery: unplugged and plugged in again: a new start, said by HELLO 
         rig.run(20 * kS);
         CHECK(rig.fault_count(FaultCode::sensor_missing) >= 18);
         CHECK(rig.samples().size() == samples);
-        CHECK(rig.status().overruns > 1900);  // the instants pass, and it shows
+        CHECK(rig.status().overruns > 1900);  // the instants pass, and are counted
         rig.bus.plugged = true;
         rig.chip.quiet = false;
         rig.chip.power_up();
@@ -300,7 +299,7 @@ TEST_CASE("recovery: in data-ready mode an edge during a failed read gives its o
     Rig rig(SamplingMode::data_ready);
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();
-    // 8 ms after an edge the read begins and fails for 3 ms: the next edge comes before the second one.
+    // 8 ms after an edge the read begins and fails for 3 ms: the next edge comes before the second read.
     const Frame before = rig.samples().back();
     rig.clock.pass(before.device_us + 18 * kMs - rig.clock.us());
     rig.edges();

@@ -1,4 +1,4 @@
-// Waits, due times and the numbers of instants, at every phase of the clock's wrap.
+// Waits, due times and the numbers of sampling instants, at every phase of the clock's wrap.
 #include <doctest/doctest.h>
 
 #include <initializer_list>
@@ -15,7 +15,7 @@ constexpr uint64_t kPeriod = fltea::settings::kSamplePeriodUs;
 
 uint32_t at(uint64_t us) { return static_cast<uint32_t>(us); }
 
-// A sampler in data-ready mode whose sensor runs since `start_us`, and the instants that it announced.
+// A sampler in data-ready mode whose sensor has run since `start_us`, and the instants that it announced.
 struct Edged {
     Sampler sampler{SamplingMode::data_ready};
     explicit Edged(uint64_t start_us) {
@@ -231,7 +231,7 @@ TEST_CASE("edges: the time that one that got lost leaves is an instant too") {
     CHECK(edged.edge(40000));
     CHECK(edged.sampler.sequence() == 3);
     CHECK(edged.sampler.overruns() == 1);
-    CHECK(edged.edge(59800));  // of a sensor whose clock is fast
+    CHECK(edged.edge(59800));  // the sensor's clock is fast
     CHECK(edged.sampler.sequence() == 5);
     CHECK(edged.sampler.overruns() == 2);
 }

@@ -12,7 +12,8 @@
 typedef std::vector<uint8_t> Bytes;
 typedef std::vector<std::pair<std::string, std::string>> Record;  // key and value of each line
 
-// Lines of a file that are no comments; throws if it has none, so that a wrong path cannot pass a test.
+// Returns the lines of a file without comments; throws if there are none, so that a wrong path cannot pass a
+// test.
 inline std::vector<std::string> vector_lines(const std::string& name) {
     std::ifstream file(std::string(VECTORS) + "/" + name);
     std::vector<std::string> lines;

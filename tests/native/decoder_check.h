@@ -1,4 +1,4 @@
-// The host's decoder beside the tests' own receiver, which was written from protocol/README.md alone.
+// Compares the host's decoder with the tests' own receiver, which was written from protocol/README.md alone.
 #pragma once
 
 #include <cstring>
@@ -22,12 +22,12 @@ inline bool same_sample(const fltea::SampleRow& row, const Frame& frame) {
            sample.temperature == row.sample.temperature && sample.flags == row.sample.flags;
 }
 
-// Judges what one or more calls gave; what it keeps counts over all of them.
+// Checks the results of one or more calls; its state covers all of them.
 class Comparison {
   public:
     explicit Comparison(const Bytes& stream) : stream_(stream) {}
 
-    // What was found in the bytes from `from` to `to` of the stream.
+    // What was decoded from the bytes `from` to `to` of the stream.
     void add(const fltea::Decoded& found, size_t from, size_t to) {
         size_t row = 0;
         for (const fltea::OtherRow& other : found.others) {
@@ -45,7 +45,7 @@ class Comparison {
         note(last_end_ <= to, "end within its call");
     }
 
-    // What differs from the receiver, or nothing.
+    // Returns the difference from the receiver, or nothing.
     std::string fault(const Receiver& receiver) {
         note(counts_ == receiver.counts, "counts");
         note(refused_ == receiver.refused, "refused");
@@ -123,7 +123,7 @@ class Comparison {
 }  // namespace decoder_check
 
 // Feeds the stream in chunks of the sizes that `next_size()` gives, each in memory of its own so that a read
-// beyond it is seen. Returns what differs from the receiver, or nothing.
+// beyond it is detected. Returns the difference from the receiver, or nothing.
 template <typename NextSize>
 std::string compare_with_receiver(const std::vector<uint8_t>& stream, NextSize next_size) {
     Receiver receiver;

@@ -1,5 +1,5 @@
 // The device's estimator of one axis behind a C interface, for tests and benchmarks in Python: a shared
-// library for each variant. One unit, so that its dependencies are known.
+// library for each variant. It is one translation unit, so that its dependencies are known.
 #include <cstddef>
 
 #include "axis_estimator.cpp"
@@ -13,7 +13,7 @@ class Device {
   public:
     Device() { axis.begin(); }
 
-    // Takes one sample, or none, and fills a row; false while the start-up window fills.
+    // Processes one sample, or a lost one, and fills a row; false while the start-up window fills.
     bool take(const int16_t* count, double* row) {
         if (collected_ < fltea::settings::kStartup) {
             if (count == nullptr) return false;
@@ -51,7 +51,7 @@ int device_startup() { return fltea::settings::kStartup; }
 double device_lsb_per_dps() { return 0.1 * fltea::kGyroLsbTenths; }
 Device* device_make() { return new Device(); }
 void device_free(Device* device) { delete device; }
-// n samples, oldest first; `missing` says which did not come. Rows of 19 numbers for those after the start-up
+// n samples, oldest first; `missing` marks lost ones. Writes rows of 19 numbers for those after the start-up
 // window; returns their number.
 std::size_t device_run(Device* device, std::size_t n, const int16_t* counts, const unsigned char* missing,
                        double* rows) {

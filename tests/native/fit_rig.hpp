@@ -1,4 +1,4 @@
-// What the tests of the device's spectrum and fit share: counts of noise, and the bins of their spectrum.
+// Shared by the tests of the device's spectrum and fit: counts of noise, and the bins of their spectrum.
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,7 @@ namespace {
 typedef fltea::engine::CountOctaves<> Octaves;
 typedef fltea::engine::FitBins<Octaves> Gathered;
 
-// Counts of white noise and sums of relaxations whose corners are a factor 4 apart.
+// Counts of white noise plus sums of relaxations whose corners differ by a factor of 4.
 class Counts {
   public:
     Counts(int parts, double share, double deviation, unsigned long long seed)

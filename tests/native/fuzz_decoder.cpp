@@ -1,6 +1,5 @@
 // libFuzzer on the host's decoder. The first byte of an input seeds the sizes of the chunks, the rest is the
-// stream; the tests' own receiver says what is right. `fuzz_decoder --seeds DIR` makes a corpus of the
-// vectors.
+// stream; the tests' own receiver is the oracle. `fuzz_decoder --seeds DIR` makes a corpus from the vectors.
 #include <cstdio>
 #include <cstdlib>
 

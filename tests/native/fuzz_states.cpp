@@ -1,7 +1,7 @@
-// libFuzzer on what is loaded of a saved state: running spectra, trackers, lanes of every kind with their
-// supervisors. The first byte of an input chooses which; each four that follow change one number of a state
-// that was saved (two bytes: where; two: how). Whatever is taken has to go on, over lost samples too, and to
-// be saved.
+// libFuzzer on loading saved states: running spectra, trackers, lanes of every kind with their supervisors.
+// The first byte of an input selects the kind; each further four bytes change one number of a saved state
+// (two bytes: position; two: change). A state that is accepted has to continue, also over lost samples, and
+// be saved again.
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -26,7 +26,7 @@ typedef std::vector<double> Numbers;
 typedef std::vector<unsigned char> Bytes;
 
 constexpr std::uint64_t kLost[] = {1, 700, std::uint64_t(1) << 31,
-                                   1000000000000000ull};  // to the most that is taken
+                                   1000000000000000ull};  // up to the largest accepted
 
 void require(bool condition, const char* what) {
     if (condition) return;
@@ -90,7 +90,7 @@ bool load(Lane& lane, const Numbers& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Takes a changed state, if it is one; `go_on` gives samples to it and asks it for all that it knows.
+// Loads a changed state, if it is accepted; `go_on` gives samples to it and reads all its results.
 template <typename Lane, typename GoOn>
 void numbers_of(const Lane& fresh, Numbers numbers, const std::uint8_t* data, std::size_t n, GoOn go_on) {
     change(reinterpret_cast<unsigned char*>(numbers.data()), numbers.size() * sizeof(double), data, n);
@@ -127,7 +127,7 @@ void octaves(double memory, const std::uint8_t* data, std::size_t n) {
     });
 }
 
-// A tracker's state after all of y, the second time by a system of two coordinates.
+// A tracker's state after all of y, the second time by a system of two states.
 Numbers tracked(const Numbers& y, bool with_system) {
     track::OneAxis fed;
     for (const double one : y) fed.next(one);

@@ -1,4 +1,4 @@
-// Repeatable noise of about unit size, not white enough for anything but tests.
+// Repeatable noise of about unit size, white enough only for tests.
 #pragma once
 
 #include <cstddef>

@@ -1,5 +1,5 @@
 // The memories behind a C interface, for tests and benchmarks in Python: a shared library for each
-// instruction set, and in it one kind of memory for each number type.
+// instruction set, with one kind of memory for each number type.
 #include <stdlib.h>
 
 #include <chrono>
@@ -52,7 +52,7 @@ class Holder : public Probe {
     static constexpr int kLanes = Lanes<T>::count;
 
   public:
-    // Exactly as much as is asked for, so that a sanitizer sees the first byte beyond.
+    // Allocates exactly the requested size, so that a sanitizer sees the first byte beyond.
     template <class... Setup>
     explicit Holder(std::size_t n, Setup... setup)
         : bytes_(n * sizeof(T)), storage_(allocate(bytes_)), memory_(storage_, setup...) {}
@@ -67,7 +67,7 @@ class Holder : public Probe {
             memory_.push(x ? load<T>(x + k * kLanes) : zero, P ? load<T>(P + k * kLanes) : zero);
         }
     }
-    // Three orders a lane in one call; V of the first by itself.
+    // Three orders a lane in one call; V of the first alone.
     void evaluate(const double* orders, double* S, double* V) const override {
         T order[3], state[3];
         for (int i = 0; i < 3; ++i) order[i] = load<T>(orders + i * kLanes);
@@ -93,7 +93,7 @@ class Holder : public Probe {
         }
     }
     std::size_t bytes() const override { return bytes_ + sizeof(typename Memory::Position); }
-    // For tools/bench: what a step of the estimator asks of the memory, n times, each after the one before.
+    // For tools/bench: the memory's share of n steps of the estimator, each depending on the one before.
     double seconds(std::size_t n) override {
         T order[3] = {T(Real<T>(0.3)), T(Real<T>(0.5)), T(Real<T>(0.1))}, S[3], past, V;
         const T small = T(Real<T>(1e-9));

@@ -35,7 +35,7 @@ void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
 }  // namespace
 
 extern "C" {
-// ahead: samples to come, over which the bias is the mean; 0: it is that of now.
+// ahead: number of future samples over which the bias is averaged; 0: the present bias.
 Axis* spectrum_make(int ahead) {
     Axis* axis = new Axis;
     axis->ahead = ahead;
@@ -69,9 +69,9 @@ void spectrum_fit(Axis* axis, double* out) {
                              static_cast<float>(axis->fit.evaluations())};
     for (float one : numbers) *out++ = static_cast<double>(one);
 }
-// From the next tracked sample on the filter is that of the last fit.
+// From the next tracked sample on, the filter is that of the last fit.
 void spectrum_retrack(Axis* axis) { design(axis, axis->memory.figures()); }
-// The same of a fit that is given: verdict; α, g, s2, R, or 1 - φ, variance, R.
+// The same for a given fit: verdict; α, g, s2, R, or 1 - φ, variance, R.
 void spectrum_design(Axis* axis, const double* given) {
     fltea::whittle::FitFigures figures = fltea::whittle::FitFigures();
     figures.verdict = static_cast<fltea::whittle::Verdict>(static_cast<int>(given[0]));
@@ -81,8 +81,8 @@ void spectrum_design(Axis* axis, const double* given) {
     figures.R = static_cast<float>(given[4]);
     design(axis, figures);
 }
-// Bias, its deviation, state and its deviation after each sample of `axes`, a sensor's: four numbers of each,
-// 0 without a filter, and whether it moves. counts: of each axis in turn.
+// Writes bias, its deviation, state and its deviation after each sample of `axes`, those of one sensor: four
+// numbers each, 0 without a filter, and whether the sensor moves. counts: of each axis in turn.
 void spectrum_track(Axis* const* axes, int n_axes, std::size_t n, const std::int16_t* counts, double* out) {
     const fltea::whittle::SensorMotion::Limits limits = {32.8f, 31, 1875};
     fltea::whittle::SensorMotion& motion = axes[0]->motion;

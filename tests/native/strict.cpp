@@ -1,4 +1,4 @@
-// Compiled with the device's flags only, never run: every template compiles for every number type without
+// Only compiled, with the device's flags, never run: every template compiles for every number type without
 // exceptions and RTTI.
 #include "memory_compressed.hpp"
 #include "memory_direct.hpp"

@@ -1,4 +1,4 @@
-// Compiled with the device's flags only, never run: the filters compile for every number type and memory.
+// Only compiled, with the device's flags, never run: the filters compile for every number type and memory.
 #include "baseline.hpp"
 #include "count_spectrum.hpp"
 #include "fit_bins.hpp"

@@ -1,4 +1,5 @@
-// Sums of the Allan variance: against their definition, whatever the cuts; breaks, snapshots, forgetting.
+// Sums of the Allan variance, compared with their definition for any division of the rows; breaks, snapshots,
+// forgetting.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -138,7 +139,7 @@ TEST_CASE("allan: what is older than three time constants is forgotten") {
     CHECK(points.back().factor == 1024);
     CHECK(sums.span() == 3000);
     const std::vector<double> saved = sums.save();
-    // Weights: the newest term 1, all together as many as fit into a time constant.
+    // Weights: the newest term has 1, and all together have as many as samples in a time constant.
     CHECK(points[0].terms == doctest::Approx(2 * memory).epsilon(0.01));
     AllanSums restored(memory);
     CHECK(restored.load(saved.data(), saved.size()));
@@ -154,7 +155,7 @@ TEST_CASE("allan: what is older than three time constants is forgotten") {
     for (std::size_t i = 0; i < fresh.points().size(); ++i) {
         CHECK(forgetful.points()[i].avar == fresh.points()[i].avar);
     }
-    // Merging with nothing new, again and again, ends at nothing and not at 0 / 0.
+    // Merging with an empty record repeatedly ends at zero, not at 0 / 0.
     const AllanSums other(forgetful);
     for (int i = 0; i < 40; ++i) {
         forgetful.cut(1e4);
@@ -182,7 +183,7 @@ TEST_CASE("allan: a snapshot that cannot be one is refused") {
         for (double number : bad) {
             std::vector<double> other = good;
             other[at] = number;
-            // Some are possible; what is taken must stay within its memory and finite.
+            // Some of these states are possible; an accepted one must stay finite and within its memory.
             AllanSums taken;
             if (!taken.load(other.data(), other.size())) continue;
             CHECK(std::isfinite(number));

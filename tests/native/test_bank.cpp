@@ -1,5 +1,6 @@
-// What runs the lanes of a sensor on the host. Its numbers are judged in tests/estimator, against an oracle
-// in Python; here it is memory, undefined behaviour, and that neither cuts nor snapshots change anything.
+// The code that runs the lanes of a sensor on the host. tests/estimator compares its numbers with an oracle
+// in Python. These tests check memory, undefined behaviour, and that neither cuts nor snapshots change
+// anything.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -43,9 +44,9 @@ struct Room {
         block.valid = flags.data();
         block.white = whites.data();
     }
-    Room(const Room&) = delete;  // its pointers would be those of the other
+    Room(const Room&) = delete;  // a copy's pointers would be those of the original
     Room(Room&&) = default;
-    // Everything from row `from` on.
+    // All rows from row `from` on.
     BankBlock at(std::size_t from, std::size_t lanes) const {
         BankBlock result = block;
         for (double*& column : result.columns) column += from * lanes;
@@ -79,7 +80,7 @@ TEST_CASE("baseline in double: mean and variance of a window far from zero, or b
             for (double one : y) squares += (one - mean) * (one - mean);
             CHECK(window.samples() == 500);
             CHECK(!window.constant());
-            // Behind a wild first sample all digits are kept but those of the number of samples.
+            // After a wild first sample all digits are kept, except those lost to the number of samples.
             const double digits = first == 0 ? 1e-14 : 1e-12;
             CHECK(window.bias() == doctest::Approx(static_cast<double>(mean)).epsilon(digits));
             CHECK(window.variance(0) ==

@@ -1,4 +1,4 @@
-// The running spectrum in integers (count_spectrum.hpp) against the same templates in floating point.
+// The running spectrum in integers (count_spectrum.hpp), compared with the same templates in floating point.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 typedef CountSpectrum<> Counts;
 typedef RealSpectrum<double, Counts::kLevels, Counts::kCapacity> Reals;
 
-// Both, of the same samples.
+// Both spectra, from the same samples.
 struct Pair {
     void add(std::int16_t y) {
         const double same = y;
@@ -47,8 +47,8 @@ double mean_of(const double* x, int n) {
 }
 
 // The largest relative differences: of bins of three lines, of levels of eight blocks and more, and of single
-// lines (of that line or of a tenth of the level's mean). Of values of the whole level in deviations of noise
-// of the given variance there. Both have the same blocks and stretches.
+// lines (relative to that line or to a tenth of the level's mean). Differences of values of the whole level
+// are in deviations of noise of the given variance there. Both have the same blocks and stretches.
 struct Difference {
     double bins, lines, whole;
 };
@@ -154,7 +154,7 @@ TEST_CASE("count spectrum: its lines are those of the same samples in double, to
             CAPTURE(kind);
             CAPTURE(deviation);
             CHECK(pair->counted.ladder().depth() >= 7);
-            // What stands for lost samples are whole counts here.
+            // The values that replace lost samples are whole counts here.
             CHECK(worst.bins < (kind == 3 ? 4e-3 : 1e-3));
             CHECK(worst.lines < 0.02);
             CHECK(worst.whole < 0.05);
@@ -230,7 +230,7 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
     CountSums<2> sums;
     const std::int64_t largest = (INT64_C(1) << 58) - 1;
     const std::int64_t power[2] = {largest, largest / 1000};
-    // A century at 1 kHz has 2^35 blocks: as if each of them stood for a thousand.
+    // A century at 1 kHz has 2^35 blocks; here each block counts for a thousand.
     for (int k = 0; k < 20000; ++k) sums.add(power, 6, 0);
     float read[2], blocks, effective;
     sums.read(0, read, &blocks, &effective);
@@ -247,7 +247,7 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
 }
 
 TEST_CASE("count spectrum: what a block has of a unit is not lost when sums are large") {
-    // A line of 0.3 units of the sums beside one that has filled them.
+    // A line of 0.3 units of the sums next to one that has filled the sums.
     CountSums<2> sums;
     const std::int64_t first[2] = {INT64_C(1) << 57, 0},
                        rest[2] = {0, 3 * (INT64_C(1) << 57) / 10 / (INT64_C(1) << 29)};
@@ -269,7 +269,7 @@ TEST_CASE("count spectrum: values are the counts, to the ends of what a sensor s
 }
 
 TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit behind") {
-    // So slowly that the gate sees neither knock nor step; then it rests.
+    // So slowly that the gate detects neither knock nor step; then the sensor rests.
     Noise random(11);
     std::unique_ptr<Pair> pair(new Pair);
     const int turned = 40000;

@@ -1,5 +1,5 @@
-// What the sketch uses of the Arduino SAM core, with the signatures and macros of ArduinoCore-sam 1.6
-// (cores/arduino: Arduino.h, wiring*.h, WInterrupts.h, watchdog.h, Print.h, UARTClass.h;
+// The part of the Arduino SAM core that the sketch uses, with the signatures and macros of ArduinoCore-sam
+// 1.6 (cores/arduino: Arduino.h, wiring*.h, WInterrupts.h, watchdog.h, Print.h, UARTClass.h;
 // variants/arduino_due_x: variant.h). The bodies are in board.cpp and act on stub::board.
 #pragma once
 
@@ -29,7 +29,7 @@
 #define OCT 8
 #define BIN 2
 
-// Names that the core takes from every program.
+// Names that the core reserves in every program.
 #undef abs
 #define abs(x) ((x) > 0 ? (x) : -(x))
 #define min(a, b) ((a) < (b) ? (a) : (b))

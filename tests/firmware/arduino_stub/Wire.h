@@ -1,4 +1,4 @@
-// libraries/Wire of ArduinoCore-sam. Whether a STOP is sent, the real one does not ask either.
+// libraries/Wire of ArduinoCore-sam. Like the real one, it ignores whether a STOP is requested.
 #pragma once
 
 #include "Arduino.h"

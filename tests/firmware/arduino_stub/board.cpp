@@ -27,12 +27,12 @@ enum Reg : uint8_t { kSmplrtDiv = 0x19, kIntEnable = 0x38, kBurst = 0x3B, kPwrMg
 const uint32_t kIdentifier[4] = {0x03020100, 0x07060504, 0x0B0A0908, 0x0F0E0D0C};
 const uint32_t kProgram[4] = {0x20088000, 0x000800F1, 0x000800E5, 0x000800E5};
 
-// Ten bits on the line, which is used before begin() by tests of the parts.
+// Duration of ten bits. Tests of the port's parts write before begin().
 uint64_t byte_ns() { return 10000000000ull / (board.baud ? board.baud : 250000); }
 
 uint64_t edge_period_ns() { return (board.chip.registers[kSmplrtDiv] + 1u) * 1000 * kUs; }
 
-// A pin that nothing holds picks up edges from whatever is near.
+// An open pin picks up edges from its surroundings.
 bool floats() {
     const Pin& pin = board.pins[board.edge_pin];
     return !board.int_wire && !(pin.owner == Pin::port && pin.mode == INPUT_PULLUP);
@@ -44,7 +44,8 @@ bool edges_run() {
     return floats() || (board.int_wire && chip.plugged_in && (chip.registers[kIntEnable] & 1) != 0);
 }
 
-// Time on the bus; false if a line is held, after the time that Wire waits, `waits` times over.
+// Advances the time by a transfer; returns false if a line is held, after Wire's time limit, `waits` times
+// over.
 bool transfer(unsigned bits, unsigned waits) {
     const bool connected =
         board.pins[PIN_WIRE_SDA].owner == Pin::wire && board.pins[PIN_WIRE_SCL].owner == Pin::wire;
@@ -78,7 +79,7 @@ void write_register(uint8_t reg, uint8_t value) {
     }
 }
 
-// Gyroscope x counts milliseconds, so that each sample differs and tells its time.
+// Gyroscope x counts milliseconds, so each sample is different and shows its time.
 void convert() {
     uint8_t* burst = board.chip.registers + kBurst;
     const uint32_t ms = static_cast<uint32_t>(board.now_ns / 1000000);
@@ -172,7 +173,7 @@ uint32_t pmc_disable_periph_clk(uint32_t id) {
 
 uint32_t micros(void) {
     board.advance(2 * stub::kUs);
-    // The milliseconds are counted by a handler: with interrupts masked only one more can be pending.
+    // A handler counts the milliseconds: with interrupts masked only one more can be pending.
     const uint64_t most_ns = board.masked_ns + 1999999;
     const uint64_t at_ns = board.interrupts_on || board.now_ns < most_ns ? board.now_ns : most_ns;
     return static_cast<uint32_t>((at_ns - board.lost_ns) / stub::kUs);
@@ -180,7 +181,7 @@ uint32_t micros(void) {
 uint32_t millis(void) { return micros() / 1000; }
 void delayMicroseconds(uint32_t usec) { board.advance(usec * stub::kUs); }
 
-// As in the core: nothing happens if the pin is believed to be in this input mode already.
+// As in the core: nothing happens if the pin is remembered as being in this input mode already.
 void pinMode(uint32_t pin, uint32_t mode) {
     stub::Pin& p = board.pins[pin];
     if (mode != OUTPUT && p.believed == mode) return;
@@ -281,11 +282,11 @@ uint8_t TwoWire::endTransmission(uint8_t) {
     return 0;
 }
 uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t reg_size, uint8_t) {
-    if (reg_size == 0) reg = 0;  // none is addressed; where the chip's own pointer is, nobody should rely on
+    if (reg_size == 0) reg = 0;  // no register is addressed; the chip's own pointer is not to be relied on
     rx_index_ = rx_length_ = 0;
     if (n > BUFFER_LENGTH) n = BUFFER_LENGTH;
     const bool complete = stub::transfer(3 + 9u * (3u + n), 2);
-    // What came before a line got stuck is handed on.
+    // Bytes that came before a line got stuck are returned.
     if (!complete) n = static_cast<uint8_t>(board.chip.stall_after < n ? board.chip.stall_after : n);
     if (n == 0 || !stub::acknowledged(address)) return 0;
     stub::convert();

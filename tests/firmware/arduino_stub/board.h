@@ -10,7 +10,7 @@ namespace stub {
 
 constexpr int kForEver = -1;
 
-// A register file of an MPU-9250 (RM-MPU-9250A-00) and its troubles.
+// A register file of an MPU-9250 (RM-MPU-9250A-00) and its faults.
 struct Chip {
     Chip() { power_up(); }
     void power_up();
@@ -21,15 +21,15 @@ struct Chip {
     int stalls = 0;       // transfers yet to hang until Wire gives up
     int stall_after = 0;  // bytes of a read that come before it hangs
     int short_by = 0;     // bytes that the next read lacks
-    int held_clocks = 0;  // SDA is low until so many clocks; kForEver
+    int held_clocks = 0;  // SDA is low until this many clocks have come; kForEver
     bool scl_held = false;
 };
 
 struct Pin {
     enum Owner { port, wire };
     uint32_t mode = 0;      // as on the silicon
-    uint32_t believed = 9;  // as pinMode remembers; 9: never set
-    bool latch = false;     // what digitalWrite set
+    uint32_t believed = 9;  // as pinMode remembers it; 9: never set
+    bool latch = false;     // the level that digitalWrite set
     Owner owner = port;
 };
 
@@ -38,26 +38,28 @@ struct Board {
     Chip chip;
     Pin pins[80];
     bool interrupts_on = true;
-    uint64_t masked_ns = 0, lost_ns = 0;  // since when they are masked; what micros() has lost by it
+    // the time since interrupts are masked; the time that micros() has lost by that
+    uint64_t masked_ns = 0, lost_ns = 0;
 
     // Bus
     uint32_t wire_hz = 0;
-    bool controller_hangs = false;  // and pulls SDA low, until the pins are taken from it
+    // the controller hangs and pulls SDA low, until the pins are taken from it
+    bool controller_hangs = false;
     int wire_begins = 0;
-    int clocks = 0;          // rising edges of SCL made by hand
-    int stops = 0;           // STOP conditions made by hand
+    int clocks = 0;          // rising edges of SCL made by setting pins
+    int stops = 0;           // STOP conditions made by setting pins
     int drives = 0;          // times that a line was driven high
-    int remains = -1;        // byte of a refused write that stays in the controller and goes out first
-    int stale_reads = 0;     // complete reads yet to come that leave a byte in the controller
-    bool byte_left = false;  // there is one, and the next read takes it for its first
-    int spins = 0;           // transfers that ran into Wire's time-out
+    int remains = -1;        // byte of a refused write that stays in the controller and is sent first
+    int stale_reads = 0;     // number of future complete reads that leave a byte in the controller
+    bool byte_left = false;  // such a byte is there, and the next read takes it for its first
+    int spins = 0;           // transfers that reached Wire's time limit
 
     // UART
     uint32_t baud = 0;
     std::vector<uint8_t> sent;
     uint64_t idle_ns = 0;     // when the last byte will have left
     bool waited = false;      // a write found the ring full
-    bool line_stuck = false;  // nothing leaves
+    bool line_stuck = false;  // the UART sends nothing
 
     // Watchdog
     uint64_t watchdog_ns = 0;  // its time-out; 0: off

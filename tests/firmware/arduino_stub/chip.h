@@ -1,5 +1,5 @@
-// What the sketch uses of Atmel's CMSIS headers for the SAM3X8E, and the macros among them that no name of
-// the core may collide with.
+// The part of Atmel's CMSIS headers for the SAM3X8E that the sketch uses, and those macros with which no name
+// of the core may collide.
 #pragma once
 
 #include <stddef.h>
@@ -7,7 +7,7 @@
 
 namespace stub {
 
-// A register whose reads and writes the board answers.
+// A register whose reads and writes the board handles.
 template <uint32_t (*Read)(), void (*Write)(uint32_t)>
 struct Register {
     operator uint32_t() const { return Read(); }
