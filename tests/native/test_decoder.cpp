@@ -1,5 +1,5 @@
-// The host's decoder where sanitizers see it: the vectors in any chunks, hostile bytes beside the tests' own
-// receiver, its CRC beside the device's. tests/protocol compares it with the host's Python.
+// The host's decoder under sanitizers: the vectors in any chunks, hostile bytes compared with the tests' own
+// receiver, its CRC compared with the device's. tests/protocol compares it with the host's Python.
 #include <doctest/doctest.h>
 
 #include <random>
@@ -22,7 +22,7 @@ Bytes stream_of(const Record& record) {
     return stream;
 }
 
-// Frames of every kind, whole, cut and damaged, idle and endless runs.
+// Streams of frames of every kind: whole, cut and damaged, with idle time and endless runs.
 Bytes random_stream(std::mt19937& random) {
     Bytes stream;
     const auto below = [&random](unsigned n) { return static_cast<unsigned>(random()) % n; };

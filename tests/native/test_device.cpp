@@ -1,5 +1,5 @@
-// Place, time and the stops of a device. Plain Python is the oracle of what comes out
-// (tests/stream/test_plain_walk.py); here it is the ends of the ranges, and which stop comes when.
+// Sequence position, time and the stops of a device. Plain Python is the oracle of its output
+// (tests/stream/test_plain_walk.py). These tests check the limits of ranges, and the order of stops.
 #include <doctest/doctest.h>
 
 #include <vector>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000, kUnixNs = 1'700'000'000'000'000'000;
 
-// Samples of 100 Hz, whose numbers are their counts.
+// Samples at 100 Hz, whose counts are their numbers.
 struct Samples {
     std::vector<std::int64_t> sequence, device_us, host_ns;
     std::vector<std::int16_t> gyro;
@@ -60,7 +60,7 @@ struct Run {
         }
         return found;
     }
-    // All stops until the end; epochs begin.
+    // Returns all stops until the end; begins each epoch.
     std::vector<Stop> all(const SampleColumns& from) {
         std::vector<Stop> found;
         for (std::size_t at = 0;;) {
@@ -114,12 +114,12 @@ TEST_CASE("device: what does not follow is not believed") {
         bool follows;
     } const others[] = {
         {0, 655'360'000, 655'360 * kMs, true},
-        {65'535, 655'350'000, 655'350 * kMs, false},                 // the same again
-        {1, 655'370'000, 655'370 * kMs, false},                      // one is missing
+        {65'535, 655'350'000, 655'350 * kMs, false},                 // the same sample again
+        {1, 655'370'000, 655'370 * kMs, false},                      // one sample is missing
         {0, 655'350'000 + 20'200, 655'360 * kMs, true},              // late by the device's clock
-        {0, 655'350'000 + 20'201, 655'360 * kMs, false},             // and a microsecond more
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},       // late by the host's
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // and a nanosecond more
+        {0, 655'350'000 + 20'201, 655'360 * kMs, false},             // one microsecond later
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},       // late by the host's clock
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // one nanosecond later
     };
     for (const auto& other : others)
         CHECK(run.device.place.follows(other.sequence, other.device_us, other.host_ns) == other.follows);
@@ -154,8 +154,8 @@ TEST_CASE("timebase: time learns the earliest arrival, and never runs backwards"
     Timebase clock(kUnixNs);
     CHECK(clock.add(0, 0, 1000) == kUnixNs + 1000);
     CHECK(clock.add(1, 10'000, 15 * kMs) == kUnixNs + 10 * kMs + 1000);  // late
-    CHECK(clock.add(2, 20'000, 19 * kMs) == kUnixNs + 19 * kMs);         // a million ns earlier than any
-    CHECK(clock.add(3, 20'500, 18 * kMs) == kUnixNs + 19 * kMs + 1);     // it would run backwards
+    CHECK(clock.add(2, 20'000, 19 * kMs) == kUnixNs + 19 * kMs);      // a million ns earlier than any other
+    CHECK(clock.add(3, 20'500, 18 * kMs) == kUnixNs + 19 * kMs + 1);  // time would run backwards
     CHECK(clock.rate_hz() == doctest::Approx(3 / 0.0205));
     CHECK(std::isnan(clock.clock_ppm()));
 }

@@ -1,6 +1,6 @@
 // The engine in C++: as a device would run it (float, double, one lane), and through the table of functions
-// that the binding uses. Numbers are judged in tests/estimator; here it is memory, undefined behaviour, and
-// that one source gives one answer for every number type.
+// that the binding uses. tests/estimator checks its numbers. These tests check memory, undefined behaviour,
+// and that the source gives one answer for every number type.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -78,7 +78,7 @@ std::vector<double> quiet(std::size_t n) {
     return y;
 }
 
-// Everything that a sensor should never give, within `largest`.
+// Values that no sensor should give, up to `largest`.
 std::vector<double> wild(std::size_t n, double largest) {
     Noise noise;
     std::vector<double> y = quiet(n);

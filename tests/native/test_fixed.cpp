@@ -1,5 +1,4 @@
-// What the device calculates with in place of floating point: fixed_math.hpp, soft_sqrt.hpp,
-// memory_fixed.hpp.
+// The device's replacements of floating point: fixed_math.hpp, soft_sqrt.hpp, memory_fixed.hpp.
 #include <doctest/doctest.h>
 #include <stdlib.h>
 
@@ -20,7 +19,7 @@ using fltea::engine::soft_sqrt;
 namespace fixed = fltea::engine::fixed;
 __extension__ typedef __int128 Wide;
 
-// Always the same bits.
+// Pseudo-random bits, the same in each run.
 class Random {
   public:
     std::uint64_t operator()() {
@@ -69,7 +68,8 @@ const float kOrders[] = {-0.5f, -0.4f, -0.1f, 0.03f, 0.2f, 0.5f,  0.77f, 0.99f,
 TEST_CASE("fixed: products in 2^-30 are those of 128 bits, rounded down") {
     Random random;
     for (int i = 0; i < 200000; ++i) {
-        // Of every size; the product of two of 31 bits leaves 32 only if both are at their end.
+        // Numbers of every size; a product of two 31-bit numbers leaves 32 bits only if both are near their
+        // maximum.
         const std::int32_t a = static_cast<std::int32_t>(random()) >> (1 + random() % 30);
         const std::int32_t b = static_cast<std::int32_t>(random()) >> (1 + random() % 30);
         REQUIRE(fixed::product30(a, b) == static_cast<std::int64_t>((static_cast<Wide>(a) * b) >> 30));
@@ -88,7 +88,7 @@ TEST_CASE(
         const double counts = std::ldexp(static_cast<double>(x), -exponent);
         const std::int32_t count = fixed::from_float(x, exponent);
         if (std::fabs(counts) > fixed::kLargest) {
-            // At most half a count beyond what is taken whole: 2^29.
+            // At most half a count beyond the largest exact value: 2^29.
             REQUIRE(std::abs(count) >= fixed::kLargest);
             REQUIRE(std::abs(count) <= fixed::kLargest + 1);
             REQUIRE((count < 0) == (counts < 0));
@@ -103,7 +103,7 @@ TEST_CASE(
             static_cast<float>(std::ldexp(static_cast<double>(count), exponent));  // not exact beyond 53 bits
         const float found = fixed::to_float(count, exponent);
         if (count > -(INT64_C(1) << 53) && count < INT64_C(1) << 53) {
-            // A tie goes up, and not to the even one.
+            // A tie is rounded up, not to the even number.
             REQUIRE(std::fabs(found - std::ldexp(static_cast<double>(count), exponent)) <=
                     std::fabs(expected - std::ldexp(static_cast<double>(count), exponent)));
         } else {
@@ -134,7 +134,7 @@ TEST_CASE("fixed: powers of two and sines of a half turn to 1e-8, and the sine o
     }
     CHECK(worst < 1e-8);
     worst = 0;
-    // Orders from -1/2 to 5/2 are asked for.
+    // The orders in use are -1/2 to 5/2.
     for (std::int64_t a = -(INT64_C(1) << 27); a <= INT64_C(5) << 27; a += 2999) {
         const double expected = std::sin(3.14159265358979324 * std::ldexp(static_cast<double>(a), -28));
         const double found =
@@ -174,12 +174,12 @@ TEST_CASE("soft square root: that of IEEE 754, to the bit") {
         CHECK(bits_of(soft_sqrt(none)) == 0);
 }
 
-// Three digits are asked for (tools/gen_fixed_nodes.py) at orders up to 2, down to the last place of the
-// counts; the worst found are 6e-4 from -0.1 to 1.5, 8e-4 up to 1.9, 1.8e-3 at -0.5 and 4.5e-3 at 2.5.
+// Three digits are required (tools/gen_fixed_nodes.py) at orders up to 2, down to the last digit of the
+// counts. The largest errors are 6e-4 from -0.1 to 1.5, 8e-4 up to 1.9, 1.8e-3 at -0.5 and 4.5e-3 at 2.5.
 TEST_CASE("fixed memory: the weights to a thousandth, at ages up to 100,000") {
     const std::size_t ages[] = {1,  2,  3,   4,   5,    6,    7,     8,     10,    14,
                                 20, 50, 100, 300, 1000, 3000, 10000, 30000, 100000};
-    const float pulse = 400;  // of as many digits as there are, within the cut-off of 2^9
+    const float pulse = 400;  // as many digits as possible, within the cut-off of 2^9
     std::vector<std::vector<long double>> c;
     for (float order : kOrders) c.push_back(weights(static_cast<long double>(order), 100000));
     FixedMemory memory(1.0f);
@@ -225,8 +225,8 @@ TEST_CASE("fixed memory: sums of noise as those of the exact memory, for x, and 
                 direct.sums(static_cast<double>(order), exact_S, exact_V);
                 CHECK(static_cast<double>(S) == sum_of(memory, order));
                 worst = std::max(worst, std::fabs(static_cast<double>(S) - exact_S) / sigma);
-                // V stands for a past without a beginning, so it needs one that is long; below -1/4 it is
-                // held at what it is there.
+                // V stands for a past without a beginning, so the test needs a long past; below -1/4 V keeps
+                // its value at -1/4.
                 if (k != n - 1 || order < -0.25f) continue;
                 CHECK(std::fabs(static_cast<double>(V) - exact_V) <=
                       5e-3 * exact_V + 2e-6 * static_cast<double>(R));
@@ -261,7 +261,7 @@ TEST_CASE(
             CHECK(V <= 4e31f);
         }
     }
-    // The sanitizer sees an overflow.
+    // The sanitizer detects an overflow.
     FixedMemory full(1.0f);
     for (int k = 0; k < 1000000; ++k) full.push(1e9f, 1e9f);
     for (float order : kOrders) {

@@ -1,4 +1,4 @@
-// When a wire is silent, unreadable or without a HELLO, and when that is told.
+// When a wire is silent, unreadable or without a HELLO, and when that is reported.
 #include <doctest/doctest.h>
 
 #include <cstdint>
@@ -45,7 +45,7 @@ TEST_CASE("wire line: bytes without frames for five seconds are no device of our
     for (std::int64_t k = 1; k < 12; ++k) reads.add(Bytes(100, 0x55), k * kSecondNs / 2);
     const Words found = line.feed(reads);
     CHECK(found == Words{"partial", "no_valid_frame 5500"});
-    // The same is not told again, another trouble is.
+    // The same trouble is not reported again, another one is.
     CHECK(line.one(Bytes{0} + sample(0), 6 * kSecondNs) == Words{"1 samples", "no_hello 6000"});
 }
 
@@ -76,7 +76,7 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     for (const std::int64_t stall : {2 * kSecondNs, 2 * kSecondNs + 1}) {
         Line line;
         line.line.resume(4 * kSecondNs);
-        // Twelve ticks of the whole silence, and the trouble; or the moment of coming back alone.
+        // Twelve ticks over the whole silence, and the trouble; or only the moment at which bytes come again.
         CHECK(line.silent(4 * kSecondNs + stall).size() == (stall > 2 * kSecondNs ? 1 : 13));
         line.line.resume(7 * kSecondNs);
         Reads reads;
@@ -102,18 +102,18 @@ TEST_CASE("wire line: on a port that was opened again all begins anew") {
     line.one(hello() + sample(0), 1);
     line.line.opened({100 * kSecondNs, 0});
     CHECK(line.troubles(105 * kSecondNs - 1) == Words{});
-    // The old HELLO is not known to be this device's.
+    // The old HELLO may be another device's.
     Line waits;
     waits.one(hello(), 1);
     waits.line.opened({100 * kSecondNs, 0});
     for (std::int64_t k = 200; k < 210; ++k) waits.one(sample(0), k * kSecondNs / 2);
     CHECK(waits.one(sample(1), 105 * kSecondNs) == Words{"1 samples", "no_hello 105000"});
-    // Nor is the old refusal.
+    // The same holds for the old refusal.
     Line refused;
     refused.one(hello(13), 1);
     refused.line.opened({2, 0});
     CHECK(refused.one(sample(0), 3) == Words{"1 samples"});
-    // Unread bytes of before do not count.
+    // Unread bytes from earlier do not count.
     Line unread;
     unread.one(Bytes(9, 1), 1);
     unread.line.opened({4 * kSecondNs, 0});
@@ -145,7 +145,8 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
         const std::int64_t at = 5 * kSecondNs - left;
         Reads reads;
         reads.add(Bytes{0} + sample(1), at).add(sample(2), at);
-        CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));  // the bad block, and all samples or each
+        // the bad block, and all samples together or each one
+        CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));
     }
 }
 

@@ -1,4 +1,4 @@
-// The memories stay inside the storage that they ask for, and agree with sums by the recurrence written out.
+// The memories stay inside the storage that they request, and agree with sums by the explicit recurrence.
 #include <doctest/doctest.h>
 #include <stdlib.h>
 
@@ -15,7 +15,7 @@ using fltea::engine::CompressedMemory;
 using fltea::engine::DirectMemory;
 typedef fltea::engine::Pack<double, fltea::engine::kWidth> Wide;
 
-// Storage of exactly n elements: the sanitizer sees the first byte beyond. Filled with NaN.
+// Storage of exactly n elements, so that the sanitizer sees the first byte beyond. Filled with NaN.
 template <class T>
 class Block {
   public:
@@ -52,7 +52,7 @@ double in(T number, int lane) {
     return double(fltea::engine::get_lane(number, lane));
 }
 
-// Pushes and compares at every step; `tolerance` is relative to 1 + |sum|.
+// Pushes samples and compares at every step; `tolerance` is relative to 1 + |sum|.
 template <class T, class Memory>
 void follow(Memory& memory, std::size_t window, std::size_t steps, double tolerance) {
     typedef fltea::engine::Real<T> R;

@@ -1,5 +1,5 @@
-// The octaves of a spectrum. Their numbers are judged in tests/spectrum, against an oracle in numpy; here it
-// is memory, undefined behaviour, their size, and that neither cuts nor snapshots change anything.
+// The octaves of a spectrum. tests/spectrum compares their numbers with an oracle in numpy. These tests check
+// memory, undefined behaviour, size, and that neither cuts nor snapshots change anything.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -48,7 +48,7 @@ bool load(Lane& lane, const std::vector<double>& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// All that can be read is.
+// Returns all results that can be read.
 void look(const Lane& lane) {
     std::unique_ptr<Lane> finished(new Lane(lane.finished()));
     const Ladder& ladder = finished->ladder();
@@ -202,7 +202,7 @@ TEST_CASE("octaves: snapshots of strangers are refused or harmless") {
             for (int k = 0; k < 150; ++k) {
                 std::vector<double> bad = good;
                 for (std::size_t i = 0; i <= random.below(3); ++i) {
-                    // Most of what is not a sample stands at the beginning and at the end.
+                    // Most values that are not samples are at the beginning and at the end.
                     const std::size_t at =
                         k % 3 == 0   ? random.below(bad.size())
                         : k % 3 == 1 ? random.below(std::min<std::size_t>(60, bad.size()))
@@ -253,14 +253,14 @@ TEST_CASE("octaves: when the last level is full its oldest samples go") {
         REQUIRE(whole.size() <= Ladder::Whole::kCapacity);
         REQUIRE(whole.stretches() > 0);
         const Stretch& last = whole.stretch(whole.stretches() - 1);
-        // Every fourth sample, and the filters' reach is all that is behind.
+        // Every fourth sample; only the reach of the filters is missing at the end.
         if (k > 160) CHECK(last.first + 4 * static_cast<std::uint64_t>(last.length) + 128 > now);
     }
     CHECK(ladder->depth() == 2);
     CHECK(ladder->whole().size() > WholeStream::kCapacity - 64);
     double power[Ladder::kTopLines], blocks, effective;
     ladder->sums(0, now, power, &blocks, &effective);
-    CHECK(blocks == 150 + 248);  // of the sums nothing is lost
+    CHECK(blocks == 150 + 248);  // the sums lose nothing
     std::unique_ptr<Ladder> other(new Ladder(*ladder));
     other->cut();
     ladder->cut();

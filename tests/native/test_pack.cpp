@@ -1,4 +1,4 @@
-// Packs lane by lane against plain numbers.
+// SIMD packs, compared lane by lane with plain numbers.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ bool same(double a, double b) {
     return std::memcmp(&a, &b, sizeof a) == 0 || (std::isnan(a) && std::isnan(b));
 }
 
-// The first lane holds one pair, the others another: no lane may look at its neighbour.
+// The first lane holds one pair, the others another, since no lane may use its neighbour's values.
 Wide wide(double first, double others) {
     Wide pack(others);
     pack.set(0, first);

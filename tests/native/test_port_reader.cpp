@@ -1,4 +1,4 @@
-// The reader of ports where sanitizers see it: pipes, sockets and pseudo-terminals in the place of boards.
+// The reader of ports under sanitizers: pipes, sockets and pseudo-terminals take the place of boards.
 #include <doctest/doctest.h>
 #include <fcntl.h>
 #include <pty.h>
@@ -28,7 +28,7 @@ namespace {
 constexpr double kPatience_s = 20.0;
 constexpr std::int64_t kMs = 1'000'000;
 
-// Both ends of something that can be read; write to `far`.
+// Both ends of a readable connection; tests write to `far`.
 struct Ends {
     int near = -1, far = -1;
     bool closes = false;
@@ -41,7 +41,7 @@ struct Ends {
         if (far >= 0) ::close(far);
         far = -1;
     }
-    // Of a pipe or socket: a terminal may have it later.
+    // For a pipe or socket; a terminal may deliver it later.
     void wait_until_read() const {
         for (int left = 1; left > 0;) REQUIRE(ioctl(near, FIONREAD, &left) == 0);
     }
@@ -82,7 +82,7 @@ Made terminal_ends() {
     return made(near, far, false);
 }
 
-// All that came from each port.
+// All bytes that came from each port.
 struct Heard {
     PortReader& reader;
     std::map<int, std::string> bytes = {};
@@ -91,7 +91,7 @@ struct Heard {
     std::size_t reads = 0;
     std::int64_t last_ns = 0;
 
-    // One `take`; what it gives must fit together.
+    // Calls `take` once, and checks that its results are consistent.
     std::vector<PortNews> take(double timeout_s = kPatience_s) {
         std::vector<PortNews> news;
         const std::int64_t now_ns = reader.take(timeout_s, news);
@@ -100,7 +100,7 @@ struct Heard {
             for (const fltea::PortRead& read : one.reads) {
                 CHECK(read.end > end);
                 CHECK(read.stamp.host_ns >= before_ns);
-                CHECK(read.stamp.host_ns > last_ns);  // else a tick of then would have been wrong
+                CHECK(read.stamp.host_ns > last_ns);  // otherwise an earlier tick would have been wrong
                 CHECK(read.stamp.host_ns <= now_ns);
                 end = read.end;
                 before_ns = read.stamp.host_ns;
@@ -139,7 +139,7 @@ TEST_CASE("port reader: the last bytes come before the loss, of every kind of po
         ends.send("first");
         heard.until([&] { return heard.bytes[5] == "first"; });
         ends.send("last words");
-        if (k != 2) ends.hang_up();  // a terminal may forget what was not yet read
+        if (k != 2) ends.hang_up();  // a terminal may discard what was not yet read
         heard.until([&] { return heard.bytes[5] == "firstlast words"; });
         ends.hang_up();
         heard.until([&] { return heard.errors.count(5) == 1; });
@@ -189,7 +189,7 @@ TEST_CASE("port reader: what does not fit is counted, and what came before it st
     Heard heard{reader};
     Made ends = pipe_ends();
     reader.add(0, ends->near, false, 3600'000 * kMs);
-    for (const std::size_t size : {900, 700, 700}) {  // the second is thrown away before the third is read
+    for (const std::size_t size : {900, 700, 700}) {  // the second is discarded before the third is read
         ends->send(std::string(size, size == 900 ? 'a' : 'b'));
         ends->wait_until_read();
     }
@@ -255,7 +255,7 @@ TEST_CASE("port reader: many ports that many threads write to lose nothing") {
             for (int round = 0; round < kRounds; ++round) {
                 for (std::size_t k = static_cast<std::size_t>(writer); k < kPorts; k += kWriters) {
                     const std::string text = std::to_string(round) + ",";
-                    // doctest's assertions of other threads would cost more than what is tested
+                    // doctest's assertions in other threads would cost more than the code under test
                     if (::write(ports[k]->far, text.data(), text.size()) < 0) std::abort();
                 }
             }
@@ -289,7 +289,7 @@ TEST_CASE("port reader: a forked process can end without the thread, which it do
 TEST_CASE(
     "port reader: a port that was ready and yet empty, as another program took its bytes, is not lost") {
     int both[2];
-    REQUIRE(socketpair(AF_UNIX, SOCK_DGRAM, 0, both) == 0);  // gives empty datagrams
+    REQUIRE(socketpair(AF_UNIX, SOCK_DGRAM, 0, both) == 0);  // can deliver empty datagrams
     Made ends = made(both[0], both[1], false);
     PortReader reader(1 << 20);
     Heard heard{reader};

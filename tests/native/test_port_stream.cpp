@@ -1,5 +1,5 @@
-// A line's walk, with sanitizers: whatever the cuts, and however long rows wait for more, who takes blocks
-// and who takes lines is given everything once and in its order.
+// The stream of a port under sanitizers: for any cuts, and however long rows wait to be joined, consumers of
+// blocks and consumers of JSON lines get everything once and in order.
 #include <doctest/doctest.h>
 
 #include <cstdlib>
@@ -20,7 +20,7 @@ using Random = std::mt19937;
 
 unsigned below(Random& random, unsigned end) { return static_cast<unsigned>(random() % end); }
 
-// A step with each sample of 0 on the first axis; no estimates that mean anything.
+// A tracker that reports a step at each sample with 0 on the first axis; its estimates have no meaning.
 struct Parts : TrackerPart, BankPart {
     void run(const double* y, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>& events) override {
@@ -43,7 +43,7 @@ struct Parts : TrackerPart, BankPart {
     void skip_rows(std::uint64_t, std::vector<Lost>&) override {}
 };
 
-// What came, and when: samples of 100 Hz with gaps, repeats and jumps, HELLOs, faults, and what is no frame.
+// Bytes with their times: samples at 100 Hz with gaps, repeats and jumps, HELLOs, faults, and invalid bytes.
 Reads story(Random& random) {
     Reads found;
     std::uint32_t boot = 5, sequence = below(random, 65'536), us = static_cast<std::uint32_t>(random());
@@ -80,7 +80,7 @@ std::string word(const char* what, double number) {
     return text;
 }
 
-// Who takes a line's samples, in blocks and as lines, and all else that happens.
+// A consumer of a port's samples, in blocks and as JSON lines, and of all other events.
 class Taker {
   public:
     Words blocks, lines;
@@ -165,7 +165,7 @@ class Taker {
         if (item.kind != LineItem::kFrame || item.type != Hello::type()) return;
         if (walk_.wants_reads) CHECK(bytes.size() == given_);
         const std::uint8_t boot = item.bytes[6];
-        if (boot == 13) {  // as of one that nobody can use
+        if (boot == 13) {  // a device that cannot be used
             wire_.refuse_hello();
             device_.place.forget_hello();
             return;
@@ -182,7 +182,8 @@ class Taker {
         if (found.stop == Stop::kFitDue) device_.fit_counts = device_.place.newest().seq + 7;
         if (found.stop == Stop::kFitCounts) device_.fit_due = device_.place.newest().seq + 11;
         if (found.stop == Stop::kEpoch) begin();
-        if (found.stop == Stop::kEpoch || found.stop == Stop::kFitCounts) printers_.clear();  // other words
+        // the constant text of the lines changes
+        if (found.stop == Stop::kEpoch || found.stop == Stop::kFitCounts) printers_.clear();
     }
     void begin() {
         Sensor one;
@@ -205,7 +206,7 @@ class Taker {
     std::size_t given_ = 0;
 };
 
-// Reads are given one by one, or up to `most` together, by who is never held up for long.
+// Takes reads one by one, or up to `most` together, like a caller that is never blocked for long.
 void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     for (std::size_t begin = 0; begin < all.reads.size();) {
         std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));
@@ -216,7 +217,7 @@ void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     }
 }
 
-// Empty, or where two begin to differ.
+// Returns nothing, or the position of the first difference.
 std::string difference(const Words& one, const Words& other) {
     std::size_t k = 0;
     while (k < one.size() && k < other.size() && one[k] == other[k]) ++k;

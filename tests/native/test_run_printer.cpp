@@ -1,5 +1,5 @@
-// Printing of a device's runs, with sanitizers. That it prints what its blocks are printed as, and how
-// numbers are written, tests/sinks have; here it is the ends of columns and of buffers.
+// Printing of a device's runs under sanitizers. tests/sinks checks that it prints the same as for its blocks,
+// and the format of numbers. These tests check the ends of columns and of buffers.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -18,7 +18,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using Texts = std::vector<std::string>;
 using Holes = std::vector<LinePrinter::Hole>;
 
-// Each column says which number of which row it is.
+// Columns whose numbers encode their row and column.
 struct Numbered : TrackerPart, BankPart {
     void run(const double*, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>&) override {
@@ -147,7 +147,7 @@ TEST_CASE("run printer: every n-th sample by its number, whatever the runs and w
             one.append(walk.device, row, std::min(row + 3, walk.device.run().n));
         first += static_cast<std::int64_t>(walk.device.run().n);
     }
-    CHECK(first == 2048 + 16);  // of the 3000 only what fits a run
+    CHECK(first == 2048 + 16);  // of the 3000 only as many as fit into a run
     for (std::int64_t k = 0; k < first; k += 4)
         all += std::to_string(k) + " " + std::to_string(static_cast<std::int16_t>(10 * k + 2) - 3) + ".5\n";
     all.replace(0, 6, "0 -0.5");

@@ -1,4 +1,5 @@
-// Sentences of noise: slopes against differences, fits that end inside their bounds, and the search.
+// Noise models: derivatives compared with differences, fits that end inside their bounds, and the model
+// search.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -14,7 +15,7 @@ namespace {
 
 using namespace fltea::sentence;
 
-// So many bins whose width goes with the frequency, as those of the live spectrum; powers are 1.
+// Bins whose width is proportional to the frequency, like those of the live spectrum; powers are 1.
 Bins bins_of(std::size_t size, double samples = 60000) {
     Numbers lam, counts, walk;
     const double lowest = 25 / samples, ratio = std::pow(kPi / lowest, 1 / static_cast<double>(size));
@@ -27,7 +28,7 @@ Bins bins_of(std::size_t size, double samples = 60000) {
     return Bins(kernel_baseline, lam, counts, Numbers(size, 1.0), walk, Numbers(size), 0.01);
 }
 
-// The same with these powers.
+// The same bins with these powers.
 Bins with_power(const Bins& bins, const Numbers& power) {
     return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, Numbers(bins.size()), 0.01);
 }
@@ -38,7 +39,7 @@ Numbers spectrum(const Bins& bins, const Words& words, const std::vector<double>
     return at.total();
 }
 
-// Powers that are exponential about these.
+// Exponentially distributed powers with these means.
 Numbers drawn(const Bins& bins, Numbers power, unsigned seed) {
     std::mt19937 random(seed);
     for (std::size_t i = 0; i < power.size(); ++i)
@@ -297,7 +298,7 @@ TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
         for (std::size_t i = 0; i < one.eta.size(); ++i)
             CHECK(found.plain.eta[i] == doctest::Approx(one.eta[i]).epsilon(0.02).scale(1));
         CHECK(found.plain.nll <= found.white.nll);
-        // Fitted again from there it stays.
+        // Fitted again from there, the answer stays.
         const Frontier again = Search(bins).again(found);
         CHECK(again.plain.nll == doctest::Approx(found.plain.nll).epsilon(1e-9));
     }
@@ -322,14 +323,14 @@ TEST_CASE("sentence: an order is found beside none, and its interval holds it") 
             };
             ends[side > 0] = end();
             CHECK(away[1] == ends[side > 0] - found.ordered.eta[1]);
-            // From there on it is found at once.
+            // From there it is found at once.
             CHECK(end() == ends[side > 0]);
         }
         CHECK(ends[0] < found.ordered.eta[1]);
         CHECK(found.ordered.eta[1] < ends[1]);
         // 3.3 of its deviations.
         CHECK(std::fabs(found.ordered.eta[1] - alpha) < 1.7 * (ends[1] - ends[0]) / 2);
-        // The likelihood has fallen by as much as was asked for.
+        // The likelihood has fallen by the required amount.
         for (double end : ends) {
             std::vector<double> eta = found.ordered.eta;
             eta[1] = end;

@@ -1,4 +1,4 @@
-// The device's fit: its answers against the host's fit of the same bins.
+// The device's fit: its answers compared with the host's fit of the same bins.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace {
 using namespace fltea::whittle;
 namespace sentence = fltea::sentence;
 
-// The bins as the host has them.
+// The bins in the host's form.
 template <class Any>
 sentence::Bins on_host(const Any& bins) {
     sentence::Numbers lam, counts, power;
@@ -33,12 +33,12 @@ sentence::Bins on_host(const Any& bins) {
     return sentence::Bins(sentence::kernel_baseline, lam, counts, power, none, none, 1);
 }
 
-// The host's answer, from many starts: white noise and one part.
+// The host's answer from many starting points: white noise and one part.
 struct HostFit {
     std::vector<double> eta;
     double nll;
 };
-// order: held, of a part that has one; -1: it is free.
+// order: a fixed order of the part, if it has one; -1: the order is free.
 HostFit host_fit(sentence::Bins bins, sentence::Part part, double highest_order, double order = -1) {
     const sentence::Words words = {sentence::Word{sentence::kWhite, 0}, sentence::Word{part, 0}};
     bins.highest_order = highest_order;
@@ -68,7 +68,7 @@ double white_fit(const sentence::Bins& bins) {
     return sentence::score(bins, {sentence::Word{sentence::kWhite, 0}}, &eta, -1, sentence::Patience());
 }
 
-// Of α, by the curvature in double at what the device has found.
+// The deviation of α by the curvature in double, at the device's answer.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
     const sentence::Bins on = on_host(bins);
@@ -86,7 +86,7 @@ double order_std_in_double(const Any& bins, const FitFigures& found) {
     return std::sqrt(column[1]);
 }
 
-// How far 2 log L of the best fit of this order is below that of the best of all, in double.
+// Difference in 2 log L between the best fit of this order and the best of all, in double.
 template <class Any>
 double below_best(const Any& bins, double order) {
     const sentence::Bins on = on_host(bins);
@@ -102,7 +102,7 @@ int fit(const Any& bins, SlicedFit<Any>& sliced, FitMemory& memory) {
     return slices;
 }
 
-// An axis: its spectrum, and the fit of it, which begins at the last answer.
+// An axis: its spectrum, and its fit, which starts at the last answer.
 struct Axis {
     void fit_now() {
         make_bins(octaves, bins);
@@ -139,10 +139,10 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CAPTURE(full.eta[1]);
             CAPTURE(cold.alpha_std);
             const double ratio = 2 * (white_fit(host) - up_to_one.nll);
-            // In white noise there are many maxima that are nearly as high.
+            // In white noise many maxima are nearly equally high.
             CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
             CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
-            // In white noise orders above 1 have many maxima, and none of them is asked for.
+            // In white noise orders above 1 have many maxima, and none of them is required.
             if (cold.verdict != Verdict::white) {
                 CHECK(static_cast<double>(cold.ratio_ar1) ==
                       doctest::Approx(2 * (relaxation.nll - full.nll)).epsilon(2e-3).scale(20));
@@ -154,14 +154,14 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
                 CHECK(std::fabs(static_cast<double>(cold.alpha) - full.eta[1]) <
                       0.1 * 1.96 * static_cast<double>(cold.alpha_std));
             }
-            // The same again, from the last answers, at a fraction of the work.
+            // Again from the last answers, with a fraction of the work.
             const int evaluations = axis->sliced.evaluations();
             axis->fit_now();
             CHECK(axis->sliced.evaluations() * 5 < evaluations);
             CHECK(axis->memory.figures().ratio_white >= cold.ratio_white - 0.02f);
             CHECK(axis->memory.figures().verdict == cold.verdict);
             if (n > 3000) continue;
-            // Much more data: on the grid again.
+            // With much more data the fit searches the grid again.
             for (int k = 0; k < 4 * n; ++k) axis->octaves.add(next());
             axis->fit_now();
             CHECK(axis->sliced.evaluations() * 2 > evaluations);
@@ -176,7 +176,7 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
     int compared = 0, worse = 0, apart = 0, orders = 0;
     for (int kind = 0; kind < 4; ++kind) {
         for (unsigned long long seed = 1; seed <= 4; ++seed) {
-            // White; weak and strong sums of relaxations; one relaxation, which is of order 1.
+            // White noise; weak and strong sums of relaxations; one relaxation, which has order 1.
             const int parts[] = {0, 4, 4, 1};
             const double shares[] = {0, 0.1, 0.5, 0.3};
             Counts next(parts[kind], shares[kind], 3.0, seed);
@@ -186,7 +186,7 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
                 if (k < 1000 || k % 300 != 0) continue;
                 axis->fit_now();
                 const FitFigures found = axis->memory.figures();
-                // What each model holds is in the next one.
+                // Each model is contained in the next one.
                 CHECK((found.verdict == Verdict::white || found.ratio_ar1 > -0.01f));
                 if (k % 1500 != 0 || k < 6000) continue;
                 FitMemory fresh;
@@ -232,7 +232,7 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     if (!found.alpha_defined) continue;
                     ++defined;
                     small += found.R < 0.05f * bins.mean_power();
-                    // It is that of the curvature, or as far as the likelihood in double reaches.
+                    // The interval is that of the curvature, or as wide as the likelihood in double requires.
                     const double curvature = order_std_in_double(bins, found);
                     const double half = 1.96 * static_cast<double>(found.alpha_std);
                     const double alpha = static_cast<double>(found.alpha);
@@ -303,7 +303,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
 
 namespace {
 
-// Powers that are nearly a spectrum, of as many ordinates as years have.
+// Powers close to a spectrum, with as many ordinates as years of samples have.
 struct YearBins {
     enum { kSize = 170 };
     float lam_[kSize], counts_[kSize], power_[kSize];

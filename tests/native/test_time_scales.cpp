@@ -1,4 +1,4 @@
-// How much figures change over 1, 2, 4 … of them: sums against the definition.
+// How much figures change over 1, 2, 4 … of their neighbours: running sums compared with the definition.
 #include <doctest/doctest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
-// The tracker's parts. Its numbers are judged in tests/estimator, against a filter in numpy; here it is
-// memory, undefined behaviour, what strangers' snapshots can do, and the parts that have rules of their own.
+// The tracker's parts. tests/estimator compares its numbers with a filter in numpy. These tests check memory,
+// undefined behaviour, hostile snapshots, and parts with rules of their own.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -20,7 +20,7 @@ typedef System<kMost> Any;
 
 const double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// A pair of poles, relaxations and an offset: n coordinates in all, more than 3.
+// A pair of poles, relaxations and an offset: n states in all, more than 3.
 Any system_of(int n, unsigned long long seed) {
     Noise random(seed);
     Any s = Any();
@@ -74,7 +74,7 @@ std::unique_ptr<OneAxis> made(bool modelled, const double* offset = nullptr) {
     rules.largest_step = 60;
     std::unique_ptr<OneAxis> one(new OneAxis(offset, rules));
     if (modelled) {
-        // One that walks, and one that does not.
+        // One axis whose offset walks, and one whose offset does not.
         const Any stays = system_of(6, 1);
         Any walks = stays;
         walks.Q[35] = 1e-3;
@@ -146,7 +146,7 @@ TEST_CASE("tracker: the past keeps means, and what is not known is not in them")
         const Newest<Past::kMeans>& means = past->means(level);
         kept += means.count() * size;
         for (int i = 2; i < means.count(); ++i) {
-            // Of a group of which more than half is not known nothing is.
+            // A group of which more than half is unknown gives no answer.
             if (level == 0 && std::isnan(means[i])) CHECK(std::isnan(means[i - 2]));
             if (level == 0 && !std::isnan(means[i])) CHECK(means[i] == means[i - 2] + 2);
             if (level > 0) CHECK(means[i] > means[i - 1]);
@@ -198,7 +198,7 @@ TEST_CASE("tracker: the accelerometer shows a tilt, and rest where it ends") {
         }
         return moving = gate.end_chunk(0.1, moving);
     };
-    for (int k = 0; k < 300; ++k) REQUIRE(!chunk(1e-4 * k));  // as a bias drifts
+    for (int k = 0; k < 300; ++k) REQUIRE(!chunk(1e-4 * k));  // a drifting bias
     CHECK(chunk(0.5));
     CHECK(chunk(0.7));
     CHECK(!chunk(0.7));
@@ -240,7 +240,7 @@ TEST_CASE("tracker: the mean of what comes is a sum of single steps") {
                 }
                 CHECK(found.row[i] == doctest::Approx(sum / double(m)).epsilon(1e-9));
             }
-            // The same for the noise: the covariance of coordinates and of their sum.
+            // The same for the noise: the covariance of states and of their sum.
             std::vector<double> weight(s->bias, s->bias + n), all(weight);
             double variance = 0;
             for (long long k = 0; k < m; ++k) {

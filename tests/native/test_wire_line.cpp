@@ -1,4 +1,4 @@
-// A wire's items and counts, by bytes that the device's encoder makes.
+// A wire's items and counts, from bytes that the device's encoder makes.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
     reads.add(sample(1) + Bytes(two.begin(), two.begin() + 5), 10).add(Bytes(two.begin() + 5, two.end()), 20);
     reads.add(sample(3), 30);
     line.line.feed(reads.bytes.data(), reads.reads.data(), 3, 10);
-    // No HELLO was heard, so reads are taken one by one: a trouble might be due between them.
+    // No HELLO was received, so reads are taken one by one, since a trouble might be due between them.
     for (std::int64_t k = 1; k < 4; ++k) {
         const LineItem item = line.line.next();
         REQUIRE(item.kind == LineItem::kSamples);
@@ -106,7 +106,7 @@ TEST_CASE("wire line: only a HELLO that differs from the accepted one has to be 
     Line line;
     CHECK(line.one(hello() + hello() + hello(6) + hello(5), 1) ==
           Words{"frame 1", "same hello", "frame 1", "frame 1"});
-    // What was refused is not what was accepted last.
+    // The refused HELLO is not the last accepted one.
     CHECK(line.one(hello(13) + hello(13) + hello(5), 2) ==
           Words{"frame 1", "bad_hello", "frame 1", "same hello"});
     CHECK(line.line.counts().refused == 0);
@@ -158,7 +158,7 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(2);
     CHECK(line.line.counts().frames == 1);
     CHECK(line.all() == Words{"tick 0"});
-    line.line.accept_hello();  // of nothing
+    line.line.accept_hello();  // no HELLO is pending
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == LineItem::kTick);

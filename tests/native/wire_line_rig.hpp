@@ -1,4 +1,4 @@
-// A wire's line, and the bytes and reads that it is given, for tests.
+// A wire decoder for tests, with the bytes and reads that it gets.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +54,7 @@ inline Bytes operator+(Bytes one, const Bytes& other) {
     return one;
 }
 
-// The offset is one more than the time, or as large as can be.
+// The offset is one more than the time, or as large as possible.
 inline Stamp stamp(std::int64_t host_ns) {
     return {host_ns, host_ns == std::numeric_limits<std::int64_t>::max() ? host_ns : host_ns + 1};
 }
@@ -70,7 +70,7 @@ struct Reads {
     }
 };
 
-// A line that was opened at 0. What it gives as words: what, and when or how many; HELLOs of boot 13 are
+// A wire decoder that was opened at 0. Returns its items as words with times or counts; HELLOs of boot 13 are
 // refused.
 struct Line {
     WireLine line{kTimes};
@@ -97,7 +97,7 @@ struct Line {
         line.silent(now_ns);
         return all();
     }
-    // The troubles of a silence until now.
+    // Returns the troubles of a silence until now.
     Words troubles(std::int64_t now_ns) {
         Words found;
         for (const std::string& one : silent(now_ns)) {
