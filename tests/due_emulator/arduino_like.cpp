@@ -1,6 +1,5 @@
-// What a sketch on the Arduino core does to the chip from reset on, access by access, without the core:
-// clock, watchdog off, SysTick, every pin, analogue parts, USB, Serial by interrupt, Wire by polling; then a
-// sample every 10 ms.
+// The register accesses of a sketch on the Arduino core from reset on, without the core: clock, watchdog off,
+// SysTick, every pin, analogue parts, USB, Serial by interrupt, Wire by polling; then a sample every 10 ms.
 #include <stddef.h>
 #include <stdint.h>
 

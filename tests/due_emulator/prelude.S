@@ -1,4 +1,4 @@
-// What every small program of these tests begins with: macros, and the first two vectors.
+// The common beginning of all small programs of these tests: macros, and the first two vectors.
 .syntax unified
 .cpu cortex-m3
 .thumb

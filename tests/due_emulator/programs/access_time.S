@@ -1,4 +1,4 @@
-// The time of an access is exact within a slice: 20 instructions, and a read with its 4 cycles of the bridge.
+// The time of an access is exact within a slice: 20 instructions, and a read that takes 4 cycles on the bridge.
 // slots: 0 25
   systick 0xFFFFFF, 5
   ldr r0, =0xE000E018

@@ -1,4 +1,4 @@
-// The stack is aligned for a handler, 4 and 32 bytes below, and comes back as it was.
+// The stack is aligned for a handler, 4 and 32 bytes lower, and then restored.
 // handlers: 47 handler
 // slots: 0 0x20087ffc, 1 0x20087ffc, 2 0x20087fd8
   store 0xE000E100, 0x80000000

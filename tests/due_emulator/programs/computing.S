@@ -1,5 +1,5 @@
 // An interrupt comes at its instruction, though the program only computes.
-// SysTick says how long ago it was 0, in a handler that reads it first: one cycle, in the worst of all cases.
+// The handler reads SysTick first, which shows the delay since SysTick was 0: at most one cycle.
 // handlers: 15 late
 // slots: 0 1
   movs r1, #0

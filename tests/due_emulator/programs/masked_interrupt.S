@@ -1,4 +1,4 @@
-// A masked interrupt waits, and a window of two instructions lets it in.
+// A masked interrupt waits, and is taken in a window of two unmasked instructions.
 // handlers: 47 handler
 // slots: 1 0, 2 9
   movs r2, #0

@@ -1,4 +1,4 @@
-// A nested interrupt comes through and returns with all registers.
+// A nested interrupt is taken and returns with all registers restored.
 // Software interrupts 30 (priority 0x80) and 31 (0x40): 31 interrupts the handler of 30.
 // handlers: 46 low, 47 high
 // slots: 0 0x12345678, 1 0x9abcdef0, 2 0x12345678, 3 77, 4 77

@@ -1,4 +1,4 @@
-// IPSR and the registers of the NVIC say what is going on.
+// IPSR and the registers of the NVIC show which interrupts are pending and active.
 // handlers: 47 handler
 // slots: 0 0x80000000, 1 47, 2 0x80000000, 3 0, 4 0x80000000, 5 0
   store 0xE000E100, 0x80000000

@@ -1,4 +1,4 @@
-// Code in RAM that computing code rewrites runs as it was written.
+// If a computing program rewrites code in RAM, the new code runs.
 // slots: 1 2
   ldr r2, =0x20071000
   ldr r3, =0x47702001
