@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Known vulnerabilities of what is pinned, by pip-audit: exit code 1 if there is one. Where its data cannot be had, as
-# without a network or behind a mirror that has none, it says so and ends with 0.
+# Look up the known vulnerabilities of the pinned packages with pip-audit. Exit code 1: at least one was
+# found. Without its data (no network, or a mirror that has none) the script says so and ends with 0.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 say() { printf 'audit: %s\n' "$*"; }

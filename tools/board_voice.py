@@ -1,8 +1,8 @@
-"""What all made-up boards have in common: a HELLO, and how their frames are numbered.
+"""Share what all made-up boards have in common: a HELLO, and the numbering of their frames.
 
-The boards differ in when they speak and what they remember: `standin` serves a port at its own pace,
-`faults.pty_board` remembers every bit that it put on the line, `tests/rig/estimating_board` needs no line,
-`bench.feeder` speaks for hundreds.
+The boards differ in when they speak and what they remember. `standin` serves a port in real time.
+`faults.pty_board` remembers every byte that it sent. `tests/rig/estimating_board` needs no port.
+`bench.feeder` speaks for hundreds of boards.
 """
 
 from fltea.records.events import SEQUENCE_WRAP, TIME_WRAP_US
@@ -26,26 +26,30 @@ HELLO = wire.Hello(
     gyro_dlpf=184,
     sampling_mode=wire.SamplingMode.TIMER,
 )
-"""An MPU-9250 at 100 Hz and ±2000 deg/s; boards replace what is their own."""
+"""HELLO of an MPU-9250 at 100 Hz and ±2000 deg/s. Each board replaces the fields that differ."""
 
 
 class Voice:
-    """Numbers the messages of a board, each type by itself, and makes frames of them."""
+    """Numbers the messages of a board, each message type separately, and encodes them as frames."""
 
     def __init__(self) -> None:
         self._next = dict.fromkeys(wire.MESSAGES, 0)
 
     def number(self, message: wire.Message) -> int:
-        """The number of the next message of this type, modulo 2**16."""
+        """Return the sequence number of the next message of this type, modulo 2**16, and count it as used."""
         sequence = self._next[message.TYPE]
         self._next[message.TYPE] = (sequence + 1) % SEQUENCE_WRAP
         return sequence
 
     def next_sample(self) -> int:
-        """The number that the next SAMPLE will have."""
+        """Return the sequence number that the next SAMPLE will have."""
         return self._next[wire.Sample.TYPE]
 
     def says(self, message: wire.Message, device_us: int, sequence: int | None = None) -> bytes:
-        """The message as a frame. sequence: in place of the next number of its type. Both may still wrap."""
+        """Return `message` as a frame.
+
+        `sequence`: used instead of the next number of this type. `sequence` and `device_us` are reduced to
+        their width on the wire.
+        """
         number = self.number(message) if sequence is None else sequence % SEQUENCE_WRAP
         return encode(message, number, device_us % TIME_WRAP_US)

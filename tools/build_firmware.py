@@ -1,12 +1,13 @@
 """Builds the bare-metal images for the Due with Debian's gcc-arm-none-eabi.
 
-Writes firmware/due/image/fltea_due.bin and fltea_due.json (committed: timer mode) and, to build/firmware/,
-both modes with JSON, ELF, map and stack use. Run `tools/generated.py build_id` first: the id is in the image.
+Writes firmware/due/image/fltea_due.bin and fltea_due.json, which are committed (timer mode). Also writes both
+modes with JSON, ELF, map and stack use to build/firmware/. Run `tools/generated.py build_id` first: the image
+holds the id.
 
 `--to FILE.bin --mode data_ready --define FLTEA_RATE_HZ=500` writes one image with other settings instead.
-`--check` writes nothing to the repository: it builds again and compares. Exit codes: 0 the committed image is
-what the sources give; 1 it is not; 2 the build failed; 3 no compiler; 4 a compiler of another version than
-the image's.
+`--check` writes nothing to the repository: it builds again and compares. Exit codes: 0: the sources give the
+committed image. 1: they give another image. 2: the build failed. 3: there is no compiler. 4: the compiler's
+version is not the one that built the image.
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ FLAGS = [
     *("-mcpu=cortex-m3", "-mthumb", "-std=gnu++11", "-Os", "-g", "-ffreestanding"),
     *("-fno-exceptions", "-fno-rtti", "-fno-threadsafe-statics", "-fno-unwind-tables"),
     *("-fno-asynchronous-unwind-tables", "-ffunction-sections", "-fdata-sections", "-fstack-usage"),
-    # memcpy and memset of runtime.cpp are loops: they must not be recognised as what they implement.
+    # memcpy and memset in runtime.cpp are loops. The compiler must not replace these loops with calls of
+    # memcpy and memset, which would call themselves.
     "-fno-tree-loop-distribute-patterns",
     *("-Wall", "-Wextra", "-Wconversion", "-Wpedantic", "-Werror"),
 ]
@@ -43,12 +45,12 @@ OK, DIFFERS, FAILED, NO_COMPILER, OTHER_COMPILER = range(5)
 
 
 class BuildError(Exception):
-    """Compiler or linker failed; the text is theirs."""
+    """Raised when the compiler or linker fails; holds its output."""
 
 
 @dataclass(frozen=True)
 class Image:
-    """A built image. ram_bytes: the reserved stack is part of it."""
+    """A built image. `ram_bytes` includes the reserved stack."""
 
     mode: str
     data: bytes
@@ -56,19 +58,19 @@ class Image:
 
 
 def compiler() -> str | None:
-    """Return name and version of the compiler as it states them; None if there is none."""
+    """Return the compiler's name and version as it prints them; None if there is no compiler."""
     if not shutil.which(f"{PREFIX}g++"):
         return None
     return _run([f"{PREFIX}g++", "--version"], Path.cwd()).splitlines()[0]
 
 
 def build(root: Path, mode: str, folder: Path, defines: Sequence[str] = ()) -> Image:
-    """Build one image, with all that arises on the way in `folder`. Raises BuildError.
+    """Build one image, with all intermediate files in `folder`. Raises BuildError.
 
-    defines: of firmware/core/settings.h, such as FLTEA_RATE_HZ=200.
+    `defines`: macros of firmware/core/settings.h, such as FLTEA_RATE_HZ=200.
 
-    The compiler is called from within firmware/ and sees relative paths only, so that the bytes do not depend
-    on where the repository is.
+    The compiler runs inside firmware/ and sees relative paths only, so that the bytes do not depend on where
+    the repository is.
     """
     firmware = root / "firmware"
     folder.mkdir(parents=True, exist_ok=True)
@@ -94,12 +96,12 @@ def build(root: Path, mode: str, folder: Path, defines: Sequence[str] = ()) -> I
 
 
 def record(root: Path, image: Image, made_by: str) -> str:
-    """Return what fltea_due.json says about an image."""
+    """Return the contents of fltea_due.json for an image."""
     return json.dumps(describe(root, image, made_by), indent=2) + "\n"
 
 
 def describe(root: Path, image: Image, made_by: str) -> dict[str, str | int]:
-    """Return the facts of fltea_due.json."""
+    """Return the fields of fltea_due.json."""
     return {
         "version": version(root),
         "build_id": build_id(root),
@@ -112,7 +114,7 @@ def describe(root: Path, image: Image, made_by: str) -> dict[str, str | int]:
 
 
 def check(root: Path, build_folder: Path) -> int:
-    """Compare the committed image with the sources; says what differs and returns the exit code."""
+    """Compare the committed image with the sources; print what differs and return the exit code."""
     if not (root / IMAGE).exists() or not (root / RECORD).exists():
         return _say(DIFFERS, f"{IMAGE} or {RECORD} is missing: run `make firmware`")
     committed = (root / IMAGE).read_bytes()
@@ -160,7 +162,7 @@ def _run(command: list[str], folder: Path) -> str:
 
 
 def main() -> int:
-    """Run the command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="compare with the committed image")
     parser.add_argument(
@@ -170,11 +172,17 @@ def main() -> int:
         "--to",
         type=Path,
         metavar="FILE.bin",
-        help="write one image with other settings there, and its facts beside it (FILE.json)",
+        help="write one image with other settings there, and its facts next to it (FILE.json)",
     )
-    parser.add_argument("--mode", choices=MODES, default=COMMITTED_MODE, help="of --to")
     parser.add_argument(
-        "--define", action="append", default=[], metavar="NAME=VALUE", help="of --to, e.g. FLTEA_RATE_HZ=200"
+        "--mode", choices=MODES, default=COMMITTED_MODE, help="sampling mode of the image that --to writes"
+    )
+    parser.add_argument(
+        "--define",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="with --to: e.g. FLTEA_RATE_HZ=200",
     )
     arguments = parser.parse_args()
     root: Path = arguments.root

@@ -1,7 +1,7 @@
-"""Writes firmware/core/build_id.h: the project's version, and an id of the firmware's sources.
+"""Writes firmware/core/build_id.h: the project's version and an id of the firmware's sources.
 
-The id is the beginning of a SHA-256 over names and contents of all sources under firmware/, so that HELLO
-tells which sources an image was made from, whoever built it.
+The id is the beginning of a SHA-256 over the names and contents of all sources under firmware/. HELLO carries
+the id, so that the host knows which sources an image was made from, whoever built it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def version(root: Path) -> str:
 
 
 def build_id(root: Path) -> str:
-    """Return eight hexadecimal digits that differ whenever a source of the firmware does."""
+    """Return eight hexadecimal digits that change whenever a source of the firmware changes."""
     digest = hashlib.sha256()
     for path in sources(root):
         data = path.read_bytes()
@@ -45,7 +45,7 @@ def build_id(root: Path) -> str:
 
 
 def sources(root: Path) -> list[Path]:
-    """Return every source of the firmware but the one that holds the id, in a fixed order."""
+    """Return every source of the firmware except the header that holds the id, in a fixed order."""
     return sorted(
         path
         for path in (root / "firmware").rglob("*")
@@ -58,5 +58,5 @@ def sources(root: Path) -> list[Path]:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header."""
+    """Return the header's path and text."""
     return {HEADER: TEXT.format(version=version(root), build_id=build_id(root))}

@@ -1,7 +1,7 @@
 """Runs mypy over the program, `tools` and `tests`, each module under the name by which it is imported.
 
-What lies in `tools` and `tests/rig` itself is imported without its folder, all else with it; mypy, given the
-files, would take both names for two modules.
+Modules directly in `tools` or `tests/rig` are imported without the folder's name, all other modules with it.
+If mypy were given file names, it would take the two names for two modules.
 
 Usage: check_types.py [arguments for mypy]
 """
@@ -25,11 +25,11 @@ BY_PACKAGE = (
     "tools.nats_users",
     "tools.pty_port",
 )
-"""Modules of `tools` that are imported with its name, since they need its packages."""
+"""Modules of `tools` that are imported as `tools.NAME`, because they import packages inside `tools`."""
 
 
 def names() -> list[str]:
-    """Return the arguments that name everything."""
+    """Return mypy's arguments that name every package and module."""
     packages = ["fltea", *(f"tools.{name}" for name in _folders("tools"))]
     packages += [f"tests.{name}" for name in _folders("tests") if name != "rig"]
     flat = {file.stem for folder in FLAT for file in (ROOT / folder).glob("*.py")}
@@ -45,12 +45,12 @@ def _folders(folder: str) -> list[str]:
 
 
 def path() -> str:
-    """Return where mypy finds the modules, as its variable MYPYPATH."""
+    """Return the search path of the modules, for mypy's environment variable MYPYPATH."""
     return os.pathsep.join(str(ROOT / folder) for folder in PATH)
 
 
 def main() -> int:
-    """Run mypy; returns its exit code."""
+    """Run mypy and return its exit code."""
     environment = {**os.environ, "MYPYPATH": path()}
     command = [sys.executable, "-m", "mypy", *sys.argv[1:], *names()]
     return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode

@@ -1,11 +1,11 @@
-"""`make run`: the emulated Due with its real firmware, `fltea run` and its live page; Ctrl-C ends both.
+"""`make run`: start the emulated Due with its real firmware and `fltea run` with its live page.
 
-The sensor's noise is one whose order is known after a minute; what it is stands in the first line, and in the
-device's name. Not on a terminal, and with no --format in ARGS, one line a second comes out instead of every
-record.
+Ctrl-C ends both. The noise of the sensor is such that its order is known after a minute. Its true parameters
+are printed first, and stand in the device's name. If standard output is no terminal and ARGS has no --format,
+one line a second is printed instead of every record.
 
 On a terminal this program takes the foreground, so that Ctrl-C reaches the daemon and not make, which would
-turn it into a failure.
+report a failure.
 """
 
 import contextlib
@@ -30,13 +30,14 @@ ROOT = Path(__file__).resolve().parents[1]
 ALPHA, F = 0.8, -1.0
 S2_OVER_R = 3.0
 R = 0.02
-"""(deg/s)²: white noise of 2.3 LSB, as that of the paper's MPU-9250; the sensor's rounding adds 1.5 %."""
+"""Variance of the white noise [(deg/s)²]: 2.3 LSB rms, as in the paper's MPU-9250; rounding adds 1.5 %."""
 RATE_HZ = 100.0
 NOISE = f"alpha={ALPHA:g}&f={F:g}&Q={noise_variance(ALPHA, S2_OVER_R * R, 1 / RATE_HZ):.6g}&R={R:g}"
 DEVICE = f"due-alpha_{ALPHA:g}-f_{F:g}"
-"""Name of the port, and so of the device."""
+"""Name of the port, which is also the device's name."""
 KNOWN = ((30, 0.08, 0.8), (60, 0.06, 0.6), (600, 0.02, 0.2))
-"""After so many seconds α and f can be known to ± so much (95 %): tools/validation/evaluate/cramer_rao.py."""
+"""Best possible 95 % uncertainties: (seconds, ± of α, ± of f), from tools/validation/evaluate/cramer_rao.py.
+"""
 TRUTH = (
     f"make run: the truth: this sensor's noise has α = {ALPHA:g} and f = {F:g} s^-α, in white noise (s2/R = "
     f"{S2_OVER_R:g}, R = {R:g} (deg/s)²). It cannot be known exactly from a short record: at best "
@@ -45,7 +46,7 @@ TRUTH = (
 )
 
 SLOW = "real time"
-"""Stands in the emulator's warning that it does not keep up, and in no other."""
+"""Words that only the emulator's warning about falling behind real time contains."""
 MEANING = (
     "make run: what the figures then mean: the board's clock looks slow to this computer, and fewer samples "
     "come per second; α, f and noise per sample are unaffected, because the board samples by its own clock."
@@ -57,7 +58,7 @@ STATE = ROOT / "build/demo.state"
 
 @contextlib.contextmanager
 def foreground() -> Iterator[None]:
-    """Own the terminal for a while, if there is one and it is ours to take."""
+    """Put this process into the terminal's foreground, if there is a terminal that it may take."""
     try:
         terminal = os.open("/dev/tty", os.O_RDWR)
     except OSError:
@@ -79,7 +80,7 @@ def foreground() -> Iterator[None]:
 
 
 def stop(process: subprocess.Popen[str]) -> str:
-    """Ask a process to end, and insist if it does not; returns the rest of what it said."""
+    """Ask a process to end and kill it if it does not; return the rest of its standard output."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
     try:
@@ -87,14 +88,15 @@ def stop(process: subprocess.Popen[str]) -> str:
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()
-    # Its last words are a few lines: they wait in the pipe. Standard error has a reader of its own.
+    # The last output is a few lines long: it waits in the pipe. Another thread reads standard error.
     return "" if process.stdout is None or process.stdout.closed else process.stdout.read()
 
 
 def page(arguments: list[str]) -> list[str]:
-    """The flag for the live page, unless one was given; its usual port, or any if that is taken.
+    """Return the flags for the live page; none if `arguments` has them.
 
-    On the usual port the estimators are kept, too, so that the next run goes on with what this one knew.
+    The page is on the usual port, or on any port if the usual one is in use. On the usual port the
+    daemon also keeps its estimators' state, so that the next run resumes from this one.
     """
     if any(argument.startswith("--dashboard") for argument in arguments):
         return []
@@ -110,22 +112,25 @@ def page(arguments: list[str]) -> list[str]:
 
 
 def output(arguments: list[str]) -> list[str]:
-    """The flag for lines that are made short here; none on a terminal, or if a format was asked for."""
+    """Return the flag for NDJSON, to be summarised here; none on a terminal or if a format was asked for."""
     asked = any(argument.startswith("--format") for argument in arguments)
     return [] if asked or sys.stdout.isatty() else ["--format", "ndjson"]
 
 
 class Summary:
-    """Takes the records of one run; gives a line for each `stats` record, which comes once a second."""
+    """Turns the records of one run into a line of text for each `stats` record, which comes once a second."""
 
     def __init__(self) -> None:
         self._axes: dict[str, dict[str, Any]] = {}
-        """By device: axes of the last estimate of the present epoch."""
+        """By device: the axes of the last estimate in the current epoch."""
         self._errors: dict[str, int] = {}
-        """By device: errors since its last line."""
+        """By device: number of errors since the last line about the device."""
 
     def line(self, text: str) -> str | None:
-        """Take a line of NDJSON; what is to be shown for it, if anything, and what is no record as it is."""
+        """Take a line of NDJSON and return the text to show, or None.
+
+        A line that is no record is returned unchanged.
+        """
         try:
             record = json.loads(text)
             kind, device = record["class"], record["device"]
@@ -155,7 +160,7 @@ class Summary:
 
 
 def _axis(axis: dict[str, Any]) -> str:
-    """The verdict, α and f with their intervals where there is an order, and the bias."""
+    """Return the verdict, α and f with their intervals if there is an order, and the bias."""
     verdict = axis["verdict"] or "no stable verdict yet"
     order = [f"{name} {p}" for name in ("alpha", "f") if (p := _interval(axis[name]))]
     words = [verdict, *(text.replace("alpha", "α") for text in order)]
@@ -172,7 +177,7 @@ def _interval(p: dict[str, float | None]) -> str:
 
 
 def show_summary(records: IO[str]) -> None:
-    """Print one line a second of the daemon's NDJSON, to its end or until nobody reads."""
+    """Print one line a second from the daemon's NDJSON, until it ends or nobody reads standard output."""
     summary = Summary()
     for record in records:
         if (line := summary.line(record.rstrip("\n"))) is None:
@@ -180,14 +185,14 @@ def show_summary(records: IO[str]) -> None:
         try:
             print(line, flush=True)
         except BrokenPipeError:
-            # Python would fail once more when it flushes at the end.
+            # Without this Python would raise the error again when it flushes standard output at exit.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             records.close()
             return
 
 
 def pass_on(warnings: Iterable[str]) -> None:
-    """Pass the emulator's warnings on, and say once what being too slow means for the figures."""
+    """Pass on the emulator's warnings; explain once what being too slow means for the figures."""
     explained = False
     for line in warnings:
         print(line, end="", file=sys.stderr, flush=True)
@@ -197,13 +202,13 @@ def pass_on(warnings: Iterable[str]) -> None:
 
 
 def run_daemon(port: Path, arguments: list[str]) -> int:
-    """Run `fltea run` on the port to its end; returns its exit code."""
+    """Run `fltea run` on the port until it ends, and return its exit code."""
     short = output(arguments)
     command = ["run", "--source", f"serial:{port}", *page(arguments), *short, *arguments]
     daemon = subprocess.Popen(
         [sys.executable, "-m", "fltea", *command], text=True, stdout=subprocess.PIPE if short else None
     )
-    # Ctrl-C reaches the daemon by itself; what is sent to this program alone is passed on.
+    # The terminal sends Ctrl-C to the daemon directly. Signals sent to this program alone are passed on.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: daemon.send_signal(signal.SIGTERM))
     try:
@@ -215,13 +220,14 @@ def run_daemon(port: Path, arguments: list[str]) -> int:
 
 
 def main() -> int:
-    """Run both until the daemon ends; its exit code is ours."""
+    """Run the board and the daemon until the daemon ends; return the daemon's exit code."""
     arguments = shlex.split(os.environ.get("ARGS", "")) + sys.argv[1:]
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda *_: None)
     with foreground(), tempfile.TemporaryDirectory() as folder:
         port = Path(folder) / DEVICE
-        # Out of reach of Ctrl-C: a board that vanished before the daemon ends would be reported as unplugged.
+        # The board is in a process group of its own, out of reach of Ctrl-C: if it vanished before the daemon
+        # ended, the daemon would report it as unplugged.
         board = subprocess.Popen(
             [sys.executable, "-m", "tools.due_emulator", "--pty", "--link", port, "--noise", NOISE],
             cwd=ROOT,
@@ -242,7 +248,7 @@ def main() -> int:
             print(f"Emulated Arduino Due on {announcement}. Ctrl-C ends.\n{TRUTH}", file=sys.stderr)
             return run_daemon(port, arguments)
         finally:
-            # Here it also says whether this machine kept up with it.
+            # The last output also says whether this machine kept up with real time.
             print(f"Emulated Arduino Due: {stop(board)}", end="", file=sys.stderr)
             listener.join(STOP_TIMEOUT_S)
 

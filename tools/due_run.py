@@ -1,8 +1,8 @@
-"""A run of the emulated Due that is known from both ends: what happened, and what the host made of it.
+"""Run the emulated Due with the host's modules, and compare what happened with what the host reports.
 
-The bytes go through the modules of `fltea run` as from a serial port: framing, messages, the serial source,
-continuity, pipeline. The sensor's bus and the board's resets are watched too, so that the host's
-counts can be held against what was really there.
+The bytes pass through the modules of `fltea run` as from a serial port: framing, messages, the serial source,
+continuity, pipeline. The sensor's bus and the board's resets are recorded too, so that the host's counts can
+be checked against what really happened.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,13 +28,13 @@ M = TypeVar("M")
 
 DATA_BYTES = 14
 QUIET_PS = PERIOD_PS * 8 // 10
-"""From this phase of a period on, all that an instant led to has arrived."""
+"""Phase of a sampling period [ps] after which everything that the last instant caused has arrived."""
 NEAR_PS = PS_PER_S // 1000
 NO_ESTIMATES = {"estimator.startup": 1_000_000, "live.on": False}
 
 
 class Arrival(NamedTuple):
-    """A good frame, and when its last byte reached the host."""
+    """A good frame and the virtual time at which its last byte reached the host."""
 
     frame: Frame
     at_ps: int
@@ -46,10 +46,10 @@ class Arrival(NamedTuple):
 
 
 class DueRun(HostView):
-    """A board with its host. `run_until` may be called again and again.
+    """A board connected to its host. `run_until` may be called repeatedly.
 
-    faults: as on the command line of tools.due_emulator. baud: what the host listens at. settings: the
-    host's, by dotted path; without any it makes no estimates.
+    `faults`: as on the command line of tools.due_emulator. `baud`: the host's baud rate. `settings`: the
+    host's settings by dotted path; the default makes no estimates.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class DueRun(HostView):
         schedule_faults(self.board, [parse_fault(text) for text in faults])
 
     def run_until(self, at_s: float) -> "DueRun":
-        """Run, and on to a moment between two instants; `error` says if it ended before."""
+        """Run to `at_s` and on to the quiet time between two instants. `error` says why a run ended early."""
         try:
             self.board.run_until(at_s)
             if (first_ps := self.boots[-1].first_ps) is not None:
@@ -90,15 +90,15 @@ class DueRun(HostView):
         self.stop()
         return self
 
-    # What the host has
+    # What the host received and reported
 
     def messages(self, kind: type[M]) -> list[M]:
-        """Good messages of one kind."""
+        """Return the good messages of one kind."""
         found = (arrival.frame.message for arrival in self.arrivals)
         return [message for message in found if isinstance(message, kind)]
 
     def of(self, kind: type) -> list[Arrival]:
-        """Good frames of one message."""
+        """Return the good frames that carry one kind of message."""
         return [arrival for arrival in self.arrivals if isinstance(arrival.frame.message, kind)]
 
     @property
@@ -108,7 +108,7 @@ class DueRun(HostView):
 
     @property
     def epochs(self) -> list[str]:
-        """Why each epoch began."""
+        """Reason of each epoch's start."""
         return [record.reason for record in self.records if isinstance(record, Epoch)]
 
     @property
@@ -123,7 +123,7 @@ class DueRun(HostView):
 
     @property
     def hellos(self) -> list[Hello]:
-        """HELLOs that the host reported: each new one."""
+        """HELLOs that the host reported: one for each that differs from the last."""
         return [record for record in self.records if isinstance(record, Hello)]
 
     @property
@@ -133,17 +133,20 @@ class DueRun(HostView):
 
     @property
     def stats(self) -> Stats:
-        """The host's own sums."""
+        """The host's own counts."""
         return self._pipeline.stats()
 
-    # Both ends
+    # Comparison of board and host
 
     def unheard(self) -> list[int]:
-        """Of each boot that read the sensor: instants at its end of which the host heard nothing any more."""
+        """Return for each boot that read the sensor, how many last instants the host missed."""
         return [boot.due - (boot.heard[1] + 1 if boot.heard else 0) for boot in self.boots if boot.bursts]
 
     def check(self) -> str | None:
-        """What does not add up; None if each instant is delivered, lost or unheard, and each value true."""
+        """Return the first contradiction between board and host, or None.
+
+        Each instant has to be delivered, lost or unheard, and each value to be what the sensor gave.
+        """
         samples = self.stats.sample_counts
         unheard = self.unheard()
         if self.error:
@@ -159,7 +162,7 @@ class DueRun(HostView):
         return self.check_values()
 
     def check_values(self) -> str | None:
-        """Every sample is, byte for byte, what the sensor gave at that sample's own time; None if so."""
+        """Return the first sample that differs from what the sensor gave at the sample's time, or None."""
         zero_ps, boot_id = 0, None
         bursts = [burst for boot in self.boots for burst in boot.bursts if len(burst.data) >= DATA_BYTES]
         i = 0
@@ -180,21 +183,20 @@ class DueRun(HostView):
                         return f"SAMPLE {frame.sequence} is {sample}, the sensor gave {bursts[i].data.hex()}"
         return None
 
-    # The wires
+    # Callbacks of the emulated wires
 
     def on_data(self, data: bytes) -> None:
-        """Keep the bytes, and let the modules of `fltea run` have them."""
+        """Keep the bytes and pass them to the modules of `fltea run`."""
         super().on_data(data)
         self.wire += data
         self._feed(Chunk(data, self.now_ps // 1000))
 
     def on_frame(self, frame: Frame) -> None:
-        """Keep the frame."""
         super().on_frame(frame)
         self.arrivals.append(Arrival(frame, self.now_ps))
 
     def on_burst(self, burst: Burst) -> None:
-        """Keep what the sensor gives."""
+        """Keep the bytes that the sensor sends."""
         super().on_burst(burst)
         self.boots[-1].bursts.append(burst)
 
@@ -205,7 +207,7 @@ class DueRun(HostView):
 
 
 def chip_bytes(sample: wire.Sample) -> bytes:
-    """A sample as it stands in the sensor's registers 59 to 72."""
+    """Return a sample's bytes as they stand in the sensor's registers 59 to 72."""
     s = sample
     counts = (s.accel_x, s.accel_y, s.accel_z, s.temperature, s.gyro_x, s.gyro_y, s.gyro_z)
     return b"".join(count.to_bytes(2, "big", signed=True) for count in counts)

@@ -1,4 +1,4 @@
-"""A source whose transport events are given to its wire by hand, in whatever time."""
+"""A source for a pipeline whose transport events the caller supplies."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from fltea.sources.wire_events import WireEvents
 
 
 class FedSource:
-    """What a pipeline asks of a source on a port; prompt: see `fltea.records.ports.Source`."""
+    """Provides what a pipeline needs from a port's source. `prompt`: see `fltea.records.ports.Source`."""
 
     live = True
 
@@ -17,16 +17,15 @@ class FedSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Return that of the wire."""
         return self.wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Return none: they come from `wire`."""
+        """Return no events: the caller feeds `wire`."""
         return iter(())
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived."""
+        """Return the counts of bytes and frames that arrived."""
         return self.wire.link_stats()
 
     def close(self) -> None:
-        """Release nothing."""
+        """Do nothing: there is no port to close."""

@@ -1,6 +1,6 @@
-"""Checks the form of `findings/` (its README.md says it), not what the scripts find: part of `make lint`.
+"""Checks that the scripts in `findings/` have the form that its README.md describes: part of `make lint`.
 
-Usage: findings_form.py [FOLDER]
+It does not check what the scripts find. Usage: findings_form.py [FOLDER]
 """
 
 import re
@@ -9,9 +9,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("library", "expected", "seen", "matters", "fltea")
-"""Of a script's head, in this order."""
+"""Names of the parts in a script's head, in this order."""
 SHORTEST_PART = 40
-"""Characters; a part is at least a sentence. That of the library names packages alone."""
+"""Smallest number of characters of a part, which is at least a sentence. The part `library` may be shorter.
+"""
 OWN = re.compile(r"import fltea|from fltea|-m fltea|/fltea\b|pip\S* install.*fltea")
 INSTALLS = re.compile(r"^\S*pip\S*\" install (.*)$", re.MULTILINE)
 PINNED = re.compile(r"[A-Za-z0-9._-]+==[0-9][A-Za-z0-9.]*")
@@ -21,7 +22,7 @@ NEEDED = {
     "trap 'rm -rf \"$folder\"' EXIT": "removes the folder by a trap",
     "-m venv": "makes a virtual environment there",
 }
-"""What each script has to hold, and why."""
+"""Text that each script must contain, and what the text does."""
 SOURCE = re.compile(r"https?://|section \d|register ", re.IGNORECASE)
 
 
@@ -41,7 +42,7 @@ def head_of(text: str) -> dict[str, str]:
 
 
 def faults_of(script: Path) -> list[str]:
-    """Return what is wrong with the form of a script."""
+    """Return the faults in the form of a script."""
     text = script.read_text(encoding="utf-8")
     head = head_of(text)
     body = "\n".join(line for line in text.splitlines() if not line.startswith("#"))
@@ -68,7 +69,7 @@ def faults_of(script: Path) -> list[str]:
 
 
 def faults(folder: Path) -> list[str]:
-    """Return what is wrong in a folder of findings: scripts and their table, a line each."""
+    """Return the faults in a folder of findings, in its scripts and in its table, one text each."""
     scripts = sorted(folder.glob("*.sh"))
     found = [f"{script.name}: {fault}" for script in scripts for fault in faults_of(script)]
     rows = re.findall(
@@ -84,7 +85,7 @@ def faults(folder: Path) -> list[str]:
 
 
 def main() -> None:
-    """Print what is wrong, and exit with 1 if anything is."""
+    """Print the faults; exit with 1 if there are any."""
     found = faults(Path(sys.argv[1]) if sys.argv[1:] else ROOT / "findings")
     for fault in found:
         print(f"findings/{fault}", file=sys.stderr)

@@ -1,9 +1,8 @@
-"""Noises of made-up sensors, and real fits for as many of them as one likes.
+"""Simulates noises of sensors, and fits any number of sensors with the daemon's own live estimator.
 
-A few records are simulated and fitted by the daemon's own live estimator, then scaled.
-
-Noise that is so many times as strong has the same fit with N, B, K and densities times that, and R times its
-square. So sensors that differ by a factor of their own share some thirty fits by the daemon's estimator.
+A few records are simulated and fitted; the other fits are scaled from these. Noise that is `factor` times as
+strong has the same fit with N, B, K and the densities multiplied by `factor`, and R by its square. So sensors
+whose noise differs by a factor share about thirty fits.
 """
 
 import math
@@ -27,10 +26,11 @@ RATE_HZ = 100.0
 
 
 class Noise(NamedTuple):
-    """N, B and K as in IEEE Std 952, in deg/s; to these may come a fractional state or a resonance.
+    """Noise of a gyroscope axis.
 
-    fractional: α, f in s^-α, and the variance of its steps. resonance: its frequency in Hz, the radius of
-    its poles, and the variance of its steps. low_pass_hz: corner of two poles that all of it goes through.
+    `N`, `B`, `K`: as in IEEE Std 952, in deg/s. `fractional`: α, f [s^-α] and the variance of the steps of a
+    fractional state. `resonance`: its frequency [Hz], the radius of its poles and the variance of its steps.
+    `low_pass_hz`: corner frequency of a two-pole low-pass through which all the noise passes.
     """
 
     N: float = 0.005
@@ -41,7 +41,7 @@ class Noise(NamedTuple):
     low_pass_hz: float | None = None
 
     def spectrum(self, hz: Array, rate_hz: float) -> Array:
-        """At frequencies > 0, so normalised that white noise of variance R has R."""
+        """Return the spectral density at `hz` > 0, normalised: white noise of variance R has density R."""
         h, turn = 1 / rate_hz, 2 * np.pi * hz
         found = (self.N**2 + self.B**2 / turn + (self.K / turn) ** 2) / h
         if self.fractional is not None:
@@ -57,7 +57,10 @@ class Noise(NamedTuple):
         return np.asarray(found)
 
     def draw(self, samples: int, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Array:
-        """A record (samples,): half a period of periodic noise, so that its ends do not know each other."""
+        """Return a record (samples,).
+
+        The record is half a period of periodic noise, so that its two ends are not correlated.
+        """
         whole = np.fft.rfft(rng.standard_normal(2 * samples))
         hz = np.asarray(np.fft.rfftfreq(2 * samples, 1 / rate_hz), dtype=np.float64)
         whole[0] = 0.0
@@ -76,7 +79,7 @@ NOISES = {
 
 
 def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator[AxisFit]:
-    """What a daemon says of an axis, with curves, after so many samples of its record, rising."""
+    """Yield the daemon's fit of an axis, with curves, after each number of samples in `at` (rising)."""
     live = LiveAxes(("gyro_x",), 1 / rate_hz, LiveConfig(), GYRO_UNIT)
     taken = 0
     for samples in at:
@@ -87,16 +90,16 @@ def fits(record: Array, at: Iterable[int], rate_hz: float = RATE_HZ) -> Iterator
 
 SAMPLES = 1 << 17
 LONG = 1 << 19
-"""So many tell α to ± 0.05."""
+"""Number of samples that determine α to ± 0.05."""
 USUAL = Noise(B=0.003, K=0.0015)
-"""Of most axes: all of N, B and K show."""
+"""Noise of most axes: N, B and K can all be estimated."""
 USUAL_FITS, RELAXING_FITS, OTHER_FITS = 12, 4, 2
 OTHERS = 0.3
-"""Share of axes with another noise."""
+"""Share of axes that have one of the other noises."""
 
 
 class Changed(NamedTuple):
-    """A usual noise with `times` as much of `figure`: N, B or K."""
+    """A usual noise in which `figure` (N, B or K) is multiplied by `times`."""
 
     figure: str
     times: float
@@ -126,19 +129,20 @@ OTHER: dict[str, Draw] = {
     "asleep": lambda _: np.full(SAMPLES, 0.1),
     "just begun": lambda rng: _white(rng, 30),
 }
-"""Other noises of the same sensors, the fractional one twice as often.
+"""Other noises of the same sensors; the fractional one is drawn twice as often.
 
-Their N is about the usual one, so that nobody is unlike the others.
+Their N is about that of the usual noise, so that no sensor is an outlier in N.
 """
 
 RELAXING = "relaxing"
-"""The noise of the second chip, whose figures are its own."""
+"""Name of the second chip's noise, whose parameters differ from the first chip's."""
 
 
 def axis_fit(rng: np.random.Generator, factor: float, *, second: bool, changed: Changed | None) -> AxisFit:
-    """The fit of an axis with `factor` times as much noise as usual; which noise, `rng` draws.
+    """Return the fit of an axis whose noise is `factor` times the usual; `rng` draws the kind of noise.
 
-    second: of the second chip. changed: an axis of usual noise but for this.
+    `second`: the axis belongs to the second chip. `changed`: give the axis the usual noise with this one
+    change.
     """
     if changed is not None:
         return scaled(_fit("usual", 0, changed), factor)
@@ -165,7 +169,7 @@ def _fit(kind: str, number: int, changed: Changed | None) -> AxisFit:
 
 
 def scaled(fit: AxisFit, factor: float) -> AxisFit:
-    """The fit of the same samples, each times `factor`."""
+    """Return the fit that the same samples multiplied by `factor` would have."""
     allan, spectrum = fit.allan, fit.spectrum
     if allan is not None:
         adev, low, high, model = (

@@ -1,11 +1,11 @@
 """A made-up fleet on a broker: `python -m tools.fleet_load --sensors 200 --bad 3`.
 
-It publishes what as many daemons would: `hello`, `status`, `fit` with its curves and `stats` of sensors with
-three axes, of two chips. The fits are real: the daemon's own estimator makes some of simulated noise of
-several kinds, and each axis has one of these times a factor of its own (`fleet_fits`). So verdicts, curves
-and intervals are such as a daemon sends. Some sensors are bad: one figure of theirs is far from the others',
-and it prints whose. It speaks to this machine only, and ends by itself; then it prints how many messages the
-broker has acknowledged, as one line of JSON.
+It publishes what the daemons of that many sensors would: `hello`, `status`, `fit` with its curves, and
+`stats`. The sensors have three axes and one of two chips. The fits are real: the daemon's own estimator fits
+some simulated noises of several kinds, and each axis has one of these fits, scaled by a random factor
+(`fleet_fits`). Some sensors are bad: one of their figures is far from the other sensors', and their names are
+printed. The program connects to this machine only, and ends automatically. At the end it prints, as one line
+of JSON, how many messages the broker acknowledged.
 """
 
 import argparse
@@ -26,17 +26,17 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from tools.fleet_fits import RATE_HZ, Changed, axis_fit
 
 SPREAD = 0.08
-"""By how much sensors of a kind differ, as a ratio less one."""
+"""Standard deviation of the logarithm of a sensor's noise: 0.08 is about 8 %."""
 CHIPS = ("MPU-9250", "LSM6DSO")
 SECOND = 5
-"""One sensor in so many is of the second chip."""
+"""One sensor in this many has the second chip."""
 SEQ = 123_456_789
-"""Stands for the number of the sample, and of all samples, in a fit that is made once and sent often."""
+"""Placeholder for sample numbers in a fit that is encoded once; each message replaces it."""
 MOST_IN_FLIGHT = 5_000
 
 
 class Bad(NamedTuple):
-    """Sensor `place` has `times` as much of a figure on one axis."""
+    """Sensor number `place` has, on one axis, `times` the usual value of a figure."""
 
     place: int
     axis: str
@@ -48,7 +48,7 @@ BAD = ((3, "gyro_y", "N", 2.5), (31, "gyro_x", "B", 5.0), (57, "gyro_z", "K", 4.
 
 
 def bad_ones(sensors: int, count: int) -> list[Bad]:
-    """Which sensors are bad: spread over the fleet, each in another way."""
+    """Choose which sensors are bad: spread over the fleet, cycling through the kinds of fault in BAD."""
     found = []
     for number in range(count):
         place, axis, figure, times = BAD[number % len(BAD)]
@@ -61,7 +61,7 @@ def _is_of_second_chip(place: int, bad: list[Bad]) -> bool:
 
 
 class Sensor(NamedTuple):
-    """What one sensor publishes: retained once, and again and again."""
+    """The encoded messages of one sensor: `hello` is sent once, the others repeatedly."""
 
     device_id: str
     hello: bytes
@@ -71,7 +71,7 @@ class Sensor(NamedTuple):
 
 
 def sensor(place: int, bad: list[Bad]) -> Sensor:
-    """One sensor; the same for the same number."""
+    """Return the sensor with number `place`; the same number gives the same sensor."""
     rng = np.random.default_rng((18, place))
     encode, device_id = msgspec.json.encode, f"{place:032x}"
     axes, second = {}, _is_of_second_chip(place, bad)
@@ -95,13 +95,13 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
 
 
 def _axis_stats(rng: np.random.Generator) -> AxisStats:
-    """Offsets differ from sensor to sensor, by far more than they are known to."""
+    """Return statistics with a random bias; biases differ between sensors by far more than their errors."""
     tracker = TrackerStats("white", 1.0, 0.0, True, 0, 0, bias=float(rng.normal(0, 0.5)), bias_std=0.003)
     return AxisStats(None, None, 0, {}, tracker=tracker)
 
 
 class Publisher:
-    """One connection for all. published, acknowledged: messages of QoS 1."""
+    """One MQTT connection for all sensors. `published` and `acknowledged` count messages of QoS 1."""
 
     def __init__(self, host: str, port: int, prefix: str) -> None:
         self._prefix = prefix
@@ -113,14 +113,14 @@ class Publisher:
         client.loop_start()
 
     def send(self, device_id: str, kind: str, payload: bytes, *, retain: bool = True) -> None:
-        """Publish; waits while too many are under way."""
+        """Publish a message; wait while MOST_IN_FLIGHT messages are not acknowledged."""
         while self.published - self.acknowledged >= MOST_IN_FLIGHT:
             time.sleep(0.002)
         self._client.publish(f"{self._prefix}/{device_id}/{kind}", payload, qos=1, retain=retain)
         self.published += 1
 
     def close(self) -> None:
-        """Wait for the last acknowledgements."""
+        """Wait for the last acknowledgements, at most 30 s, and disconnect."""
         end = time.monotonic() + 30
         while self.acknowledged < self.published and time.monotonic() < end:
             time.sleep(0.01)
@@ -132,14 +132,14 @@ class Publisher:
 
 
 def due(count: int, every_s: float, rounds: int) -> Iterator[tuple[float, int, int]]:
-    """When which sensor publishes its fit number `turn`: spread evenly over the period."""
+    """Yield (time [s], sensor, turn) of each fit; sensors are spread evenly over the period `every_s`."""
     for turn in range(rounds):
         for place in range(count):
             yield (turn + place / count) * every_s, place, turn
 
 
 def main() -> int:
-    """Run it."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--host", default="127.0.0.1", help="the broker, on this machine")
     parser.add_argument("--port", type=int, default=1883)

@@ -1,9 +1,10 @@
-"""Many sensors at once for `fltea run -s mqtt:…`: `python -m tools.frames_load --broker mqtt://127.0.0.1`.
+"""Publishes frames of many sensors to a broker, for `fltea run -s mqtt:…`.
 
-Each publishes a second of white noise a message on `fltea/NAME/frames`, spread evenly over the second. It is
-bounded in time, devices and rate, and for this machine's own broker only. It prints one JSON object: what was
-published. `--made-up N`: N messages a second more, each under a name of its own. `--flood N`: N a second more
-of one device. `--mqtt-311`: in that version, which is what NATS speaks.
+Run `python -m tools.frames_load --broker mqtt://127.0.0.1`. Each sensor publishes a second of white noise per
+message on `fltea/NAME/frames`, spread evenly over the second. Duration, devices and rate are limited, and
+only this machine's own broker is accepted. One JSON object is printed: what was published. `--made-up N`: N
+more messages a second, each under a name of its own. `--flood N`: N more messages a second from one device.
+`--mqtt-311`: MQTT 3.1.1, which NATS speaks.
 """
 
 import argparse
@@ -24,11 +25,11 @@ from tools.board_voice import HELLO
 RATE_HZ = 100
 LONGEST_S, MOST_DEVICES, MOST_A_SECOND = 600, 10_000, 20_000
 VOICES = 8
-"""Different noises; devices of the same one differ in their HELLO."""
+"""Number of different noises. Devices with the same noise differ in their HELLO."""
 
 
 class Sensors:
-    """The messages of many sensors, one a second each."""
+    """The messages of many sensors, one a second from each."""
 
     def __init__(self, devices: int, seed: int = 1) -> None:
         self.names = [f"s{k:05d}" for k in range(devices)]
@@ -37,7 +38,7 @@ class Sensors:
         self._samples: list[bytes] = []
 
     def message(self, k: int, second: int) -> bytes:
-        """A second of sensor `k`: HELLO, and its samples."""
+        """Return a second of sensor `k`: HELLO and its samples."""
         if second != self._second:
             self._second = second
             self._samples = [_samples(rng.normal(0, 3, (RATE_HZ, 3)), second) for rng in self._rngs]
@@ -51,7 +52,7 @@ def _samples(noise: "np.ndarray[Any, Any]", second: int) -> bytes:
 
 
 def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Namespace) -> dict[str, Any]:
-    """Publish in time for so many seconds; what was published, and how late the last message was."""
+    """Publish in real time for the given time; return the counts and how late the last message was."""
     client = Client(CallbackAPIVersion.VERSION2, "", protocol=version)
     client.max_inflight_messages_set(0)
     client.connect(host, port)
@@ -90,9 +91,9 @@ def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Name
 
 
 def main() -> None:
-    """Read the arguments, refuse what is unbounded, and run."""
+    """Read the arguments, refuse values without limits, and publish."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--broker", default="mqtt://127.0.0.1:1883", help="of this machine only")
+    parser.add_argument("--broker", default="mqtt://127.0.0.1:1883", help="a broker on this machine")
     parser.add_argument("--devices", type=int, default=200)
     parser.add_argument("--seconds", type=int, default=60)
     parser.add_argument("--made-up", type=int, default=0, help="messages a second under names of their own")

@@ -1,6 +1,7 @@
-"""Works out the modes of the device's memory: writes firmware/core/engine/fixed_nodes.hpp.
+"""Computes the modes of the device's memory: writes firmware/core/engine/fixed_nodes.hpp.
 
-A grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window, as integers (memory_fixed.hpp).
+The modes form a grid as in firmware/core/engine/memory_nodes.hpp, for an unlimited window, as integers
+(memory_fixed.hpp).
 """
 
 import math
@@ -13,11 +14,11 @@ SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.h
 DIGITS = 3
 HEAD = 5
 HORIZON = 100_000
-"""Samples; these three were chosen by measuring (firmware/README.md, "What it costs")."""
+"""Horizon [samples]. It, DIGITS and HEAD were chosen by measuring (firmware/README.md, "What it costs")."""
 
 
 def step_for(error: float) -> float:
-    """The largest step whose trapezoidal rule has an error no larger."""
+    """Return the largest step with which the error of the trapezoidal rule is at most `error`."""
     step = 1.0
     while _alias(step) > error:
         step -= 0.005
@@ -30,7 +31,10 @@ def _alias(step: float) -> float:
 
 
 def top_for(step: float, error: float) -> int:
-    """Place of the fastest node, in steps above 1: the next adds less than a quarter of the error."""
+    """Return the position of the fastest node, in steps above 1.
+
+    The next node would add less than a quarter of the error.
+    """
     n, top = HEAD + 1, 0
     while True:
         p = math.exp((top + 1) * step)
@@ -40,7 +44,7 @@ def top_for(step: float, error: float) -> int:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header."""
+    """Return the header's path and text."""
     error = 10.0**-DIGITS
     step = step_for(error)
     top = top_for(step, error)

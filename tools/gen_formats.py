@@ -1,6 +1,6 @@
-"""Writes the tables of host/docs/guide/files.md: which files are read, and what loggers write.
+"""Writes the tables of host/docs/guide/files.md: the formats that can be read, and those of known loggers.
 
-They come from host/fltea/recording: formats.py, and dialects.toml by dialects.py.
+The tables come from formats.py and dialects.toml (read by dialects.py) in host/fltea/recording.
 """
 
 import re
@@ -17,14 +17,14 @@ MARKED = re.compile(r"(<!-- (\w+): written by make gen -->\n).*?(<!-- end -->\n)
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the page, with its tables between their marks."""
+    """Return the page with its tables between their marks."""
     text = (root / PAGE).read_text(encoding="utf-8")
     tables = {"formats": formats(), "loggers": loggers()}
     return {PAGE: MARKED.sub(lambda found: f"{found[1]}\n{tables[found[2]]}\n{found[3]}", text)}
 
 
 def formats() -> str:
-    """Return the table of files: those that are read, and those that a command turns into one that is."""
+    """Return the table of formats: those that are read, and those that a command converts."""
     read = (
         (f"{one.guide}{_endings(one.suffixes)}", f"`fltea identify {_example(one)}`", code(one.extra))
         for one in FORMATS.values()
@@ -38,7 +38,7 @@ def formats() -> str:
 
 
 def loggers() -> str:
-    """Return the table of dialects."""
+    """Return the table of loggers' dialects."""
     rows = []
     for one in dialects():
         name, options = next(iter(one.corpus.items()))
@@ -48,7 +48,7 @@ def loggers() -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table of Markdown."""
+    """Return a table in Markdown."""
     lines = (f"| {' | '.join(map(cell, row))} |" for row in rows)
     return (
         "\n".join([f"| {' | '.join(head)} |", "|---" * len(head) + "|", *lines]).replace("|  |", "| |") + "\n"
@@ -56,7 +56,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def code(text: str) -> str:
-    """Return a word as one of a program; nothing for none."""
+    """Return a word marked as code; an empty text stays empty."""
     return text and f"`{text}`"
 
 
@@ -65,7 +65,7 @@ def _endings(suffixes: Sequence[str]) -> str:
 
 
 def _example(form: Format) -> str:
-    """Return a name with an ending of the kind, and the options that its first file of the corpus takes."""
+    """Return a file name with the format's ending, and the options of its first file in the corpus."""
     name, options = next(iter(form.corpus.items()))
     is_like = not form.suffixes or name.endswith(form.suffixes)
     ending = name[name.index(".") :] if is_like else form.suffixes[0]

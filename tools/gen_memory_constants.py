@@ -1,9 +1,9 @@
 """Fits the polynomial of the compressed memory's variance sum: writes engine/memory_constants.hpp.
 
-The squared weights c_j(a)^2 of order a = b - 1 carry the factor
-4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b + 1/2), see engine/memory_nodes.hpp. Three steps of the
-recurrence of Gamma move its poles away from the orders in use; what remains,
-2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev points in arbitrary precision.
+The squared weights c_j(a)^2 of order a = b - 1 carry the factor 4^b B(b, b) = 2 sqrt(pi) Gamma(b) / Gamma(b +
+1/2), see engine/memory_nodes.hpp. Three steps of the recurrence of Gamma move the poles of this factor away
+from the orders in use. What remains, 2 sqrt(pi) Gamma(b + 4) / Gamma(b + 7/2), is interpolated at Chebyshev
+points in arbitrary precision.
 """
 
 from pathlib import Path
@@ -13,27 +13,32 @@ from generated import rendered
 
 SOURCE, HEADER = "tools/gen_memory_constants.py", "firmware/core/engine/memory_constants.hpp"
 
-# The orders that the compressed memory serves; outside it takes the nearest of them.
+# Range of orders that the compressed memory supports. For an order outside it uses the nearest supported
+# order.
 LOWEST_ORDER, LOWEST_VARIANCE_ORDER, HIGHEST_ORDER = "-1.95", "-1.3", "4"
 DEGREE = 18
 
 
 def ratio(b: mpmath.mpf) -> mpmath.mpf:
-    """Return the function to be fitted."""
+    """Return the value of the function that the polynomial fits."""
     return 2 * mpmath.sqrt(mpmath.pi) * mpmath.gamma(b + 4) / mpmath.gamma(b + mpmath.mpf(7) / 2)
 
 
 def fit(centre: mpmath.mpf, half: mpmath.mpf) -> list[mpmath.mpf]:
-    """Interpolate `ratio` at the Chebyshev points of centre ± half; highest power of t first."""
+    """Interpolate `ratio` at the Chebyshev points of `centre` ± `half`.
+
+    Returns the coefficients, that of the highest power first.
+    """
     points = [mpmath.cos(mpmath.pi * (k + mpmath.mpf(1) / 2) / (DEGREE + 1)) for k in range(DEGREE + 1)]
     powers = mpmath.matrix([[t ** (DEGREE - i) for i in range(DEGREE + 1)] for t in points])
     return list(mpmath.lu_solve(powers, mpmath.matrix([ratio(centre + half * t) for t in points])))
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header."""
+    """Return the header's path and text."""
     with mpmath.workdps(50):
-        # Centre and half are doubles, so that the header's are exactly those of the fit.
+        # `centre` and `scale` are rounded to double first, so that the header holds exactly the values of the
+        # fit.
         low, high = float(LOWEST_VARIANCE_ORDER) + 1, float(HIGHEST_ORDER) + 1
         centre, scale = (low + high) / 2, 2 / (high - low)
         half = 1 / mpmath.mpf(scale)

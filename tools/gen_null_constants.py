@@ -1,10 +1,11 @@
 """Simulates the distribution of `spectrum.likelihood_ratio`: writes host/fltea/spectrum/null_constants.py.
 
-Ordinates of white noise are independent and exponential, so series need not be made. For each length the
-quantiles of the likelihood ratio are counted; over the lengths each is smoothed by a parabola (the rarest by
-a straight line) in the logarithm of the number of ordinates. The test has two alternatives; a board's has the
-first of them only, and its own quantiles. Takes some minutes on one core. The figures of a machine may differ
-in the last digit: fits stop where the likelihood is flat.
+Periodogram ordinates of white noise are independent and exponential, so they are drawn directly, without time
+series. For each length the quantiles of the likelihood ratio are counted. Over the lengths each quantile is
+smoothed by a parabola (the rarest by a straight line) in the logarithm of the number of ordinates. The host's
+test has two alternatives. A board's test has the first alternative only, and quantiles of its own. The
+program takes some minutes on one core. Its figures may differ between machines in the last digit, because
+fits stop where the likelihood is flat.
 
 Usage: gen_null_constants.py [--series 6000] [--print]
 """
@@ -26,7 +27,10 @@ RARE = 0.02
 
 
 def white_ratios(n: int, series: int, rng: np.random.Generator) -> np.ndarray:
-    """Likelihood ratios of white series of n samples, of a board's test and of the host's; (2, series)."""
+    """Return the likelihood ratios of `series` white series of `n` samples each.
+
+    The shape is (2, series): the board's test, then the host's.
+    """
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
     layout = binned(Periodogram(lam, np.ones(len(lam)), 1.0, n))
     power = rng.gamma(layout.counts, size=(series, len(layout.lam))) / layout.counts
@@ -36,7 +40,7 @@ def white_ratios(n: int, series: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def smoothed(quantiles: np.ndarray) -> list[list[float]]:
-    """Coefficients of each probability's quantiles (probabilities, lengths)."""
+    """Return the coefficients that smooth each probability's quantiles, given as (probabilities, lengths)."""
     powers = np.log10([len(used_ordinates(n, 1.0)) for n in LENGTHS])
     return [
         [*np.polynomial.polynomial.polyfit(powers, row, 1 if p < RARE else 2), 0.0][:3]
@@ -45,7 +49,7 @@ def smoothed(quantiles: np.ndarray) -> list[list[float]]:
 
 
 def main() -> int:
-    """Simulate and write the constants; return the exit status."""
+    """Simulate and write the constants; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--series", type=int, default=6_000, help="white series of each length")
     parser.add_argument("--print", action="store_true", help="write nothing; print the quantiles")

@@ -1,4 +1,4 @@
-"""Works out the tables of the device's spectrum: writes firmware/core/engine/octave_tables.hpp."""
+"""Computes the tables of the device's spectrum: writes firmware/core/engine/octave_tables.hpp."""
 
 import math
 from pathlib import Path
@@ -7,19 +7,20 @@ from generated import rendered
 
 SOURCE, HEADER = "tools/gen_octave_tables.py", "firmware/core/engine/octave_tables.hpp"
 BLOCK = 256
-"""Samples of a block (firmware/core/engine/block_fft.hpp)."""
+"""Number of samples in a block (firmware/core/engine/block_fft.hpp)."""
 LOWEST, LINES = 45, 45
-"""Lines of a level that are used (firmware/core/engine/welch_level.hpp, octave_ladder.hpp)."""
+"""First FFT bin of a level that is used, and number of bins (engine/welch_level.hpp, octave_ladder.hpp)."""
 MIDDLE = 0.49998341447554523
 TAPS = (
     *(-4.962987862434643e-05, 0.0006422540255711147, -0.002734441417494108, 0.00802032401027231),
     *(-0.019227637930233975, 0.0415367046593286, -0.09122480814029417, 0.3130455274337019),
 )
-"""Of the half-band filter (firmware/core/engine/half_band.hpp), of the distances 15, 13, ..., 1."""
+"""Coefficients of the half-band filter (firmware/core/engine/half_band.hpp) at the distances 15, 13, ..., 1.
+"""
 
 
 def over_gain(line: int, level: int) -> float:
-    """Over the power gain of the filters before a level, of one of its lines."""
+    """Return 1 over the power gain, at FFT bin `line` of `level`, of the filters before this level."""
     gain = 1.0
     for passed in range(1, level + 1):
         angle = 2 * math.pi * line / BLOCK / 2**passed
@@ -28,7 +29,7 @@ def over_gain(line: int, level: int) -> float:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header."""
+    """Return the header's path and text."""
     half = BLOCK // 2
     text = rendered(
         "octave_tables.hpp",

@@ -1,8 +1,8 @@
 """Calibrates the odds of an order (`spectrum.order_odds`): writes order_odds_constants.py there.
 
-Draws noises of each population of `tools.validation.odds.populations` at several lengths, asks the search
-for its models, and fits a logistic regression in which each population has its share at each length. Takes
-some ten minutes on two cores; what was drawn is kept, so that a second run only fits.
+Draws noises of each population of `tools.validation.odds.populations` at several lengths, runs the model
+search on each noise, and fits a logistic regression in which each population has its share at each length.
+Takes some ten minutes on two cores. The drawn rows are kept, so that a second run only fits.
 
 Usage: PYTHONPATH=. python tools/gen_order_odds.py [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
@@ -24,16 +24,16 @@ from tools.validation.runner import Row, Task, run
 
 HERE = Path(__file__).resolve().parents[1] / "host/fltea/spectrum"
 SEED = 45
-"""Of what is calibrated on; the judge has others."""
+"""Seed of the noises for the calibration; the validation draws with other seeds."""
 LENGTHS = {3_000: 1.0, 20_000: 1.0, 60_000: 1.0, 200_000: 0.4, 1_000_000: 0.1}
-"""Samples, and how many noises are drawn over those of the shortest."""
+"""Length of record [samples] -> number of noises, as a ratio to the number at the shortest length."""
 AT_ONCE = 20
 RIDGE = 1e-5
-"""Keeps coefficients finite that the noises do not tell."""
+"""Ridge penalty: keeps coefficients finite that the noises do not determine."""
 
 
 def tasks(series: int) -> list[Task]:
-    """Return what is to be drawn, of each population and length."""
+    """Return the tasks that draw the noises of each population and length."""
     return [
         Task(f"{population}, {samples}", count, (population, samples, first, AT_ONCE, SEED), samples)
         for samples, share in LENGTHS.items()
@@ -44,7 +44,7 @@ def tasks(series: int) -> list[Task]:
 
 def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
     """Return the range of ordinates, and the coefficients of the log odds."""
-    # Of noises that are as good as white no odds are told.
+    # The search gives no odds for noise that is as good as white.
     rows = [row for row in rows if row["odds"] is not None]
     drawn = Counter((row["population"], row["samples"]) for row in rows)
     weight = np.array([POPULATIONS[r["population"]][1] / drawn[r["population"], r["samples"]] for r in rows])
@@ -65,7 +65,7 @@ def fitted(rows: list[Row]) -> tuple[tuple[float, float], list[list[float]]]:
 
 
 def main() -> int:
-    """Draw, fit and write the constants; return the exit status."""
+    """Draw, fit and write the constants; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--series", type=int, default=600, help="noises of each population, of 3,000 samples")
     parser.add_argument("--kept", type=Path, default=Path("build/order_odds.ndjson"), help="what was drawn")

@@ -1,4 +1,4 @@
-"""Writes from protocol/messages.toml the C++ header and the Python module; the site has byte tables of it."""
+"""Writes from protocol/messages.toml the C++ header, the Python module and the site's tables of bytes."""
 
 import subprocess
 import sys
@@ -8,12 +8,12 @@ from generated import rendered
 from protocol_definition import CRC_SIZE, HEADER_SIZE, Protocol, load
 
 SOURCE = "protocol/messages.toml"
-# One COBS code byte and the closing 0x00; frames are too short for a second code byte.
+# One COBS code byte and the closing 0x00. Frames are too short for a second code byte.
 OVERHEAD = HEADER_SIZE + CRC_SIZE + 2
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Path below the root -> the contents that belong there."""
+    """Return the path of each file below the root, and its text."""
     protocol = load((root / SOURCE).read_text())
     return {"firmware/core/messages.h": header(protocol), "host/fltea/wire/layout.py": module(protocol)}
 

@@ -1,4 +1,4 @@
-"""Writes what emulator and bare-metal firmware know of the ATSAM3X8E's registers, from the vendor's SVD."""
+"""Writes the tables of ATSAM3X8E registers for emulator and bare-metal firmware, from the vendor's SVD."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SOURCE = f"{MEMBER} of {PACKAGE}"
 
 
 def table(peripherals: dict[str, Peripheral]) -> str:
-    """Return the emulator's table: JSON, one register a line; fields as [lowest bit, width]."""
+    """Return the emulator's table: JSON with one register a line; a field is [lowest bit, width]."""
     return "{\n" + ",\n".join(map(_peripheral, peripherals.values())) + "\n}\n"
 
 
@@ -37,7 +37,7 @@ def _register(register: Register) -> str:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the emulator's table and the firmware's header."""
+    """Return the paths and texts of the emulator's table and the firmware's header."""
     peripherals = read(obtain(root))
     return {
         "tools/due_emulator/sam3x_registers.json": table(peripherals),

@@ -1,6 +1,6 @@
-"""Writes what holds settings from their declarations in host/fltea/settings.
+"""Writes the files that repeat settings, from the settings' declarations in host/fltea/settings.
 
-These are the board's header of the filters' numbers, and the TOML file with every default,
+These are the board's header with the filters' parameters, and the TOML file with every default,
 host/docs/reference/defaults.toml.
 """
 
@@ -17,7 +17,7 @@ TOML = "host/docs/reference/defaults.toml"
 
 
 def cpp() -> str:
-    """Return the board's header: the settings of estimator and link that it has too."""
+    """Return the board's header: the settings of estimator and link that the board has too."""
     rows = [
         _constant(one)
         for path, one in SETTINGS.items()
@@ -27,7 +27,7 @@ def cpp() -> str:
 
 
 def _constant(one: Declared) -> tuple[str, str, str, str]:
-    """Return what it means, and its type, name and value."""
+    """Return a setting's meaning, C++ type, name and value."""
     words = one.path.split(".")[1:]
     name = "k" + "".join(word[0].upper() + word[1:] for part in words for word in part.split("_"))
     match one.default:
@@ -43,7 +43,10 @@ def _constant(one: Declared) -> tuple[str, str, str, str]:
 
 
 def example() -> str:
-    """Return a TOML file with every table; of the accelerometer's what differs from the gyroscope's."""
+    """Return a TOML file with every table.
+
+    The accelerometer's table has only what differs from the gyroscope's.
+    """
     text: list[str] = []
     for path, table in TABLES.items():
         rows = [one for one in declared(table, path) if path.partition(".")[0] != "accel" or _differs(one)]
@@ -66,5 +69,5 @@ def _line(one: Declared) -> str:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the header and the TOML file."""
+    """Return the paths and texts of the header and the TOML file."""
     return {CPP: cpp(), TOML: f"# Every setting of fltea with its default.\n{example()}\n"}

@@ -1,11 +1,12 @@
-"""Committed files that a program writes: brought up to date, or compared.
+"""Writes the committed files that a program generates, or checks that they are up to date.
 
-  python tools/generated.py                    all of them; `make gen`
-  python tools/generated.py gen_protocol       those of some writers
-  python tools/generated.py --check            writes nothing; names those that differ, exit code 1
+  python tools/generated.py                    all files; `make gen`
+  python tools/generated.py gen_protocol       the files of the writers named
+  python tools/generated.py --check            writes nothing; names the files that differ, exit code 1
 
-A writer is a module with SOURCE, what its files come from, and `outputs` of the repository: path below it to
-contents. The id of the firmware's sources comes last.
+A writer is a module with SOURCE, which names the source of its files, and a function `outputs`, which gets
+the repository's root and returns the path of each file and its text. The id of the firmware's sources is
+written last, because it depends on other generated files.
 """
 
 import argparse
@@ -35,27 +36,27 @@ TEMPLATES = Environment(
 
 
 def camel(name: str) -> str:
-    """SAMPLE -> Sample, sampling_mode -> SamplingMode."""
+    """Turn SAMPLE into Sample and sampling_mode into SamplingMode."""
     return "".join(word.capitalize() for word in name.split("_"))
 
 
 def wrapped(text: str, indent: str) -> str:
-    """Return lines of a text, each behind an indent or the sign of a comment."""
+    """Wrap a text into lines that begin with `indent`, which may be a comment sign."""
     return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent)
 
 
 def docstring(text: str) -> str:
-    """Return a sentence as the docstring of a field."""
+    """Return a text as the docstring of a field."""
     return wrapped(f'"""{text[0].upper()}{text[1:].rstrip(".")}."""', "    ")
 
 
 def cell(text: str) -> str:
-    """Return a text for a table of Markdown."""
+    """Return a text escaped for a table in Markdown."""
     return text.replace("|", "\\|")
 
 
 def rows(values: Sequence[object], in_one: int, indent: int = 4) -> str:
-    """Return lines of so many values, each with a comma behind it."""
+    """Return lines of `in_one` values each, with a comma after each value."""
     lines = (values[i : i + in_one] for i in range(0, len(values), in_one))
     return "\n".join(" " * indent + " ".join(f"{value}," for value in line) for line in lines)
 
@@ -65,16 +66,15 @@ TEMPLATES.filters |= {"docstring": docstring, "cell": cell}
 
 
 def rendered(template: str, **values: Any) -> str:
-    """Return the text of a template of `tools/templates` with these values."""
+    """Render a template of `tools/templates` with these values."""
     return TEMPLATES.get_template(f"{template}.j2").render(values)
 
 
 def update(root: Path, wanted: Mapping[str, str], *, check: bool, source: str) -> int:
-    """Write the files that differ from what belongs in them; with `check` name them instead.
+    """Write the files whose contents differ from `wanted`; with `check` print their names instead.
 
-    wanted: path below `root` to contents. source: what the contents come from. Returns the exit code: 1 if
-    `check` found a difference. A file that is right already keeps its time stamp, so that nothing is rebuilt
-    for it.
+    `wanted`: path below `root` -> text. `source`: names where the texts come from. Returns the exit code: 1
+    if `check` found a difference. An unchanged file keeps its modification time, so that nothing is rebuilt.
     """
     status = 0
     for name, text in wanted.items():
@@ -96,7 +96,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("writers", nargs="*", metavar="WRITER", help=f"of {', '.join(WRITERS)}")
+    parser.add_argument(
+        "writers", nargs="*", metavar="WRITER", help=f"default: all; any of {', '.join(WRITERS)}"
+    )
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a file differs")
     root = Path(__file__).resolve().parent.parent
     parser.add_argument("--root", type=Path, default=root, help="repository")

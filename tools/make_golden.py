@@ -1,12 +1,12 @@
 """Writes tests/estimator/golden: the paper's examples 1 to 3, 200 samples each, in 50-digit arithmetic.
 
-It judges both the reference and the engine, so nothing here comes from either: the formulas are typed from
-Macias & Sierociuk 2023, section 5, as printed (P by subtraction, binomials by their definition), in mpmath.
-Two readings are those of the project: covariance sums start at i = 0, and L(k) terms enter every sum over the
-past.
+The files judge both the reference and the engine, so nothing here is shared with either. The formulas are
+typed from Macias & Sierociuk 2023, section 5, as printed (P by subtraction, binomials by their definition),
+in mpmath. The project's reading decides in two cases: covariance sums start at i = 0, and terms L(k) enter
+every sum over the past.
 
-Each file has comment lines, then one line a sample: y and u (inputs, to be read as floats exactly), and x, P,
-α, its variance and Q, f, its variance and Q, with 25 digits.
+Each file has comment lines, then one line a sample: the inputs y and u, which are exact floats, then x, P, α,
+its variance and Q, f, its variance and Q, with 25 digits.
 """
 
 import random
@@ -22,7 +22,7 @@ mp.dps = 50
 
 
 def difference_weights(alpha: mpf, n: int) -> list[mpf]:
-    """(-1)^j binom(alpha, j), j = 0 .. n, by the definition: alpha (alpha-1) ... (alpha-j+1) / j!."""
+    """Return (-1)^j binom(alpha, j), j = 0 .. n, by definition: alpha (alpha-1) ... (alpha-j+1) / j!."""
     weights, binomial = [mpf(1)], mpf(1)
     for j in range(1, n + 1):
         binomial = binomial * (alpha - j + 1) / j
@@ -31,7 +31,7 @@ def difference_weights(alpha: mpf, n: int) -> list[mpf]:
 
 
 class Example:
-    """Section 6.1: one state, B = C = 1, full memory."""
+    """The example of section 6.1: one state, B = C = 1, full memory."""
 
     h = mpf("0.001")
     Q, R = mpf("1e-5"), mpf("1e-3")
@@ -44,12 +44,12 @@ class Example:
         self.f, self.parameter_P, self.parameter_Q = mpf(0), mpf("0.001"), mpf("0.01")
 
     def past(self, alpha: mpf, k: int) -> mpf:
-        """The sum over x_{k-1} .. x_0 in the model of sample k."""
+        """Return the sum over x_{k-1} .. x_0 in the model of sample k."""
         weights = difference_weights(alpha, k)
         return mp.fsum(weights[j] * self.x[k - j] for j in range(1, k + 1))
 
     def step(self, y: mpf, u: mpf) -> None:
-        """Sample k of sections 5.1 (KFo), 5.3 (KFw) and 5.2 (KFx)."""
+        """Process sample k as in sections 5.1 (KFo), 5.3 (KFw) and 5.2 (KFx)."""
         k = len(self.x)
         rate = self.f * self.x[k - 1] + u
 
@@ -86,7 +86,10 @@ class Example:
 
 
 def gain(points: list[mpf], mean: mpf, Y: list[mpf], y: mpf, R: mpf) -> tuple[mpf, mpf, mpf]:
-    """Gain, innovation and Pyy of an unscented filter with n = 1: lambda = 2, A = 1, B = 2 (section 5.1)."""
+    """Return gain, innovation and Pyy of an unscented filter.
+
+    The filter has n = 1, lambda = 2, A = 1, B = 2 (section 5.1).
+    """
     W_mean = [mpf(2) / 3, mpf(1) / 6, mpf(1) / 6]
     W_cov = [mpf(2) / 3 + (1 - 1 + 2), mpf(1) / 6, mpf(1) / 6]
     predicted = mp.fsum(W_mean[i] * Y[i] for i in range(3))
@@ -96,7 +99,10 @@ def gain(points: list[mpf], mean: mpf, Y: list[mpf], y: mpf, R: mpf) -> tuple[mp
 
 
 def inputs(number: int) -> list[tuple[float, float]]:
-    """y_k and u_{k-1} of an example, rounded to nine decimals; saw-tooth of ±1 and 10 Hz in examples 1, 2."""
+    """Return y_k and u_{k-1} of an example, rounded to nine decimals.
+
+    In examples 1 and 2, u is a saw-tooth of ±1 and 10 Hz.
+    """
     source = random.Random(number)
     h, x, rows = 0.001, [0.0], []
     for k in range(1, SAMPLES + 1):
@@ -113,7 +119,7 @@ def inputs(number: int) -> list[tuple[float, float]]:
 
 
 def text(number: int) -> str:
-    """The file of one example."""
+    """Return the file of one example."""
     example = Example()
     lines = [
         f"# Example {number} of section 6.1 with a full memory; made by tools/make_golden.py.",
@@ -136,5 +142,5 @@ def text(number: int) -> str:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the three files."""
+    """Return the paths and texts of the three files."""
     return {f"{FOLDER}/example_{number}.txt": text(number) for number in (1, 2, 3)}

@@ -1,8 +1,9 @@
 """Writes good.txt, bad.txt and streams.txt of protocol/vectors (formats: protocol/README.md, "Vectors").
 
-They judge fltea's own code, so nothing in them comes from it or from the generator: COBS is PyPI's, CRC-32 is
-zlib's, and the layouts follow from the text of the schema hash, which is typed by hand (schema.txt). So a
-slip in `protocol/messages.toml`, in the generator or there shows as another hash or as other bytes.
+The vectors judge fltea's own code, so nothing in them comes from fltea or from the generator. COBS is PyPI's,
+CRC-32 is zlib's, and the layouts follow from the text of the schema hash, which is typed by hand
+(schema.txt). So a slip in `protocol/messages.toml`, in the generator or in schema.txt shows as another hash
+or as other bytes.
 """
 
 import math
@@ -16,14 +17,14 @@ SOURCE = "tools/make_vectors.py"
 HELLO, SAMPLE, STATUS, FAULT, ESTIMATE, ESTIMATOR, FIT, SPECTRUM, UNKNOWN = 1, 2, 3, 4, 5, 6, 7, 8, 200
 TYPED = Path(__file__).resolve().parents[1] / "protocol/vectors/schema.txt"
 SCHEMA = TYPED.read_text(encoding="utf-8").partition("\n")[2]
-"""Without the comment that it begins with."""
+"""Text of schema.txt without its first line, a comment."""
 HASH = zlib.crc32(SCHEMA.encode())
 CODES = {"u8": "B", "u16": "H", "u32": "I", "i16": "h", "f32": "f", "bytes16": "16s", "text24": "24s"}
-"""Type -> code of Python's struct."""
+"""Field type -> format character of Python's struct."""
 
 
 def layouts() -> dict[int, list[tuple[str, str]]]:
-    """Type byte -> name and type of each field, in the order of the wire."""
+    """Return the name and type of each field, in the order on the wire, for each type byte."""
     found: dict[int, list[tuple[str, str]]] = {}
     fields: list[tuple[str, str]] = []
     for line in SCHEMA.splitlines():
@@ -55,7 +56,7 @@ FILLING = (1, 2, 1000, 200, 1, 1000, 1, 300, 0, 0, 0, 0, *(0,) * 3, *(0.0,) * 6,
 BIAS_R = (-0.4713, 0.0625, 1.09, 0.0031, 0.0029, 0.0)
 ESTIMATING = (1, 2, 1000, 200, 1, 0, 2, 300, 3, 4, 5120, 1230, 5, 1, 0, *BIAS_R, *SETTINGS)
 U16, U32 = 0xFFFF, 0xFFFFFFFF
-# The largest f32, the smallest normal one and the smallest of all.
+# The largest f32, the smallest normal one and the smallest subnormal one.
 LARGEST, NORMAL, SMALLEST = 3.40282347e38, 1.17549435e-38, 1.4e-45
 
 GOOD = [
@@ -136,7 +137,7 @@ GOOD = [
     ),
     ("spectrum, largest values", (SPECTRUM, U16, U32), (255, U16, 255, 255, *(LARGEST,) * 15)),
 ]
-"""Name; type, sequence and time of the header; fields."""
+"""Each case: its name; type, sequence and time of the header; fields."""
 
 RAW = [
     ("unknown type, no payload", UNKNOWN, 3, 77, b""),
@@ -147,29 +148,29 @@ RAW = [
 
 
 def payload(kind: int, fields: tuple[int | float | str | bytes, ...]) -> bytes:
-    """Pack the fields; text is padded with NUL by struct."""
+    """Pack the fields; struct pads text with NUL."""
     codes = "".join(CODES[type] for _, type in LAYOUTS[kind])
     return struct.pack(f"<{codes}", *(f.encode("ascii") if isinstance(f, str) else f for f in fields))
 
 
 def close(body: bytes) -> bytes:
-    """COBS and the closing 0x00."""
+    """Encode with COBS and append the closing 0x00."""
     return bytes(cobs.encode(body)) + b"\x00"
 
 
 def body(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
-    """Header, payload, CRC."""
+    """Return header, payload and CRC."""
     head = struct.pack("<BHI", kind, sequence, device_us) + data
     return head + struct.pack("<I", zlib.crc32(head))
 
 
 def frame(kind: int, sequence: int, device_us: int, data: bytes) -> bytes:
-    """One frame on the wire."""
+    """Return one frame as on the wire."""
     return close(body(kind, sequence, device_us, data))
 
 
 def sample(sequence: int, device_us: int) -> bytes:
-    """One typical SAMPLE on the wire."""
+    """Return one typical SAMPLE as on the wire."""
     return frame(SAMPLE, sequence, device_us, payload(SAMPLE, TYPICAL_SAMPLE))
 
 
@@ -198,7 +199,7 @@ def bad() -> str:
     swapped = whole[:-4] + whole[-4:][::-1]
     other = (2, 1, HASH, *TYPICAL_HELLO[3:])
     foreign = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
-    # By reason, after the 0x00 that begins a stream; a block before it is partial.
+    # Cases by reason. A 0x00 is put before each, since a block before the first 0x00 of a stream is partial.
     cases = {
         "cobs": [
             ("block that promises more bytes than come", b"\x05\x01\x02\x00"),
@@ -285,9 +286,9 @@ def streams() -> str:
     long = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
     future = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
     one, two, three = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
-    # The first twelve bytes of `two` end in the code 04 and two of its three bytes; the third is then the
-    # first code of what follows, 03, and the byte after it, 02, reads as a code again: COBS
-    # finds nothing wrong.
+    # The first twelve bytes of `two` end in the COBS code 04 and two of the three bytes that it announces.
+    # The third is then the first code of the next frame, 03, and the byte after it, 02, is read as a code:
+    # COBS finds nothing wrong.
     cut = two[:12]
     # 26 bytes without a zero, so that the encoded block is the code 0x1B and these bytes.
     solid = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
@@ -365,6 +366,6 @@ def streams() -> str:
 
 
 def outputs(root: Path) -> dict[str, str]:
-    """Return the three files."""
+    """Return the paths and texts of the three files."""
     texts = {"good": good(), "bad": bad(), "streams": streams()}
     return {f"protocol/vectors/{name}.txt": text for name, text in texts.items()}

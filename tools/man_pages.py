@@ -1,6 +1,7 @@
 """`make man`: man pages and shell completion of every command, from the command line's own definitions.
 
-Into build/man: fltea.1, and fltea-run.1 and its like. Into build/completions: what bash, zsh and fish read.
+Writes fltea.1, fltea-run.1 and so on to build/man, and the completions of bash, zsh and fish to
+build/completions.
 """
 
 import argparse
@@ -17,16 +18,16 @@ from typer._completion_shared import get_completion_script
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = "For example:"
 METAVARS = {"<str>": "WORD", "<int>": "N", "<float>": "NUMBER"}
-"""What the command line calls a value that has no name of its own, and what a page does."""
+"""Typer's placeholder for a value without a name -> the word in a man page."""
 COMPLETIONS = {"bash": "bash/fltea", "zsh": "zsh/_fltea", "fish": "fish/fltea.fish"}
-"""Shell to its file, by the name that the shell looks for in a folder of completions."""
+"""Shell -> file name below the folder of completions, as the shell expects it."""
 
 DOCUMENTS = "/usr/share/doc/fltea"
-"""Where the Debian package has what is in `host/docs`: whoever reads a man page may have no clone."""
+"""Folder of the files of `host/docs` in the Debian package: a reader of a man page may have no clone."""
 
 
 def roff(text: str) -> str:
-    """Return text as a man page's: nothing of it is a request, and `words` are bold."""
+    """Return text escaped for a man page: no line is a roff request, and `words` are bold."""
     text = text.replace("host/docs/", f"{DOCUMENTS}/").replace("\\", r"\e").replace("-", r"\-")
     text = re.sub(r"`([^`]*)`", r"\\fB\1\\fP", text)
     return "\n".join(r"\&" + line if line[:1] in (".", "'") else line for line in text.split("\n"))
@@ -36,7 +37,7 @@ TEMPLATES.filters |= {"roff": roff, "words": lambda text: roff(" ".join(text.spl
 
 
 class Entry(NamedTuple):
-    """An argument or option. heading: with its names in bold and its value in italics."""
+    """An argument or option. `heading`: its names in bold and its value in italics."""
 
     name: str
     heading: str
@@ -57,7 +58,7 @@ def _entry(parameter: Any, context: Any) -> Entry:
 
 
 def _default(parameter: Any) -> str:
-    """Return an option's default, unless it is a path of the machine that writes the page."""
+    """Return an option's default as text; empty if it is a path on the machine that writes the page."""
     default = getattr(parameter.default, "value", parameter.default)
     of_machine = isinstance(default, Path) and default.is_absolute()
     if default is None or callable(default) or isinstance(default, bool) or of_machine:
@@ -66,7 +67,7 @@ def _default(parameter: Any) -> str:
 
 
 def page(name: str, command: Any) -> str:
-    """Return the man page of one command, `fltea run`, or of the program itself."""
+    """Return the man page of one command, such as `fltea run`, or of the program itself."""
     context = command.make_context(name, [], resilient_parsing=True)
     shown = [parameter for parameter in command.get_params(context) if not parameter.hidden]
     arguments = [_entry(one, context) for one in shown if one.param_type_name == "argument"]
@@ -90,14 +91,14 @@ def page(name: str, command: Any) -> str:
 
 
 def pages() -> dict[str, str]:
-    """Return the name of every man page's file with its text."""
+    """Return the file name and text of every man page."""
     program: Any = typer.main.get_command(app)
     below = {f"fltea-{word}.1": page(f"fltea {word}", one) for word, one in program.commands.items()}
     return {"fltea.1": page("fltea", program), **below}
 
 
 def completions() -> dict[str, str]:
-    """Return the file of every shell with its script, as `fltea --show-completion` prints it."""
+    """Return the file name and script of every shell, as `fltea --show-completion` prints it."""
     return {
         file: get_completion_script(prog_name="fltea", complete_var="_FLTEA_COMPLETE", shell=shell) + "\n"
         for shell, file in COMPLETIONS.items()
@@ -105,7 +106,7 @@ def completions() -> dict[str, str]:
 
 
 def main() -> None:
-    """Write everything below the folder that is asked for."""
+    """Write all files below the chosen folder."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=ROOT / "build", help="folder; default: build")
     out = parser.parse_args().out

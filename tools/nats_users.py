@@ -9,11 +9,11 @@ from fltea.service.ingest.mapping import partition_of
 from fltea.settings.ingest import IngestConfig
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
-"""Of a device, without dots: a subject has them between its words."""
+"""Form of a device's name: without dots, because dots separate the words of a NATS subject."""
 
 
 def render(names: list[str], partitions: int) -> str:
-    """The settings: one account for the workers, and one for each board."""
+    """Return the settings: one account for the workers, and one for each board."""
 
     def user(name: str, permissions: str) -> str:
         return f'    {{ user: "{name}", password: "{secrets.token_urlsafe(18)}"{permissions} }}\n'
@@ -30,15 +30,22 @@ def render(names: list[str], partitions: int) -> str:
 
 
 def main() -> int:
-    """Write to the standard output."""
+    """Write the settings to standard output."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("names", nargs="+", metavar="NAME", help="of a board: fltea/NAME/frames is its topic")
-    parser.add_argument("--partitions", type=int, default=IngestConfig().partitions, help="of the mapping")
+    parser.add_argument(
+        "names", nargs="+", metavar="NAME", help="name of a board, whose topic is fltea/NAME/frames"
+    )
+    parser.add_argument(
+        "--partitions",
+        type=int,
+        default=IngestConfig().partitions,
+        help="number of partitions in the server's mapping",
+    )
     asked = parser.parse_args()
     bad = [name for name in asked.names if not NAME.fullmatch(name) or name == "worker"]
     if bad or len(set(asked.names)) < len(asked.names):
         parser.error(
-            f"no names of boards, or twice: {' '.join(bad or asked.names)}. A name has up to 64 letters, "
+            f"not names of boards, or given twice: {' '.join(bad or asked.names)}. A name has up to 64 letters, "
             "digits, _ and -, comes once, and is not worker."
         )
     if not 1 <= asked.partitions <= 1024:

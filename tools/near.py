@@ -1,7 +1,7 @@
-"""Checks what is near a change: its style and types, the generated files, and the tests that mirror it.
+"""Checks the neighbourhood of a change: its style and types, the generated files, and the tests that mirror it.
 
-Counted are the files that differ from `origin/main`, or from the commit before the last one where there is no
-such branch, and those that git does not know yet. Usage: near.py [--since COMMIT] [--dry-run]; `make near`.
+The changed files are those that differ from `origin/main` (without such a branch: from the commit before the
+last one), and those that git does not track yet. Usage: near.py [--since COMMIT] [--dry-run]; `make near`.
 """
 
 import argparse
@@ -19,9 +19,9 @@ import check_types
 ROOT = Path(__file__).resolve().parents[1]
 CXX = {".cpp", ".hpp", ".h"}
 ENGINE = ("native", "spectrum", "estimator", "wire")
-"""Folders of tests that mirror the native module and the headers of the engine."""
+"""Folders of tests that mirror the native module and the engine's headers."""
 ALSO = {"cli": ("site",), "settings": ("site", "cli")}
-"""Folders of tests that mirror a room beside its own."""
+"""Package of the host -> further folders of tests that mirror it."""
 TESTS_OF = {
     "host/native/": ENGINE,
     "firmware/core/engine/": ENGINE,
@@ -38,31 +38,31 @@ TESTS_OF = {
     "tools/hashes": ("dist",),
     "Makefile": ("native/test_source_hash.py",),
 }
-"""Tests by how a file's name begins; the first that fits counts."""
+"""Beginning of a file's name -> its tests; the first match counts."""
 MOST_USERS = 8
-"""A stand-in that more files of tests use is the whole suite's business."""
+"""Largest number of tests that `make near` runs for one helper; more are left to the whole suite."""
 
 MOST_SAID = 4
-"""Files of one command that are named."""
+"""Largest number of files that are printed by name for one command."""
 
 Users = Callable[[str], list[str]]
 
 
 class Plan(NamedTuple):
-    """What is run: ruff and clang-format on files, mypy on packages and modules, pytest on tests."""
+    """What to run: ruff and clang-format on files, mypy on packages and modules, pytest on tests."""
 
     python: list[str]
     cxx: list[str]
     types: list[str]
     tests: list[str]
     left_out: list[str]
-    """Modules whose users among the tests are too many."""
+    """Helper modules that too many tests use."""
 
 
 def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _: []) -> Plan:
-    """Return what is run for changed files, and for files that are gone.
+    """Return what to run for changed files and for deleted files (`gone`).
 
-    users: the files of tests that use a module of `tools` or `tests/rig`, by its name.
+    `users`: returns the test files that use a module of `tools` or `tests/rig`, given the module's name.
     """
     here, everything = sorted(files), sorted({*files, *gone})
     found = {name: tests_of(name, users) for name in everything}
@@ -99,7 +99,7 @@ def tests_of(name: str, users: Users) -> list[str]:
 
 
 def typed(name: str) -> tuple[str, str] | None:
-    """Return the words by which mypy takes a file: its package, or its module."""
+    """Return the words by which mypy accepts a file: its package, or its module."""
     path = Path(name)
     match path.parts:
         case ("host", "fltea", room, _, *_):
@@ -119,7 +119,7 @@ def typed(name: str) -> tuple[str, str] | None:
 
 
 def users_of(module: str) -> list[str]:
-    """Return the files of tests that use a module of `tools` or `tests/rig`."""
+    """Return the test files that use a module of `tools` or `tests/rig`."""
     uses = re.compile(
         rf"\b(?:import|from) (?:tools\.)?{module}\b|\btools[./]{module}\b|\b{module}\.(?:py|sh)\b"
     )
@@ -130,7 +130,7 @@ def users_of(module: str) -> list[str]:
 
 
 def changed(since: str | None) -> tuple[str, list[str]]:
-    """Return the commit with which the tree is compared, and the files that differ from it."""
+    """Return the commit with which the tree is compared, and the files that differ from that commit."""
     if since is None:
         upstream = _git("rev-parse", "--verify", "--quiet", "origin/main", check=False)
         base = upstream and _git("merge-base", "HEAD", "origin/main", check=False)
@@ -148,7 +148,7 @@ def _git(*words: str, check: bool = True) -> list[str]:
 
 
 def commands(wanted: Plan) -> list[list[str]]:
-    """Return the programs that are run, the quick ones first."""
+    """Return the commands to run, the quick ones first."""
     ruff, clang = [sys.executable, "-m", "ruff"], str(Path(sys.executable).with_name("clang-format"))
     found = [[sys.executable, "tools/generated.py", "--check"]]
     if wanted.python:
@@ -163,7 +163,7 @@ def commands(wanted: Plan) -> list[list[str]]:
 
 
 def said(command: Sequence[str]) -> str:
-    """Return a command as a person reads it: many files as how many they are."""
+    """Return a command for people to read: of many files only their number."""
     words = [Path(word).name if word.startswith("/") else word for word in command]
     files = [word for word in words if "/" in word and (ROOT / word).is_file()]
     if len(files) > MOST_SAID:
@@ -172,10 +172,12 @@ def said(command: Sequence[str]) -> str:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code, 1 where anything failed."""
+    """Run the command line; return the exit code, 1 if a command failed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--since", metavar="COMMIT", help="compare with it; origin/main, or else HEAD~1")
-    parser.add_argument("--dry-run", action="store_true", help="only say what would be run")
+    parser.add_argument(
+        "--since", metavar="COMMIT", help="compare with this commit; default: origin/main, or else HEAD~1"
+    )
+    parser.add_argument("--dry-run", action="store_true", help="only print what would be run")
     given = parser.parse_args(words)
     since, names = changed(given.since)
     here = [name for name in names if (ROOT / name).is_file()]

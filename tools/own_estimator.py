@@ -1,7 +1,7 @@
-"""A made-up device's own estimator: what the firmware would say of itself, computed by the host's engine.
+"""The estimator that a made-up device runs, computed by the host's engine.
 
-In double precision; the wire rounds it to single. It begins as the firmware does: bias and R from the
-start-up window, then estimates with unlimited memory.
+It computes in double precision; the wire format rounds to single precision. It starts as the firmware does:
+it takes bias and R from the start-up window, then estimates with unlimited memory.
 """
 
 from collections.abc import Sequence
@@ -24,11 +24,11 @@ from fltea.wire import layout as wire
 CONFIG = Config()
 SETTINGS = CONFIG.estimator
 NOT_TRACKED = (0.0,) * 4
-"""It never fits, so it has no tracker."""
+"""Fields of the tracker, all zero: this device does not fit, so it has no tracker."""
 
 
 def f32(value: float) -> float:
-    """The nearest number of single precision."""
+    """Return the nearest number of single precision."""
     return float(unpack("<f", pack("<f", value))[0])
 
 
@@ -56,7 +56,7 @@ JOINT = wire.Estimator._make([0] * len(wire.Estimator._fields))._replace(
     parameter_delta=f32(SETTINGS.joint.delta),
     gate=f32(SETTINGS.gate),
 )
-"""The default settings of `fltea run` with variant joint."""
+"""The default settings of `fltea run` with the variant `joint`."""
 
 TRIPLE = JOINT._replace(
     variant=wire.EstimatorVariant.TRIPLE,
@@ -69,13 +69,14 @@ TRIPLE = JOINT._replace(
     parameter_q0=f32(SETTINGS.parameter.Q0),
     parameter_delta=f32(SETTINGS.parameter.delta),
 )
-"""The same with variant triple."""
+"""The default settings of `fltea run` with the variant `triple`."""
 
 
 class OwnEstimator:
-    """Estimates three axes of counts, `lsb` of them to a deg/s, with sampling period h in s.
+    """Estimates three axes of counts, `lsb` counts per deg/s, with sampling period `h` [s].
 
-    stated: the settings; as a message, with bias, R and what remains of the start-up window as of now.
+    `stated`: the settings as a message, with the present bias, R and samples that remain of the start-up
+    window.
     """
 
     def __init__(self, stated: wire.Estimator, lsb: float, h: float) -> None:
@@ -88,7 +89,7 @@ class OwnEstimator:
         self._age = 0
 
     def step(self, counts: Sequence[int] | None, sample: int) -> list[wire.Estimate]:
-        """Take one sample, None for a missing one; an estimate of each axis, none while the window fills."""
+        """Take one sample, None if it is missing; return an estimate per axis, none during the start-up window."""
         if self._engine is None:
             if counts is not None:
                 self._window.append(counts)

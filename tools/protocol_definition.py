@@ -1,7 +1,7 @@
-"""Reads protocol/messages.toml into checked records, and makes the schema hash.
+"""Reads protocol/messages.toml into checked records, and computes the schema hash.
 
 The tree of records is `Protocol` -> `Message` -> `Field`, and `Protocol` -> `Named` (an enum or a set of
-flags) -> `Value`. Whatever is wrong with the file is a `DefinitionError` that names the place.
+flags) -> `Value`. A fault in the file raises a `DefinitionError` that names where the fault is.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import msgspec
 from msgspec import Meta, Struct
 
 INTEGERS = {"u8": ("B", 1), "u16": ("H", 2), "u32": ("I", 4), "i16": ("h", 2)}
-"""Type -> (code of Python's struct, bytes)."""
+"""Integer type -> (format character of Python's struct, bytes)."""
 NUMBERS = {**INTEGERS, "f32": ("f", 4)}
-"""The same, with the type that is no count: it takes no scale."""
+"""INTEGERS and f32, which is no count and so takes no scale."""
 
 HEADER_SIZE = 7
 CRC_SIZE = 4
 COBS_BLOCK = 254
 
-# Every reader must be able to name a version that it refuses, so these never move.
+# The position of these fields never changes: every reader must be able to name a version that it refuses.
 FIXED_PREFIX = [("protocol_major", "u8"), ("protocol_minor", "u8"), ("schema_hash", "u32")]
 
-# Names that one of the two languages, or the generated classes, use already.
+# Names that C++, Python or the generated classes already use.
 RESERVED = set(
     f"""
     {" ".join(keyword.kwlist)}
@@ -42,13 +42,13 @@ RESERVED = set(
 
 # 23 characters keep every generated line within the line length.
 Name = Annotated[str, Meta(pattern=r"^[a-z][a-z0-9_]*\Z", max_length=23)]
-# Quotes and backslashes would need escaping in two languages; no text has needed one.
+# Quotes and backslashes would need escaping in two languages; no text has needed them.
 Text = Annotated[str, Meta(pattern=r'^[^"\\\n]+\Z')]
 Byte = Annotated[int, Meta(ge=0, le=255)]
 
 
 class DefinitionError(ValueError):
-    """The definition is wrong; the text names the place and what was expected."""
+    """Raised when the definition has a fault; the text names where, and what was expected."""
 
 
 class Field(Struct, frozen=True, forbid_unknown_fields=True):
@@ -78,33 +78,33 @@ class Field(Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def size(self) -> int:
-        """Bytes on the wire."""
+        """Number of bytes on the wire."""
         return NUMBERS[self.type][1] if self.type in NUMBERS else self.length
 
     @property
     def length(self) -> int:
-        """N of bytesN or textN, 0 for a number."""
+        """Length N of a type bytesN or textN; 0 for a number."""
         return 0 if self.type in NUMBERS else int(re.sub(r"\D", "", self.type))
 
     @property
     def code(self) -> str:
-        """Format code of Python's struct."""
+        """Format character of Python's struct."""
         return NUMBERS[self.type][0] if self.type in NUMBERS else f"{self.length}s"
 
     @property
     def scaled_unit(self) -> str:
-        """What one count is worth, such as "0.001 Hz"; empty without a unit."""
+        """Value of one count with its unit, such as "0.001 Hz"; empty without a unit."""
         scale = "" if self.scale is None or self.scale == 1 else f"{self.scale.normalize():f} "
         return scale + self.unit
 
     @property
     def is_text(self) -> bool:
-        """True for textN."""
+        """Whether the type is textN."""
         return self.type.startswith("text")
 
 
 class Message(Struct, frozen=True, forbid_unknown_fields=True, rename={"fields": "field"}):
-    """One message: its fields lie in the payload in this order, without padding."""
+    """One message. Its fields follow each other in the payload in this order, without padding."""
 
     name: Annotated[str, Meta(pattern=r"^[A-Z][A-Z0-9_]*\Z", max_length=23)]
     id: Annotated[int, Meta(ge=1, le=255)]
@@ -114,12 +114,12 @@ class Message(Struct, frozen=True, forbid_unknown_fields=True, rename={"fields":
 
     @property
     def size(self) -> int:
-        """Bytes of payload."""
+        """Number of payload bytes."""
         return sum(field.size for field in self.fields)
 
     @property
     def least(self) -> int:
-        """Bytes of payload in the oldest version that has the message."""
+        """Number of payload bytes in the oldest version that has the message."""
         return sum(field.size for field in self.fields if field.since <= self.since)
 
 
@@ -156,12 +156,12 @@ class Protocol(_Constants, frozen=True):
 
     @property
     def max_frame(self) -> int:
-        """Bytes of the longest frame before COBS."""
+        """Number of bytes of the longest frame before COBS."""
         return HEADER_SIZE + self.max_payload + CRC_SIZE
 
     @property
     def max_encoded(self) -> int:
-        """Bytes of the longest frame after COBS, without the 0x00."""
+        """Number of bytes of the longest frame after COBS, without the 0x00."""
         return self.max_frame + 1
 
     def canonical(self, minor: int) -> str:
@@ -185,12 +185,12 @@ class Protocol(_Constants, frozen=True):
 
     @property
     def schema_hash(self) -> int:
-        """That of this version."""
+        """Schema hash of this version."""
         return self.schema_hashes[-1]
 
     @property
     def schema_hashes(self) -> list[int]:
-        """CRC-32 of the canonical text of each minor version, from the oldest that can be read on."""
+        """CRC-32 of the canonical text of each minor version from `oldest` to `minor`."""
         return [zlib.crc32(self.canonical(minor).encode()) for minor in range(self.oldest, self.minor + 1)]
 
 
@@ -221,7 +221,7 @@ class _File(Struct, forbid_unknown_fields=True):
 
 
 def load(text: str) -> Protocol:
-    """Parse and check the definition; raises DefinitionError."""
+    """Parse and check the definition. Raises DefinitionError."""
     try:
         document = tomllib.loads(text, parse_float=Decimal)
         file = msgspec.convert(document, _File)
@@ -241,7 +241,7 @@ def load(text: str) -> Protocol:
 
 
 def _with_names(error: str, document: dict[str, object]) -> str:
-    """The error with the names of message and field in its place."""
+    """Return the error with the names of message and field in place of their indices."""
     found: object = document
     for key, place in re.findall(r"(message|field)\[(\d+)\]", error):
         found = found[key][int(place)] if isinstance(found, dict) else {}
@@ -256,7 +256,7 @@ def _named(tables: dict[str, dict[str, _Value]] | dict[str, dict[str, _Bit]]) ->
 
 
 def _problems(protocol: Protocol) -> Iterator[str]:
-    """What is wrong beyond the fields by themselves."""
+    """Yield faults that a check of each field alone cannot see."""
     messages, fields = protocol.messages, [field for one in protocol.messages for field in one.fields]
     if protocol.oldest > protocol.minor:
         yield f"oldest {protocol.oldest} is later than minor {protocol.minor}"

@@ -1,4 +1,4 @@
-"""A board's port as a pseudo-terminal: its name, what waits for whoever opens it, and whether anybody has."""
+"""A board's port as a pseudo-terminal: its name, its unread bytes, and whether a program has it open."""
 
 import contextlib
 import fcntl
@@ -12,7 +12,7 @@ from pathlib import Path
 from fltea.records.errors import UsageError
 
 PACKET_BYTES = 64
-"""What the bridge hands to the host in one piece of USB."""
+"""Number of bytes that the bridge passes to the host in one USB packet."""
 TIOCPKT = 0x5420
 TIOCPKT_FLUSHREAD = 1
 TCGETS2 = 0x802C542A
@@ -22,8 +22,8 @@ TERMIOS2 = struct.Struct("4I20s2I")
 class PtyPort:
     """Master side of a pseudo-terminal in raw mode.
 
-    held: it keeps what is written while no program has it open. link: a symbolic link to it, under a name of
-    one's own; see `show_as`.
+    `held`: keep the written bytes while no program has the port open. `link`: symbolic link to the port; see
+    `show_as`.
     """
 
     def __init__(self, link: Path | None = None, *, held: bool = False) -> None:
@@ -42,10 +42,10 @@ class PtyPort:
             self.show_as(link)
 
     def show_as(self, link: Path) -> None:
-        """Let a symbolic link point to it.
+        """Make a symbolic link that points to the port.
 
         Raises:
-            UsageError: something else has that name, or it cannot be made.
+           UsageError: something other than a link has that name, or the link cannot be made.
         """
         if link.exists() and not link.is_symlink():
             raise UsageError(f"--link {link}: exists and is no link; choose another.")
@@ -57,7 +57,7 @@ class PtyPort:
         self._link = link
 
     def close(self) -> None:
-        """Vanish, with the link if it is still ours."""
+        """Close the port, and remove the link if it still points to the port."""
         link = self._link
         if link is not None and link.is_symlink() and str(link.readlink()) == self.name:
             link.unlink()
@@ -66,7 +66,7 @@ class PtyPort:
 
     @property
     def is_open(self) -> bool:
-        """Whether a program has the port open: until then the master's poll says POLLHUP."""
+        """Whether a program has the port open; while none has, polling the master gives POLLHUP."""
         poll = select.poll()
         poll.register(self.master, 0)
         return not any(flags & select.POLLHUP for _, flags in poll.poll(0))
@@ -78,14 +78,17 @@ class PtyPort:
         return int(TERMIOS2.unpack(answer)[-1])
 
     def put(self, byte: int) -> bool:
-        """Take a byte for the host; False while it does not read."""
+        """Queue a byte for the host; return False if there is no room because the host does not read."""
         if len(self._unsent) >= PACKET_BYTES and not self.flush():
             return False
         self._unsent += bytes((byte,))
         return True
 
     def send(self, data: bytes) -> bool:
-        """Send it all, or say that there was no room for any of it; what is begun is always finished."""
+        """Send all of `data`, or return False if nothing could be sent.
+
+        A part that was sent is always completed.
+        """
         if not self.flush():
             return False
         self._unsent = data
@@ -95,20 +98,20 @@ class PtyPort:
         return False
 
     def flush(self) -> bool:
-        """Hand over what waits; False if some is left."""
+        """Send the queued bytes; return False if some are left."""
         try:
             while self._unsent:
                 self._unsent = self._unsent[os.write(self.master, self._unsent) :]
         except BlockingIOError:
             return False
-        except OSError:  # the client has just gone, and its bytes with it
+        except OSError:  # the client has just closed the port, and its bytes are lost
             self._unsent = b""
         return True
 
     def heard(self) -> bytes:
-        """What programs have sent to the board."""
+        """Return the bytes that programs have sent to the board."""
         found = b""
-        with contextlib.suppress(OSError):  # nothing more, or nobody has the port open
+        with contextlib.suppress(OSError):  # no more bytes, or no program has the port open
             while chunk := os.read(self.master, 4096):
                 if chunk[0]:
                     self._emptied |= bool(chunk[0] & TIOCPKT_FLUSHREAD)
@@ -117,9 +120,10 @@ class PtyPort:
         return found
 
     def was_emptied(self) -> bool:
-        """Whether a program has thrown away what waited for it since this was asked last.
+        """Return whether a program has discarded the unread bytes since the last call.
 
-        Each does while it opens the port. What programs have sent is lost.
+        Every program discards them while it opens the port. The call drops what programs have sent to the
+        board.
         """
         poll = select.poll()
         poll.register(self.master, select.POLLPRI)
@@ -129,13 +133,13 @@ class PtyPort:
         return emptied
 
     def fill(self) -> None:
-        """Put idle bytes, which mean nothing, on the line until there is no more room."""
+        """Write idle bytes, which have no meaning, to the port until its buffer is full."""
         with contextlib.suppress(BlockingIOError):
             while True:
                 os.write(self.master, bytes(1024))
 
     def forget(self) -> None:
-        """Throw away what the last program did not fetch, as a real port does when it is closed."""
+        """Discard the bytes that the last program did not read, as a real port does when it is closed."""
         self._unsent = b""
         port = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         termios.tcflush(port, termios.TCIOFLUSH)

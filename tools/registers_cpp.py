@@ -1,4 +1,4 @@
-"""Emits firmware/due/sam3x.h: the registers and fields that the bare-metal port uses."""
+"""Writes firmware/due/sam3x.h: the registers and fields that the bare-metal port uses."""
 
 from generated import rendered
 from svd import Field, Peripheral, Register
@@ -18,11 +18,12 @@ PIOB: PER PDR OER SODR CODR PDSR IER ISR MDER MDDR ABSR AIMER ESR REHLSR
 RSTC: SR=RSTTYP
 WDT: CR=WDRSTT,KEY MR=WDV,WDRSTEN,WDD,WDDBGHLT
 """
-"""Peripheral: its registers as in the SVD, with fields, or values of fields, by their names in the header."""
+"""Each peripheral with its registers as in the SVD, and their fields or values of fields as named in the header.
+"""
 
 
 def header(peripherals: dict[str, Peripheral]) -> str:
-    """Return the text of the header. Raises KeyError for a name that the SVD does not know."""
+    """Return the text of the header. Raises KeyError for a name that the SVD does not have."""
     used: list[tuple[Peripheral, list[tuple[Register, list[str]]]]] = []
     for word in USED.split():
         if word.endswith(":"):

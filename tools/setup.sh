@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prepares a clone: Debian packages where something is missing, then .venv with pinned packages.
+# Prepare a clone: install missing Debian packages, then pinned packages in .venv.
 # Usage: tools/setup.sh run|dev      (run: what the daemon needs; dev: tests and lint too)
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -14,8 +14,8 @@ if command -v "$python" >/dev/null && ! "$python" -c 'import sys; sys.exit(sys.v
     exit 1
 fi
 
-# What is missing is found out by use, not by package name: a compiler or Python may come from elsewhere.
-# `packages` are needed before pip can begin; `others` are installed while it works.
+# Each requirement is tested by using it, not by its package's name: a compiler or Python may come from
+# elsewhere. `packages` are needed before pip can begin; `others` are installed while pip works.
 packages=()
 others=()
 if ! command -v "$python" >/dev/null; then
@@ -33,21 +33,21 @@ if [ "$level" = dev ]; then
     compiles 'clang++ -fsanitize=address,undefined' '#include <type_traits>' || others+=(clang libclang-rt-dev)
     command -v clang-tidy >/dev/null || others+=(clang-tidy)
     command -v cppcheck >/dev/null || others+=(cppcheck)
-    # What tests of the outputs talk to: brokers, certificates for them, a browser.
+    # Servers and tools for tests of the outputs: brokers, certificates, a browser.
     PATH="$PATH:/usr/sbin" command -v mosquitto >/dev/null || others+=(mosquitto)
     PATH="$PATH:/usr/sbin" command -v nats-server >/dev/null || others+=(nats-server)
     command -v openssl >/dev/null || others+=(openssl)
     command -v chromium >/dev/null || others+=(chromium)
-    # What shows man pages.
+    # groff shows man pages.
     command -v groff >/dev/null || others+=(groff-base)
-    # What looks at the service's files.
+    # These check the service's files.
     command -v shellcheck >/dev/null || others+=(shellcheck)
     command -v systemd-analyze >/dev/null || others+=(systemd)
-    # The Due's compiler with the headers of both libraries. The libraries themselves, 2 GB, are in other packages;
-    # nothing is linked with them.
+    # The Due's compiler with the headers of the C and C++ libraries. The libraries themselves, 2 GB, are in
+    # other packages; no program is linked with them.
     compiles 'arm-none-eabi-g++ -mcpu=cortex-m3 -mthumb -c' '#include <type_traits>' ||
         others+=(gcc-arm-none-eabi libnewlib-dev libstdc++-arm-none-eabi-dev)
-    # Compiles again only what changed, wherever the tests compile it.
+    # ccache saves the tests from compiling unchanged sources again.
     command -v ccache >/dev/null || others+=(ccache)
 fi
 
@@ -78,7 +78,7 @@ log=$(mktemp)
 others_log=$(mktemp)
 work=
 others_work=
-# What apt-get has begun it ends: half an installation would be in the way of everybody.
+# A running apt-get is awaited, not killed: half an installation would block every later one.
 trap 'rm -f "$log" "$others_log"; [ -z "$work" ] || kill "$work" 2>/dev/null || true; wait' EXIT
 if [ ${#others[@]} -gt 0 ]; then
     install "${others[@]}" >"$others_log" 2>&1 &
@@ -88,7 +88,8 @@ steps=4
 [ "$level" != dev ] || steps=5
 step=0
 
-# One step: its name, then its command. A terminal shows the seconds and what the command said last.
+# Run one step: its name, then its command. A terminal shows the seconds and the command's last line of
+# output.
 quietly() {
     local name=$1 begin=$SECONDS text
     shift
@@ -113,18 +114,18 @@ else
 fi
 export PATH="$PWD/.venv/bin:$PATH" PIP_DISABLE_PIP_VERSION_CHECK=1
 pip() { quietly "$1" .venv/bin/python -m pip "${@:2}"; }
-# Only files whose hashes tools/hashes.sh has written down, and nothing that these want beside: pip checks each. What has
-# to be compiled is so by the pinned tools.
+# Install only files whose hashes tools/hashes.sh has recorded, and no dependencies beyond the list: pip
+# checks each file. Packages without a wheel are compiled by the pinned tools.
 checked=(install --require-hashes --no-deps --no-build-isolation)
 pip "installing what builds the native module (cmake, ninja, nanobind)" \
     "${checked[@]}" -r tools/hashes/build.txt
-# pip would make bytecode on one core: a quarter of its time.
+# pip would compile bytecode on one core, which takes a quarter of its time.
 [ "$level" != dev ] || checked+=(--no-compile)
 pip "installing pinned Python packages ($level); this is most of the time" "${checked[@]}" -r "tools/hashes/$level.txt"
-# Editable: an edited Python file is live at once.
+# Editable: an edited Python file takes effect at once.
 pip "building the native module" install --no-deps --no-build-isolation \
     --config-settings=cmake.define.FLTEA_WERROR="${FLTEA_WERROR:-OFF}" -e .
-# Some packages hold files that are no Python of today; nothing imports them.
+# Some packages hold files that today's Python cannot compile; nothing imports them.
 bytecode() { .venv/bin/python -m compileall -q -j 0 .venv/lib || true; }
 [ "$level" != dev ] || quietly "making bytecode of them" bytecode
 if [ -n "$others_work" ] && ! wait "$others_work"; then

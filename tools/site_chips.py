@@ -1,11 +1,11 @@
-"""The table of chips on the site that a Raspberry Pi reads, written from what the driver knows of them."""
+"""Writes the site's table of chips that a Raspberry Pi reads, from the driver's tables."""
 
 from fltea.sources.i2c.chips import chip_of
 from fltea.wire.sensors import SENSORS
 
 
 def chips() -> str:
-    """Return a row for each chip: how it is named and set up, and for how long its FIFO lasts."""
+    """Return a row for each chip: its names, its settings, and how long its FIFO lasts."""
     text = [
         "| chip | WHO_AM_I | `&chip=` | rate | range | low-pass of the rate | FIFO |",
         "|---|---|---|---|---|---|---|",

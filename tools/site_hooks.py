@@ -1,6 +1,6 @@
-"""What `make docs` adds to MkDocs: parts of pages that are written from the code, and equations as MathML.
+"""Hooks of `make docs` for MkDocs: parts of pages that are generated from the code, and equations as MathML.
 
-A page asks for a part by a line of its own, `<!-- generated: settings -->`.
+A page contains a generated part where a line reads `<!-- generated: settings -->`, for example.
 """
 
 import html
@@ -28,9 +28,9 @@ GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 
 
 def commands() -> str:
-    """Return a section for each command with all its options, as Typer itself writes it.
+    """Return a section for each command with all its options, as Typer writes it.
 
-    Its title, and its list of commands with their summaries cut off, are left out.
+    The title is left out, and the list of commands, whose summaries Typer cuts off.
     """
     write = [sys.executable, "-m", "typer", "fltea.cli.app", "utils", "docs", "--name", "fltea"]
     page = subprocess.run(write, check=True, capture_output=True, encoding="utf-8").stdout
@@ -48,7 +48,7 @@ def metrics() -> str:
 
 
 def errors() -> str:
-    """Return a table of every kind of error with what a person does about it."""
+    """Return a table of every kind of error with its remedy."""
     rows = (f"| {code(name)} | {kind.meaning} | {kind.remedy} |" for name, kind in ERROR_KINDS.items())
     return "\n".join(["| kind | what happened | what to do |", "|---|---|---|", *rows])
 
@@ -71,13 +71,13 @@ PARTS: dict[str, Callable[[], str]] = {
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the schema of the records."""
+    """Add the JSON schema of the records to the site."""
     files.append(File.generated(config, "reference/records.schema.json", content=schema()))
     return files
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Write the generated parts of a page."""
+    """Insert the generated parts into a page."""
     return GENERATED.sub(_part, markdown)
 
 
@@ -94,7 +94,7 @@ def on_page_content(content: str, **_: Any) -> str:
 
 
 def on_post_page(output: str, **_: Any) -> str:
-    """Name what the theme leaves without a name, for readers of screens."""
+    """Give the search dialog, which the theme leaves without one, a name for screen readers."""
     return output.replace('role="dialog"', 'role="dialog" aria-label="Search"')
 
 

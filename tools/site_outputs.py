@@ -1,4 +1,4 @@
-"""The table of outputs on the site, written from their declarations."""
+"""Writes the site's table of outputs from the outputs' declarations."""
 
 from fltea.settings.config import SETTINGS
 from fltea.settings.outputs import OUTPUTS, Output

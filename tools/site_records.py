@@ -1,4 +1,4 @@
-"""The tables of all records on the site, and their JSON Schema, written from their declarations."""
+"""Writes the site's tables of all records, and their JSON Schema, from the records' declarations."""
 
 import ast
 import functools
@@ -32,7 +32,7 @@ Rows = Iterator[tuple[str, str, str]]
 
 @functools.cache
 def texts(struct: type) -> dict[str, str]:
-    """Return what stands below each field of a struct, and of those that it inherits from."""
+    """Return the docstring of each field of a struct and of its base classes."""
     found: dict[str, str] = {}
     for owner in reversed(struct.__mro__):
         if issubclass(owner, msgspec.Struct) and owner is not msgspec.Struct:
@@ -46,7 +46,7 @@ def texts(struct: type) -> dict[str, str]:
 
 
 def records() -> str:
-    """Return a section for each record, with a table of its fields and of those within them."""
+    """Return a section for each record, with a table of its fields and of the fields inside them."""
     common = [("class", "string", "Name of the record, such as `hello`."), *rows(Placed, own=False)]
     page = [
         "## In all records\n\nRecords have those of these fields that their class can know.\n"
@@ -60,7 +60,7 @@ def records() -> str:
 
 
 def rows(struct: type[msgspec.Struct], path: str = "", *, own: bool = True) -> Rows:
-    """Yield path, type and meaning of each field; own: without those that all records have."""
+    """Yield path, type and meaning of each field. `own`: leave out the fields that all records have."""
     info = types.type_info(struct)
     assert isinstance(info, types.StructType)
     shown = {
@@ -91,7 +91,7 @@ def _of(path: str, kind: types.Type, text: str, seen: set[type]) -> Rows:
 
 
 def _key(path: str, kind: types.DictType) -> str:
-    """What the keys of an object are."""
+    """Return what the keys of an object are."""
     name = path.rpartition(".")[2]
     if isinstance(kind.key_type, types.IntType):
         return "t"
@@ -104,7 +104,7 @@ def _table(found: Rows | list[tuple[str, str, str]]) -> str:
 
 
 def schema() -> str:
-    """Return the JSON Schema of every record, as the program writes it, with the meaning of each field."""
+    """Return the JSON Schema of every record as the program writes it, with the meaning of each field."""
     (top,), parts = msgspec.json.schema_components([AnyRecord], ref_template="#/$defs/{name}")
     structs = {
         one.__name__: one

@@ -1,4 +1,4 @@
-"""The tables of all settings on the site, written from their declarations."""
+"""Writes the site's tables of all settings from the settings' declarations."""
 
 import html
 import re
@@ -23,7 +23,7 @@ def code(text: str) -> str:
 
 
 def settings() -> str:
-    """Every setting, table by table of the TOML file."""
+    """Return the tables of every setting, one for each table of the TOML file."""
     text: list[str] = []
     for path, table in TABLES.items():
         about = cell((type(table).__doc__ or "").split("\n\n")[0])

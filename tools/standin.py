@@ -1,9 +1,9 @@
-"""A device without hardware: protocol frames at 100 Hz on a pseudo-terminal, noise of known order.
+"""A device without hardware: sends protocol frames at 100 Hz on a pseudo-terminal, with noise of known order.
 
 It boots whenever a program opens the port, as a Due does: 0x00, HELLO, then samples. A Due takes longer to
-boot than a program to open; this one boots again if the program empties the port after it has begun. What
-leaves it is quantised like an MPU-9250 at ±2000 deg/s. With --estimate it sends estimates of its own too.
-Its first line on stdout names the port.
+boot than a program takes to open the port; this device boots again if the program empties the port after the
+first bytes. Its samples are quantised like those of an MPU-9250 at ±2000 deg/s. With --estimate it also sends
+estimates of its own. Its first line on standard output names the port.
 """
 
 import argparse
@@ -20,22 +20,22 @@ from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 from fltea.wire import layout as wire
 from own_estimator import JOINT, OwnEstimator
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # where it runs as a file
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # needed when the file is run directly
 
 from tools.board_voice import HELLO, Voice
 from tools.pty_port import PtyPort
 
 POLL_S = 0.02
 OPENING_S = 0.3
-"""A program that has not emptied the port by then will not do it: a Due takes longer to boot."""
+"""Time [s] within which a program that opens the port empties it: less than a Due takes to boot."""
 ACCEL_1G = 16384
 TEMPERATURE_25C = round((25.0 - 21.0) * 333.87)
 
 
 class Device:
-    """What the firmware would send, tick by tick; time runs with the number of samples.
+    """What the firmware would send, sample by sample. Its time is the number of samples over the rate.
 
-    estimate: it also sends what it makes of its samples by itself.
+    `estimate`: it also sends the estimates that it computes from its samples.
     """
 
     def __init__(self, settings: NoiseSettings, boot_id: int, *, estimate: bool = False) -> None:
@@ -49,15 +49,15 @@ class Device:
 
     @property
     def device_us(self) -> int:
-        """Microseconds since boot at the next sample."""
+        """Time of the next sample [us since boot]."""
         return round(self.samples * 1e6 / self._settings.rate_hz)
 
     def boot(self) -> bytes:
-        """End whatever is on the line, and introduce the device."""
+        """Return the bytes of a boot: 0x00, which ends any unfinished frame, then HELLO."""
         return b"\0" + self._frame(self._hello()) + self._estimator()
 
     def tick(self) -> bytes:
-        """The frames of one sampling instant; HELLO and STATUS ride along once a second."""
+        """Return the frames of one sampling instant; HELLO and STATUS are added once a second."""
         gyro = x, y, z = [int(count) for count in self._noise.step()]
         sequence = self._voice.next_sample()
         frames = self._frame(wire.Sample(x, y, z, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
@@ -90,7 +90,7 @@ class Device:
 
 
 def parse_arguments() -> argparse.Namespace:
-    """Arguments of the command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -101,12 +101,14 @@ def parse_arguments() -> argparse.Namespace:
         "--link", type=Path, help="make a symbolic link to the port, under a name of your own"
     )
     parser.add_argument("--estimate", action="store_true", help="send estimates of its own too")
-    parser.add_argument("--samples", type=int, default=0, help="fall silent after so many samples of a boot")
+    parser.add_argument(
+        "--samples", type=int, default=0, help="number of samples after which each boot falls silent"
+    )
     return parser.parse_args()
 
 
 def main() -> int:
-    """Serve one client after the other until interrupted."""
+    """Serve one client after another until interrupted."""
     arguments = parse_arguments()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
@@ -138,7 +140,7 @@ def main() -> int:
 
 
 def serve(port: PtyPort, device: Device, limit: int) -> None:
-    """Send at the pace of the device's clock until the client leaves, or has thrown away how it began."""
+    """Send in real time until the client closes the port, or discards the device's first bytes."""
     opened_s = time.monotonic()
     while not port.was_emptied() and time.monotonic() < opened_s + OPENING_S:
         time.sleep(POLL_S)

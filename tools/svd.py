@@ -1,16 +1,17 @@
-"""The vendor's register description of the ATSAM3X8E (CMSIS-SVD): fetched, checked, read.
+"""Fetches, checks and reads the vendor's register description of the ATSAM3X8E (CMSIS-SVD).
 
 Quirks of this file that matter here, all handled in `read`:
 
 * An array is one register `NAME[%s]` with dim and dimIncrement: it becomes NAME0, NAME1, ...
-* Registers of PMC and MATRIX carry the peripheral's name as prefix, those of the others do not: it is taken
-  off (CKGR_MOR and its like in PMC keep theirs).
-* Registers can share one offset (TC_CMR in wave mode, USART in SPI mode, UOTGHS pipes): the later
-  ones are alternatives of the first, with other fields over the same bits.
-* Without a resetValue the register has none: write-only, or it follows pins (PIO_PDSR) or events (UART_SR).
-* TWI_THR, PTCR and some others are write-only and have a reset value all the same: it is never visible.
-* The PDC's registers stand in each peripheral that has one (offsets 0x100 to 0x124), in none of their own.
-* SysTick, NVIC and SCB belong to the Cortex-M3 and are not in it.
+* Registers of PMC and MATRIX have the peripheral's name as prefix, registers of other peripherals have not:
+  the prefix is removed (CKGR_MOR and the like in PMC keep theirs).
+* Registers can share one offset (TC_CMR in wave mode, USART in SPI mode, UOTGHS pipes): the later registers
+  are alternatives of the first, with other fields over the same bits.
+* A register without a resetValue is write-only, or it follows pins (PIO_PDSR) or events (UART_SR).
+* TWI_THR, PTCR and some other write-only registers have a reset value all the same: it is never visible.
+* The PDC's registers are listed in each peripheral that has a PDC (offsets 0x100 to 0x124), not in a
+  peripheral of their own.
+* SysTick, NVIC and SCB belong to the Cortex-M3 and are not in this file.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ CACHE = "build/svd/ATSAM3X8E.svd"
 
 
 class SvdError(ValueError):
-    """The description could not be fetched, or is not the one that this project was made with."""
+    """Raised when the description cannot be fetched, or is not the one that this project was made with."""
 
 
 @dataclass(frozen=True)
 class Field:
-    """Bits of a register: the lowest one, how many, and the named values."""
+    """Bits of a register: the lowest bit `lsb`, the number of bits `width`, and the named values."""
 
     name: str
     description: str
@@ -48,7 +49,10 @@ class Field:
 
 @dataclass(frozen=True)
 class Register:
-    """One 32-bit register; access: read-write, read-only or write-only; reset: None if it has none."""
+    """One 32-bit register.
+
+    `access`: read-write, read-only or write-only. `reset`: None if it has no reset value.
+    """
 
     name: str
     description: str
@@ -61,7 +65,7 @@ class Register:
 
 @dataclass(frozen=True)
 class Peripheral:
-    """One block of registers; irqs: its interrupt numbers, which are its clock's numbers in PMC as well."""
+    """One block of registers. `irqs`: its interrupt numbers, which are also its clock's numbers in PMC."""
 
     name: str
     base: int
@@ -94,7 +98,7 @@ def check(data: bytes, origin: str) -> None:
 
 def _fetch() -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        # pip asks an sdist for its metadata by running its code: only code that is known.
+        # pip gets an sdist's metadata by running the sdist's code, so the code is checked by its hash.
         requirement = Path(folder) / "requirement.txt"
         requirement.write_text(f"{PACKAGE} --hash=sha256:{PACKAGE_SHA256}\n", encoding="utf-8")
         pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--no-binary", ":all:"]

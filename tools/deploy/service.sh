@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Puts fltea on this machine as a service, or only its udev rule or program, or takes it off again.
+# Install fltea on this machine as a service, or only its udev rule or its program, or remove it.
 # Usage: service.sh install|udev|uninstall          (make install-service, install-udev, uninstall-service)
 #        service.sh program                         the program alone, into PREFIX, for another supervisor
-#   PREFIX=/opt/fltea    where the program goes, in a virtual environment of its own
-#   DESTDIR=             put the files into this tree and touch nothing else; the program itself is then the
-#                        packager's business (a wheel), and PREFIX names where it will be
+#   PREFIX=/opt/fltea    where the program is installed, in a virtual environment of its own
+#   DESTDIR=             put the files into this tree and touch nothing else; the packager then installs the
+#                        program (a wheel), and PREFIX names where it will be
 set -euo pipefail
-# The service and every user read and run what is put down here, whatever the umask of the one who installs.
+# The service and every user read and run the installed files, whatever umask the installing user has.
 umask 022
 cd "$(dirname "$0")/../.."
 action=${1:?usage: service.sh install|program|udev|uninstall}
@@ -40,7 +40,7 @@ put_unless_there() {
 put_unit() {
     put fltea.service "$unit" 644
     sed -i "s|/opt/fltea/|$prefix/|" "$tree$unit"
-    # Slower and slower restarts came with systemd 254; older ones would complain at each start.
+    # RestartSteps (ever longer waits between restarts) came with systemd 254; older versions warn about it.
     if [ -z "$tree" ] && [ "$(systemctl --version | sed -n '1s/[^0-9]*\([0-9]*\).*/\1/p')" -lt 254 ]; then
         sed -i '/^RestartSteps=/d; /^RestartMaxDelaySec=/d' "$tree$unit"
     fi
@@ -52,11 +52,12 @@ put_program() {
     say "installing the program into $prefix: this takes a minute or two"
     local build
     build=$(mktemp -d)
-    # shellcheck disable=SC2064  # the folder's name as of now
+    # shellcheck disable=SC2064  # the folder's name is expanded now
     trap "rm -rf '$build'" EXIT
     "$python" -m venv "$prefix"
     local pip=("$prefix/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation)
-    # The packages by their hashes; the program is built outside of the clone, so that no file of root's is left in it.
+    # Packages are checked by their hashes. The program is built outside the clone, so that root leaves no
+    # files in it.
     if ! { "${pip[@]}" --require-hashes -r tools/hashes/build.txt &&
         "${pip[@]}" --require-hashes -r tools/hashes/run.txt &&
         PATH="$prefix/bin:$PATH" "${pip[@]}" --config-settings=build-dir="$build" .; }; then
@@ -135,7 +136,7 @@ uninstall)
         if [ "$(readlink "$command" || true)" = "$prefix/bin/fltea" ]; then
             rm -f "$command"
         fi
-        # Only what was made by this script: a virtual environment with fltea in it.
+        # Remove only what this script made: a virtual environment with fltea in it.
         if [ -e "$prefix/pyvenv.cfg" ] && [ -e "$prefix/bin/fltea" ]; then
             rm -rf "$prefix"
         fi
@@ -145,7 +146,7 @@ uninstall)
         reload_udev
         [ ! -d /run/systemd/system ] || systemctl daemon-reload
     fi
-    say "removed. What is yours was kept: $tree/etc/fltea, $tree/var/lib/fltea and the user 'fltea'. To remove them too:"
+    say "removed. Your settings, data and user were kept: $tree/etc/fltea, $tree/var/lib/fltea and the user 'fltea'. To remove them too:"
     say "    sudo rm -r $tree/etc/fltea $tree/var/lib/fltea && sudo userdel fltea"
     ;;
 *)

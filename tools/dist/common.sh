@@ -1,19 +1,19 @@
-# shellcheck shell=bash
-# What the scripts of this folder share; they source it from the repository's root.
+# Settings and functions that the scripts of this folder share; they source it from the repository's root.
 # shellcheck disable=SC2034
 out=$PWD/build/dist
 work=$out/work
 python=$PWD/.venv/bin/python
-# The stable ABI: one wheel of a machine is for this version of Python and for all that follow.
+# The stable ABI: one wheel per machine serves this version of Python and all later ones.
 abi=cp311-abi3
-# The lowest that auditwheel finds for Debian 12's compiler; Debian 12, Ubuntu 22.04 and RHEL 9 have it.
+# The oldest glibc that auditwheel accepts for Debian 12's compiler; Debian 12, Ubuntu 22.04 and RHEL 9 have
+# it.
 glibc=2_34
-# The systems that have a Debian package: each has a Python of its own, for which its libraries are made.
+# The systems with a Debian package. Each has its own version of Python, for which the libraries are chosen.
 systems=(deb12 deb13 ubuntu24.04)
 declare -A python_of=([deb12]=3.11 [deb13]=3.13 [ubuntu24.04]=3.12)
 declare -A suite_of=([deb12]=bookworm [deb13]=trixie [ubuntu24.04]=noble)
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
-# Times in the files are the commit's: built twice they are the same.
+# Timestamps in the files are the commit's, so that two builds give the same bytes.
 SOURCE_DATE_EPOCH=${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct 2>/dev/null || stat -c %Y CHANGELOG.md)}
 export SOURCE_DATE_EPOCH PIP_DISABLE_PIP_VERSION_CHECK=1 PATH="$PWD/.venv/bin:$PATH"
 
@@ -24,22 +24,24 @@ need() { # COMMAND PACKAGE
     command -v "$1" >/dev/null || refuse "$1 is missing: apt-get install $2"
 }
 
-# What a wheel or package of a machine is called. The system stands in the package's version, as backports have it.
+# File names of the wheel and the package for a machine. The package's version names the system, as backports
+# do.
 wheel_of() { printf '%s\n' "$out/fltea-$version-$abi-manylinux_${glibc}_$1.whl"; }            # MACHINE
 deb_of() { printf '%s\n' "$out/fltea_$version-1~${1}_$2.deb"; }                               # SYSTEM ARCHITECTURE
 machine_of() { case $1 in amd64) echo x86_64 ;; arm64) echo aarch64 ;; *) refuse "no rule to build for $1" ;; esac; }
 
-# A bare system in a folder, or used and thrown away (/dev/null). Inside of a sandbox, apt's own user may be allowed
-# neither gpgv nor the network, so apt stays root.
+# Make a bare system in a folder, or one that is used and thrown away (/dev/null). apt runs as root, because
+# inside a sandbox its own user may be allowed neither gpgv nor the network.
 bare() { # SUITE FOLDER OPTION…
     need mmdebstrap mmdebstrap
     local archive=http://deb.debian.org/debian components=main
     [ "$1" != noble ] || { archive=http://archive.ubuntu.com/ubuntu components='main universe'; }
-    # shellcheck disable=SC2016  # $1: the folder, of mmdebstrap's
+    # shellcheck disable=SC2016  # $1: the folder, set by mmdebstrap
     mmdebstrap --quiet --aptopt='APT::Sandbox::User "root"' "${@:3}" "$1" "$2" "deb $archive $1 $components"
 }
 
-# Debian 12's Python for aarch64: its headers to build with, and itself to be run under QEMU. Extracted, not installed.
+# Extract Debian 12's Python for aarch64, without installing it: its headers for the build, and its program to
+# run under QEMU.
 arm_root() {
     if [ ! -e "$work/arm64/usr/bin/python3.11" ]; then
         say "extracting Debian 12 for arm64 into $work/arm64"
@@ -50,14 +52,15 @@ arm_root() {
     printf '%s\n' "$work/arm64"
 }
 
-# What pip, CMake and scikit-build-core need to build for aarch64.
+# Set the environment that pip, CMake and scikit-build-core need to build for aarch64.
 cross_environment() {
     need aarch64-linux-gnu-g++ g++-aarch64-linux-gnu
     FLTEA_TARGET_ROOT=$(arm_root)
     export FLTEA_TARGET_ROOT CMAKE_TOOLCHAIN_FILE=$PWD/tools/dist/aarch64.cmake _PYTHON_HOST_PLATFORM=linux-aarch64
 }
 
-# Packages with their hashes out of a list of tools/hashes: those of these names (a regular expression), or the others.
+# Print the packages, with hashes, of a list in tools/hashes whose names match a regular expression;
+# entries_but prints the packages that do not match.
 entries() { # LIST NAMES
     awk -v names="^($2)==" '/^[a-z]/ { of_it = $0 ~ names } of_it' "tools/hashes/$1.txt"
 }
@@ -65,8 +68,8 @@ entries_but() { # LIST NAMES
     awk -v names="^($2)==" '/^[a-z]/ { of_it = $0 !~ names } of_it' "tools/hashes/$1.txt"
 }
 
-# Packages for a machine and a version of Python, into a folder that Python only has to be shown. Nothing is compiled,
-# and nothing taken whose hash is not in the list.
+# Unpack packages for a machine and a version of Python into a folder that is put on Python's path. Nothing is
+# compiled, and a package is refused unless its hash is in the list.
 unpack_for() { # MACHINE PYTHON FOLDER LIST
     local machine=$1 level levels=()
     for level in 34 31 28 27 26 24 17; do levels+=(--platform "manylinux_2_${level}_$machine"); done
@@ -76,8 +79,9 @@ unpack_for() { # MACHINE PYTHON FOLDER LIST
         --platform "linux_$machine" --platform "manylinux2014_$machine" "${levels[@]}"
 }
 
-# The wheel and all that the service may be asked for: what `make run` installs but the emulator of the board. Of cobs
-# only 1.2.0 is published as a wheel, in Python, which is quick enough for what the program encodes.
+# Install the wheel and all libraries that the service may need: what `make run` installs except the board's
+# emulator. The only wheel of cobs is 1.2.0, in pure Python, which is fast enough for what the program
+# encodes.
 install_into() { # MACHINE PYTHON FOLDER
     local wheel list=$work/needed-$1-$2.txt
     wheel=$(wheel_of "$1")

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Builds the Debian packages of each machine named, one for each system, from its wheel, into build/dist, and looks at
-# them with lintian.
+# Build the Debian packages of each machine named, one for each system, from its wheel, into build/dist, and
+# check them with lintian.
 # Usage: tools/dist/deb.sh [amd64] [arm64]          (without a name: both)
-#   DEBFULLNAME, DEBEMAIL    who answers for the package; default: who made the last commit
+#   DEBFULLNAME, DEBEMAIL    the package's maintainer; default: the author of the last commit
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tools/dist/common.sh
@@ -27,7 +27,7 @@ pack() { # SYSTEM ARCHITECTURE
     install_into "$machine" "$py" "$tree/usr/lib/fltea"
     (
         cd "$tree/usr/lib/fltea"
-        # Commands, examples and tests of the libraries, and what only a compiler reads.
+        # Remove commands, examples and tests of the libraries, and files that only a compiler reads.
         rm -rf bin share typings tornado/test numpy/_core/*_tests.*.so numpy/_core/include numpy/_core/lib numpy/f2py
         find . -type d -name tests -prune -exec rm -rf {} +
         find . -name '*.pyi' -delete
@@ -50,7 +50,7 @@ pack() { # SYSTEM ARCHITECTURE
     install -D -m 644 "$completions/zsh/_fltea" "$tree/usr/share/zsh/vendor-completions/_fltea"
     install -D -m 644 "$completions/fish/fltea.fish" "$tree/usr/share/fish/vendor_completions.d/fltea.fish"
     local unit='s|/opt/fltea/bin/|/usr/bin/|'
-    # Debian 12's systemd, 252, restarts at an even pace: these came with 254.
+    # Debian 12 has systemd 252; these settings came with 254.
     [ "$system" != deb12 ] || unit+='; /^RestartSteps=/d; /^RestartMaxDelaySec=/d'
     sed "$unit" "$here/tools/deploy/fltea.service" >debian/fltea.service
     cp "$here/tools/deploy/70-fltea.rules" debian/fltea.udev
@@ -58,7 +58,7 @@ pack() { # SYSTEM ARCHITECTURE
 
     (
         eval "$(dpkg-architecture -a"$architecture" -s 2>/dev/null)"
-        # What man pages name.
+        # The documents that the man pages refer to.
         dh_installdocs "$here"/host/docs/*
         dh_installchangelogs "$here/CHANGELOG.md"
         dh_installman "$here"/build/man/*.1
@@ -67,7 +67,7 @@ pack() { # SYSTEM ARCHITECTURE
         dh_installudev --priority=70
         dh_lintian
         dh_compress --exclude=.md
-        # The file of the broker's password stays root's.
+        # Only root may read the file with the broker's password.
         dh_fixperms --exclude=mqtt.env
         dh_installdeb
         dh_gencontrol

@@ -1,6 +1,6 @@
-"""Writes the copyright file of the Debian package: our licence, and that of every library that it holds.
+"""Writes the Debian package's copyright file: our licence and that of every library in the package.
 
-Usage: deb_copyright.py LICENSE FOLDER WHERE    (FOLDER: of the libraries; WHERE: its place once installed)
+Usage: deb_copyright.py LICENSE FOLDER WHERE    (FOLDER: holds the libraries; WHERE: its path once installed)
 """
 
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def licence(library: Distribution) -> str:
-    """Return the licence in a few words, as the library's metadata have it."""
+    """Return the licence's short name from the library's metadata. Exits if there is none."""
     metadata = library.metadata
     classifiers = [line for line in metadata.get_all("Classifier") or () if line.startswith("License ::")]
     named = [line.rpartition(" :: ")[2] for line in classifiers]
@@ -22,14 +22,14 @@ def licence(library: Distribution) -> str:
 
 
 def texts(library: Distribution) -> list[str]:
-    """Return the files of its licences, from the folder of libraries."""
+    """Return the paths of the library's licence files, relative to the folder of libraries."""
     words = ("LICEN", "COPYING", "NOTICE")
     names = [str(path) for path in library.files or () if ".dist-info" in str(path)]
     return sorted(name for name in names if any(word in name.rpartition("/")[2].upper() for word in words))
 
 
 def main(ours: Path, folder: Path, where: str) -> str:
-    """Return the file's text."""
+    """Return the text of the copyright file."""
     parts = [
         "fltea",
         "",

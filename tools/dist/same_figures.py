@@ -1,7 +1,7 @@
-"""Compares what two machines printed of one record: the same words, and figures as near as asked.
+"""Compares what two machines printed for one record: texts must be equal, figures equal within a tolerance.
 
-The filters' estimates are the same bit by bit on every machine (no contraction, our own logarithm). Searches
-for a maximum end where the last bits of numpy and libm let them, which differ between processors.
+The filters' estimates are the same bit by bit on every machine (no contraction, our own logarithm). The
+result of a maximisation depends on the last bits of numpy and libm, which differ between processors.
 """
 
 import argparse
@@ -16,7 +16,7 @@ RELATIVE, ABSOLUTE = 1e-5, 1e-8
 
 
 def differences(a: Any, b: Any, exactly: bool, where: str = "") -> Iterator[str]:
-    """Yield what differs, each with its place."""
+    """Yield each difference with its path in the records."""
     if isinstance(a, dict) and isinstance(b, dict) and a.keys() == b.keys():
         for name in a:
             yield from differences(a[name], b[name], exactly, f"{where}.{name}")
@@ -31,12 +31,12 @@ def differences(a: Any, b: Any, exactly: bool, where: str = "") -> Iterator[str]
 
 
 def read(path: Path) -> list[Any]:
-    """Return every line's object."""
+    """Return the JSON object of each line."""
     return [json.loads(line) for line in path.read_text("utf-8").splitlines()]
 
 
 def main() -> int:
-    """Say what differs; 1 if anything does."""
+    """Print the differences; return 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs=2, type=Path)
     parser.add_argument("--exactly", action="store_true", help="figures are the same bit by bit")

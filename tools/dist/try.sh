@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Runs what was built: for aarch64 the C++ tests and the wheel under QEMU, for this machine the wheel with every version
-# of Python that is at hand. The figures of a made-up record must be the same everywhere. Takes a minute.
+# Run what was built: for aarch64 the C++ tests and the wheel under QEMU, for this machine the wheel with
+# every installed version of Python. The figures of a simulated record must be the same everywhere. Takes a
+# minute.
 # Usage: tools/dist/try.sh
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -11,8 +12,8 @@ folder=$work/try
 mkdir -p "$folder/doctest"
 
 say "the C++ tests, compiled for aarch64, under QEMU"
-# gcc for ARM does not see that a filter of at most N states leaves none of its own unwritten.
-# The cross compiler does not look into /usr/include, where doctest is. Without sanitizers, which QEMU does not know.
+# -Wno-maybe-uninitialized: gcc for ARM does not see that a filter with N states writes all of them. doctest
+# is copied, since the cross compiler does not search /usr/include. No sanitizers: QEMU does not support them.
 cp -r /usr/include/doctest "$folder/doctest/"
 need aarch64-linux-gnu-g++ g++-aarch64-linux-gnu
 make --silent -j2 -C tests/native BUILD="$folder/native" SETS=baseline CXX="aarch64-linux-gnu-g++ -isystem $folder/doctest" \
@@ -22,7 +23,7 @@ make --silent -j2 -C tests/native BUILD="$folder/native" SETS=baseline CXX="aarc
 tail -n 3 "$folder/native.log" >&2
 
 root=$(arm_root)
-# What runs a version of Python: on the path, or one of pyenv's.
+# Print the path of a Python of this version: on PATH, or installed by pyenv.
 python_for() { # VERSION
     local found
     for found in "$(command -v "python$1")" "${PYENV_ROOT:-$HOME/.pyenv}/versions/$1".*/bin/python; do
@@ -34,7 +35,7 @@ figures() { # MACHINE PYTHON COMMAND…    (COMMAND: what runs this Python)
     local name=$1-$2 run=("${@:3}")
     say "the wheel for $1 with Python $2: estimates and a verdict of the same record"
     install_into "$1" "$2" "$folder/$name"
-    # Without site: of packages only what is in this folder, and not the clone's own.
+    # -S leaves site out: packages come from this folder alone, not from the clone.
     fltea() { PYTHONPATH=$folder/$name "${run[@]}" -P -S -m fltea "$@"; }
     [ -e "$folder/record.npz" ] || fltea simulate "$folder/record.npz" --alpha 0.5 --f -1 -n 3000 --seed 1
     fltea run --source "replay:$folder/record.npz" --once --set live.on=false >"$folder/$name.run.ndjson"
@@ -57,6 +58,6 @@ figures aarch64 3.11 qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11"
 say "golden vectors and golden values of the estimator, with the wheel for aarch64"
 entries dev 'pytest|iniconfig|packaging|pluggy|pygments|hypothesis|sortedcontainers|pytest-timeout' >"$folder/pytest.txt"
 unpack_for aarch64 3.11 "$folder/pytest" "$folder/pytest.txt"
-# Without what starts other programs: this machine's kernel runs none for aarch64.
+# Tests that start other programs are left out: this machine's kernel runs no aarch64 programs.
 PYTHONPATH=$folder/aarch64-3.11:$folder/pytest qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -m pytest -q \
     -p no:cacheprovider -k "not files_are_what" tests/protocol/test_vectors.py tests/estimator/test_numbers.py

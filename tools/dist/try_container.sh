@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the image of tools/deploy/Containerfile and runs daemon and fleet in it, where buildah is installed. The image of
-# Debian that it begins with is made here from Debian's archive: no registry of images is asked.
+# Build the image of tools/deploy/Containerfile and run daemon and fleet in it, where buildah is installed.
+# Its base image of Debian is made here from Debian's archive, so no image registry is contacted.
 # Usage: tools/dist/try_container.sh
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -12,7 +12,7 @@ if ! command -v buildah >/dev/null; then
 fi
 base=docker.io/library/debian:trixie-slim
 build() { buildah --storage-driver vfs --root "$work/images" --runroot "$work/images-run" "$@"; }
-# A builder that is inside of a container itself may make no namespaces: chroot needs none.
+# A builder that runs inside a container may make no namespaces; chroot needs none.
 export BUILDAH_ISOLATION=chroot
 trap 'build rm --all >/dev/null 2>&1; rm -rf "$work/images" "$work/images-run"' EXIT
 

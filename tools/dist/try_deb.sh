@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Installs the Debian package of each system named on a bare one in a folder, uses it there, and removes it again. The
-# one for arm64 and Debian 12 is unpacked next to that system's Python, and run under QEMU. As root, or where user
+# Install the Debian package of each system named on a bare system in a folder, use it there, and remove it. The package
+# for arm64 and Debian 12 is unpacked next to that system's Python and run under QEMU. Run this as root, or where user
 # namespaces are allowed.
-# Usage: tools/dist/try_deb.sh [SYSTEM…]    (without a name: Debian's; Ubuntu's archive is not reached from everywhere)
+# Usage: tools/dist/try_deb.sh [SYSTEM…]    (without a name: Debian's; Ubuntu's archive is not always reachable)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 # shellcheck source=tools/dist/common.sh
@@ -12,7 +12,7 @@ need qemu-aarch64-static qemu-user-static
 
 cat >"$work/inside.sh" <<'INSIDE'
 #!/bin/sh
-# What a new user does, inside of the bare system.
+# What a new user does, inside the bare system.
 set -eux
 export DEBIAN_FRONTEND=noninteractive
 apt-get update -q
@@ -23,7 +23,7 @@ fltea simulate /tmp/record.npz --alpha 0.5 --f -1 -n 2000 --seed 1
 fltea run --source replay:/tmp/record.npz --once --set live.on=false >/tmp/run.ndjson
 grep -q '"class":"estimate"' /tmp/run.ndjson
 fltea identify /tmp/record.npz --channels gyro_x --shuffles 1 --jobs 2 >/tmp/verdict.txt
-# As the service starts it: its user, its settings; here without a board, so that only the settings are judged.
+# Check the service's unit, user and settings. There is no board here, so the doctor judges only the settings.
 systemd-analyze verify /lib/systemd/system/fltea.service
 systemctl is-enabled fltea
 id fltea
@@ -41,7 +41,7 @@ test ! -e /etc/fltea
 INSIDE
 for system in "$@"; do
     say "a bare ${suite_of[$system]}, with the package for amd64"
-    # shellcheck disable=SC2016  # $1: the folder, of mmdebstrap's
+    # shellcheck disable=SC2016  # $1: the folder, set by mmdebstrap
     bare "${suite_of[$system]}" /dev/null --variant=minbase --include=systemd --architectures=amd64 \
         --customize-hook="copy-in $work/inside.sh /tmp" \
         --customize-hook="upload $(deb_of "$system" amd64) /tmp/fltea.deb" \
@@ -56,7 +56,7 @@ say "the package for arm64, unpacked, under QEMU"
 root=$(arm_root)
 rm -rf "$work/try-arm64"
 dpkg-deb -x "$(deb_of deb12 arm64)" "$work/try-arm64"
-[ "$(dpkg-deb -f "$(deb_of deb12 arm64)" Architecture)" = arm64 ] || refuse "its architecture is another"
+[ "$(dpkg-deb -f "$(deb_of deb12 arm64)" Architecture)" = arm64 ] || refuse "the package's architecture is not arm64"
 PYTHONPATH=$work/try-arm64/usr/lib/fltea qemu-aarch64-static -L "$root" "$root/usr/bin/python3.11" -P -S -c '
 import cobs.cobs, lz4, mcap, numpy, paho.mqtt, prometheus_client, zstandard, fltea._native
 from fltea.cli.app import main

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Builds the sdist and, from it and nothing else, a wheel for each machine named, into build/dist.
+# Build the sdist and, from the sdist alone, a wheel for each machine named, into build/dist.
 # Usage: tools/dist/wheels.sh [x86_64] [aarch64]          (without a name: both)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -28,7 +28,7 @@ for machine in "${machines[@]}"; do
         [ "$machine" = "$(uname -m)" ] || cross_environment
         say "building for $machine (log: $folder/build.log)"
         cd "$folder/source"
-        # -Werror: other compilers warn of other things.
+        # FLTEA_WERROR is set here alone: other compilers give other warnings.
         "$python" -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir "$folder/wheel" \
             --config-settings=build-dir="$folder/build" --config-settings=cmake.define.FLTEA_WERROR=ON . \
             >"$folder/build.log" 2>&1 || { cat "$folder/build.log" >&2; refuse "the wheel for $machine was not built"; }

@@ -1,15 +1,17 @@
-"""Puts single bugs into the firmware, or random ones into the host, and asks who notices (`make mutants`).
+"""Puts single bugs into the firmware, or random ones into the host, and runs the tests (`make mutants`).
 
---host 40: so many random changes of host/fltea, one at a time (tools.mutants.host_changes). Asked are the
-test files that import what is changed, the rest of its room, then tests/e2e, without those marked as slow,
-until one fails. Some changes do nothing that anybody could notice, so read what survives.
+A bug that no test notices survives. `--host 40` tries 40 random changes of host/fltea, one at a time
+(tools.mutants.host_changes). For each change it runs the test files that import the changed module, then the
+rest of its folder in tests, then tests/e2e, without the tests marked as slow, until one fails. Some changes
+have no effect that a test could notice, so read the list of survivors.
 
-Else the firmware's list. Judges: the tests of the emulated Due, whose parts are strict, the C++ tests of the
-core and of its spectrum, and the Arduino sketch on its stub. The first that notices a bug is
-enough; --everyone asks all. That the committed image has other bytes does not count.
+Without `--host` it tries the firmware's list. The judges are: the tests of the emulated Due, whose components
+are strict; the C++ tests of the core and of its spectrum; the Arduino sketch on its stub. By default judging
+a bug ends at the first judge that notices it; --everyone runs all judges. Other bytes than in the committed
+image do not count as noticed.
 
-Everything happens in private copies. Exit codes: 0; 1 more than 2 mutants of the firmware or a third of the
-host's survive, a mutant does not build, or the present sources fail already.
+Everything happens in private copies. Exit code 1: more than 2 mutants of the firmware or a third of the
+host's survive, a mutant does not build, or the present sources already fail. Exit code 0 otherwise.
 """
 
 import argparse
@@ -39,11 +41,11 @@ MOST_SURVIVORS = 2
 MOST_SURVIVORS_OF_HOST = 1 / 3
 
 EVERYWHERE = ("core/engine/", "arduino/")
-"""Files for which all judges together are asked."""
+"""Files whose judges together are all judges."""
 
 
 class Result(NamedTuple):
-    """invalid: why the mutant says nothing; None if it does."""
+    """What the judges said about a mutant. `invalid`: why the mutant cannot be judged, or None."""
 
     mutant: Mutant
     verdicts: list[Verdict]
@@ -51,11 +53,10 @@ class Result(NamedTuple):
 
     @property
     def survives(self) -> bool:
-        """Whether nobody noticed."""
         return self.invalid is None and not any(verdict.noticed for verdict in self.verdicts)
 
     def describe(self) -> str:
-        """One line, or as many as judges noticed."""
+        """Return one line, and one more for each judge that noticed the bug."""
         head = f"{self.mutant.name} ({self.mutant.file}): {self.mutant.breaks}"
         if self.invalid is not None:
             return f"INVALID  {head}\n{self.invalid}"
@@ -66,7 +67,7 @@ class Result(NamedTuple):
 
 
 def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
-    """Judge one bug in a copy of `base`, which keeps what is built there already."""
+    """Judge one bug in a copy of `base`, with whatever is built there."""
     with tempfile.TemporaryDirectory(dir=base.parent) as folder:
         root = Path(folder) / "fltea"
         shutil.copytree(base, root)
@@ -78,7 +79,7 @@ def try_mutant(mutant: Mutant, base: Path, *, everyone: bool = False) -> Result:
 
 
 def try_host(drawn: list[Change], jobs: int) -> int:
-    """Judge random changes of the host and print who noticed each; returns the exit code."""
+    """Judge random changes of the host, print which test noticed each, and return the exit code."""
     copies: Queue[HostCopy] = Queue()
 
     def judged(change: Change) -> str | None:
@@ -105,18 +106,18 @@ def try_host(drawn: list[Change], jobs: int) -> int:
 
 
 def main() -> int:
-    """Run the command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.mutants",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="may be given again")
-    parser.add_argument("--everyone", action="store_true", help="ask all judges of each bug")
-    parser.add_argument("--jobs", type=int, default=2, help="so many at a time")
+    parser.add_argument("--everyone", action="store_true", help="run all judges on each bug")
+    parser.add_argument("--jobs", type=int, default=2, help="number of mutants judged at the same time")
     host = parser.add_argument_group("the host, in place of the firmware")
-    host.add_argument("--host", type=int, metavar="COUNT", help="try so many random changes")
-    host.add_argument("--seed", type=int, default=1, help="which ones")
+    host.add_argument("--host", type=int, metavar="COUNT", help="number of random changes to try")
+    host.add_argument("--seed", type=int, default=1, help="seed of the random choice")
     host.add_argument("--below", default="", metavar="PATH", help="only below host/fltea/PATH")
     options = parser.parse_args()
     if options.host is not None:

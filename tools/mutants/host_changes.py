@@ -1,11 +1,12 @@
-"""Random single changes of the host's Python: where one is possible, and what stands there afterwards.
+"""Random single changes of the host's Python: where a change is possible, and the changed source.
 
-Changed is what the program does, not what it says: no docstring, text, message or type hint.
+A change alters what the program does, not its docstrings, texts, messages or type hints.
 
-The rules are ours because no kept library fits. mutmut 3.8 has to import the package itself, which an
-editable install prevents (it finds no test for any change), and draws nothing at random. cosmic-ray 8.7
-spends half of its changes on operators, most of them the `|` of type hints, has none of statements, returned
-values, min and max, and one command for all changes, so no nearest tests.
+The rules are our own because no maintained library fits. mutmut 3.8 has to import the package itself, which
+an editable install prevents (it finds no test for any change), and does not draw at random. cosmic-ray 8.7
+spends half of its changes on operators, most of them the `|` of type hints. It does not change statements,
+returned values, min or max, and it runs one test command for all changes, so the nearest tests cannot come
+first.
 """
 
 import ast
@@ -23,11 +24,14 @@ OTHER: dict[type[ast.AST], Any] = dict(zip(ONE, TWO, strict=True)) | dict(zip(TW
 OTHER |= {ast.FloorDiv: ast.Mult, ast.Mod: ast.FloorDiv, ast.BitAnd: ast.BitOr}
 NAMES = {"min": "max", "max": "min", "minimum": "maximum", "maximum": "minimum", "any": "all", "all": "any"}
 TELLS = {"problem", "report", "say", "tell", "warn", "warning", "info", "debug", "print", "echo", "help"}
-"""Functions, perhaps with a _ before their names, whose arguments are texts for people."""
+"""Functions whose arguments are texts for people; an underscore may precede the name."""
 
 
 class Change(NamedTuple):
-    """One change. file: below the repository. line: from 1. start, end: where in the text."""
+    """One change.
+
+    `file`: path in the repository. `line`: from 1. `start`, `end`: character range in the text.
+    """
 
     file: str
     line: int
@@ -37,7 +41,7 @@ class Change(NamedTuple):
     new: str
 
     def applied_to(self, text: str) -> str:
-        """The source with the change."""
+        """Return the source with the change."""
         return text[: self.start] + self.new + text[self.end :]
 
     def __str__(self) -> str:
@@ -48,7 +52,7 @@ class Change(NamedTuple):
 def choose(root: Path, count: int, seed: int, below: str = "") -> list[Change]:
     """Draw `count` changes of the host at `root`, each on another line; all lines are equally likely.
 
-    below: only of files whose path below host/fltea begins so.
+    `below`: use only files whose path below host/fltea begins with this text.
     """
     chance = random.Random(seed)
     lines: dict[tuple[str, int], list[Change]] = {}
@@ -60,12 +64,12 @@ def choose(root: Path, count: int, seed: int, below: str = "") -> list[Change]:
 
 
 def changes(file: str, text: str) -> Iterator[Change]:
-    """All changes of one source."""
+    """Yield all changes of one source."""
     rows = text.splitlines(keepends=True)
     starts = list(accumulate(map(len, rows), initial=0))
     for node in _acting(ast.parse(text)):
         (line, column), last = (node.lineno, node.col_offset), node.end_lineno or node.lineno
-        # Columns count bytes.
+        # The columns of ast count bytes.
         start = starts[line - 1] + len(rows[line - 1].encode()[:column].decode())
         end = starts[last - 1] + len(rows[last - 1].encode()[: node.end_col_offset].decode())
         for other in _others(node):
@@ -75,7 +79,7 @@ def changes(file: str, text: str) -> Iterator[Change]:
 
 
 def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
-    """Expressions and statements that do something, outermost first."""
+    """Yield the expressions and statements that do something, outermost first."""
     if isinstance(node, ast.expr | ast.stmt):
         yield node
     for name, value in ast.iter_fields(node):
@@ -86,7 +90,7 @@ def _acting(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 
 
 def _speaks(node: ast.AST) -> bool:
-    """Whether what is in it is a text or a type."""
+    """Return whether the contents of `node` are texts or types."""
     if isinstance(node, ast.Call):
         name = getattr(node.func, "attr", getattr(node.func, "id", ""))
         return name.strip("_").split("_")[0] in TELLS or name in ("Option", "Argument", "TypeVar")
@@ -96,7 +100,7 @@ def _speaks(node: ast.AST) -> bool:
 
 
 def _others(node: ast.AST) -> Iterator[ast.AST]:
-    """What may stand in the place of `node`."""
+    """Yield the replacements of `node`."""
     match node:
         case ast.Compare(left, [operator, *more], right):
             if type(operator) in OTHER:

@@ -1,4 +1,4 @@
-"""A private copy of the repository in which changes of the host are tried, the nearest tests first."""
+"""A private copy of the repository in which changes of the host are tried, with the nearest tests first."""
 
 import re
 import shutil
@@ -12,18 +12,18 @@ from tools.mutants.workshop import REPOSITORY, Invalid, run
 
 PATIENCE_S = 1800.0
 TEST_S = 120
-"""How long one test may take: what hangs is noticed."""
+"""Time limit of one test [s]; a test that hangs counts as failed."""
 MOST_OUTSIDE = 10
-"""So many test files outside of a module's room are asked: all rooms import those of the ground."""
+"""Largest number of test files outside the module's own folder: a basic module is imported by all folders."""
 
-# An editable install finds its modules before sys.path does.
+# An editable install finds its modules before sys.path does, so its finder is removed.
 ONLY_THE_COPY = """import sys
 sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in type(finder).__module__]
 """
 
 
 class HostCopy:
-    """The repository as it is in the work tree, with the native module, and the real recordings beside it."""
+    """A copy of the work tree with the native module; the shared recordings are linked next to it."""
 
     def __init__(self, folder: Path) -> None:
         self.root = folder / "fltea"
@@ -45,10 +45,10 @@ class HostCopy:
         }
 
     def noticed_by(self, change: Change) -> str | None:
-        """The test that fails for `change`, and fails again, but not without it; None if there is none.
+        """Return the test that fails repeatedly for `change` but not without it; None if there is none.
 
         Raises:
-            Invalid: pytest itself fails.
+           Invalid: pytest itself fails.
         """
         source = self.root / change.file
         text = source.read_text(encoding="utf-8")
@@ -61,7 +61,7 @@ class HostCopy:
                 failed = self._first_failure(tests, unsteady)
                 again = failed and self._first_failure([failed])
             finally:
-                # With its time, by which Python knows what it has compiled.
+                # copy2 restores the file's time, by which Python knows what it has compiled.
                 shutil.copy2(kept, source)
             if failed is None or (again and self._first_failure([failed]) is None):
                 return failed
@@ -81,9 +81,11 @@ class HostCopy:
 
 
 def nearest_tests(root: Path, file: str) -> list[str]:
-    """Test files that import `file` or a stand-in that does, its room's first; then the rest of its room.
+    """Return the test files to run for `file`, the nearest first.
 
-    Of the former, those that import least come first.
+    First come test files in the folder of `file`'s package that import `file`, or import a helper in
+    tests/rig that does. Then come such files of other folders, at most MOST_OUTSIDE, and the rest of the
+    package's folder. Each group is ordered by number of imports, the smallest first.
     """
     package, name, room = ".".join(Path(file).parts[1:-1]), Path(file).stem, Path(file).parts[2]
     imports = rf"\b{package}\.{name}\b|^ *from {package} import (\([^)]*|.*)\b{name}\b"

@@ -1,4 +1,6 @@
-"""Single bugs of the firmware, as a list, and private copies of it in which one is put, built and judged."""
+"""Applies single bugs of a list to private copies of the firmware, builds the copies and runs the judges on
+them.
+"""
 
 import os
 import shutil
@@ -28,22 +30,22 @@ PARTS = (
     "pyproject.toml",
 )
 PATIENCE_S = 300.0
-"""Only keeps a mutant that never ends from holding up the others."""
+"""Time limit of one command [s]: a mutant that never ends must not hold up the other mutants."""
 
 DUE_TESTS = ("tests/e2e/test_due.py", "tests/e2e/test_due_faults.py")
-"""Of the emulated Due; all but those that build an image themselves, or are of the committed one."""
+"""Tests of the emulated Due that run on the image of the mutant."""
 EDGE_TESTS = ("tests/e2e/test_due_edges.py", "-o", "timeout=200")
-"""Of the same, slow: they look into the program."""
+"""Slow tests of the emulated Due that read the program's variables and code."""
 OF_ITS_IMAGE = ("-m", "not slow", "-k", "not data_ready", "-o", "timeout=100")
 DOCTEST, NATIVE = "build/doctest", "build/native"
-# Neither sanitizers nor optimisation: a mutant is built in seconds. $(VECTORS) is make's.
+# No sanitizers and no optimisation, so that a mutant is built in seconds. make expands $(VECTORS).
 DOCTEST_FLAGS = "FLAGS=-std=gnu++11 -O0 -DVECTORS='\"$(VECTORS)\"'"
 ARDUINO = {"MAKEFLAGS": "SANITIZE="}
 ARDUINO_TESTS = ("tests/firmware/test_arduino.py", "-k", "g++ and not clang")
 
 
 class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One bug. file: below firmware/. old: what stands there exactly once. breaks: what the bug does."""
+    """One bug. `file`: path below firmware/. `old`: text that `new` replaces. `breaks`: what the bug does."""
 
     name: str
     file: str
@@ -52,10 +54,10 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     breaks: str
 
     def applied_to(self, text: str) -> str:
-        """The source with the bug.
+        """Return the source with the bug.
 
         Raises:
-            ValueError: the old text does not stand there exactly once, or nothing changes.
+           ValueError: `old` does not occur exactly once in `text`, or `new` equals `old`.
         """
         if text.count(self.old) != 1 or self.old == self.new:
             raise ValueError(
@@ -65,13 +67,13 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return text.replace(self.old, self.new)
 
     def apply(self, root: Path) -> None:
-        """Put the bug into the copy of the repository at `root`. Raises ValueError as `applied_to`."""
+        """Put the bug into the copy of the repository at `root`. Raises ValueError as `applied_to` does."""
         source = root / "firmware" / self.file
         source.write_text(self.applied_to(source.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 def read_mutants() -> list[Mutant]:
-    """All of them, in the order of the list."""
+    """Return all mutants, in the order of the list."""
     tree = tomllib.loads(LIST.read_text(encoding="utf-8"))
     return msgspec.convert(tree["mutant"], list[Mutant])
 
@@ -80,18 +82,18 @@ ASSERTED = "static assertion failed"
 
 
 class Invalid(Exception):
-    """The mutant does not build, so it says nothing about the tests."""
+    """Raised when a mutant does not build, so that it cannot be judged."""
 
 
 class Verdict(NamedTuple):
-    """judge: who. noticed: the first thing that failed; None if nothing did."""
+    """Result of one judge. `noticed`: the first test or check that failed; None if none did."""
 
     judge: str
     noticed: str | None
 
 
 def copy_parts(to: Path) -> None:
-    """Copy from the repository what the judges need."""
+    """Copy the files that the judges need from the repository."""
     for part in PARTS:
         source, target = REPOSITORY / part, to / part
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -102,19 +104,19 @@ def copy_parts(to: Path) -> None:
 
 
 def forget_build(root: Path) -> None:
-    """Leave of what is built in `root` only what make finds out of date by itself in a copy of it."""
+    """Remove from `root` the built files that make would wrongly take as up to date in another copy."""
     (root / DOCTEST / "tests").unlink()
-    shutil.rmtree(root / NATIVE)  # likewise with absolute paths
-    shutil.rmtree(root / "build/tests-arduino")  # its dependencies are noted with absolute paths
+    shutil.rmtree(root / NATIVE)  # built with absolute paths
+    shutil.rmtree(root / "build/tests-arduino")  # its dependency files hold absolute paths
 
 
 def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:
-    """Build the copy at `root` and ask those whom a change of firmware/`file` concerns, the likeliest first.
+    """Build the copy at `root` and run the judges of firmware/`file`, the likeliest to notice first.
 
-    everyone: also when one has noticed something; else the others are left out.
+    `everyone`: go on after a judge has noticed the bug.
 
     Raises:
-        Invalid: it does not build.
+       Invalid: the copy does not build.
     """
     verdicts = []
     for name, ask in _judges(file):
@@ -125,7 +127,7 @@ def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:
 
 
 def _judges(file: str) -> list[tuple[str, Callable[[Path], str | None]]]:
-    """Names and functions of those who can notice a bug in firmware/`file`."""
+    """Return the names and functions of the judges that can notice a bug in firmware/`file`."""
     emulator, doctest = ("emulator", on_the_emulator), ("doctest", by_doctest)
     arduino, spectrum = ("arduino", on_the_stub), ("spectrum", by_spectrum)
     if file.startswith("core/engine/"):
@@ -136,7 +138,7 @@ def _judges(file: str) -> list[tuple[str, Callable[[Path], str | None]]]:
 
 
 def on_the_emulator(root: Path) -> str | None:
-    """Build the image and run the tests of the emulated Due on it; the first that fails."""
+    """Build the image and run the tests of the emulated Due on it; return the first failure or None."""
     folder = root / "build/firmware"
     try:
         build(root, "timer", folder)
@@ -148,17 +150,17 @@ def on_the_emulator(root: Path) -> str | None:
 
 
 def _asserted(output: str) -> str:
-    """The static assertion that kept a mutant from being built. Raises Invalid if it was something else."""
+    """Return the static assertion that kept a mutant from being built. Raises Invalid if there is none."""
     if ASSERTED not in output:
         raise Invalid(output)
     return _first(output, ASSERTED, "")
 
 
 def by_doctest(root: Path) -> str | None:
-    """Build and run the C++ tests of the core; the first case that fails."""
+    """Build and run the C++ tests of the core; return the first case that fails, or None."""
     here = root / "tests/firmware"
     program = root / DOCTEST / "tests"
-    # Relative, so that what a copy has built already fits the next one.
+    # Relative, so that make accepts in one copy what was built in another.
     goal = os.path.relpath(program, here)
     command = ["make", f"BUILD={Path(goal).parent}", DOCTEST_FLAGS, goal]
     code, output = run(command, here)
@@ -169,7 +171,7 @@ def by_doctest(root: Path) -> str | None:
 
 
 def by_spectrum(root: Path) -> str | None:
-    """Build and run the C++ tests of the device's spectrum and fit; the first case that fails."""
+    """Build and run the C++ tests of the device's spectrum and fit; return the first case that fails, or None."""
     program = root / NATIVE / "board_tests"
     flags = "FLAGS=-std=gnu++11 -O1 -ffp-contract=off"
     here = root / "tests/native"
@@ -181,7 +183,7 @@ def by_spectrum(root: Path) -> str | None:
 
 
 def on_the_stub(root: Path) -> str | None:
-    """Run the tests of the Arduino sketch, which build it themselves; the first that fails."""
+    """Run the tests of the Arduino sketch, which build it; return the first failure or None."""
     return _by_pytest([*ARDUINO_TESTS, "-o", "timeout=300"], root, ARDUINO)
 
 
@@ -205,7 +207,7 @@ def run(
     *,
     patience_s: float = PATIENCE_S,
 ) -> tuple[int, str]:
-    """Run `command` in `folder`; exit code and output."""
+    """Run `command` in `folder`; return exit code and output."""
     try:
         done = subprocess.run(
             command,
@@ -220,5 +222,5 @@ def run(
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return 1, "it does not come to an end"
+        return 1, "it does not end in time"
     return done.returncode, done.stdout

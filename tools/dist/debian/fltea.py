@@ -1,5 +1,5 @@
 #!/usr/bin/python3 -I
-"""Runs fltea with the libraries of its own folder, and nothing of the user's or of the environment."""
+"""Runs fltea with the libraries in /usr/lib/fltea, isolated from the user's packages and environment."""
 
 import sys
 
