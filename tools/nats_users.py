@@ -45,8 +45,8 @@ def main() -> int:
     bad = [name for name in asked.names if not NAME.fullmatch(name) or name == "worker"]
     if bad or len(set(asked.names)) < len(asked.names):
         parser.error(
-            f"not names of boards, or given twice: {' '.join(bad or asked.names)}. A name has up to 64 letters, "
-            "digits, _ and -, comes once, and is not worker."
+            f"not names of boards, or given twice: {' '.join(bad or asked.names)}. A name has up to 64 "
+            "letters, digits, _ and -, comes once, and is not worker."
         )
     if not 1 <= asked.partitions <= 1024:
         parser.error("--partitions is 1 to 1024, as in the server's mapping")

@@ -1,4 +1,4 @@
-"""Checks the neighbourhood of a change: its style and types, the generated files, and the tests that mirror it.
+"""Checks what a change touches: style and types, the generated files, and the tests that mirror the change.
 
 The changed files are those that differ from `origin/main` (without such a branch: from the commit before the
 last one), and those that git does not track yet. Usage: near.py [--since COMMIT] [--dry-run]; `make near`.

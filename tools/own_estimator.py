@@ -89,7 +89,7 @@ class OwnEstimator:
         self._age = 0
 
     def step(self, counts: Sequence[int] | None, sample: int) -> list[wire.Estimate]:
-        """Take one sample, None if it is missing; return an estimate per axis, none during the start-up window."""
+        """Take one sample, None if missing; return an estimate of each axis, none in the start-up window."""
         if self._engine is None:
             if counts is not None:
                 self._window.append(counts)

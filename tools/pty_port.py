@@ -45,7 +45,7 @@ class PtyPort:
         """Make a symbolic link that points to the port.
 
         Raises:
-           UsageError: something other than a link has that name, or the link cannot be made.
+            UsageError: something other than a link has that name, or the link cannot be made.
         """
         if link.exists() and not link.is_symlink():
             raise UsageError(f"--link {link}: exists and is no link; choose another.")

@@ -18,8 +18,7 @@ PIOB: PER PDR OER SODR CODR PDSR IER ISR MDER MDDR ABSR AIMER ESR REHLSR
 RSTC: SR=RSTTYP
 WDT: CR=WDRSTT,KEY MR=WDV,WDRSTEN,WDD,WDDBGHLT
 """
-"""Each peripheral with its registers as in the SVD, and their fields or values of fields as named in the header.
-"""
+"""Each peripheral with its registers as in the SVD; fields or values of fields are named as in the header."""
 
 
 def header(peripherals: dict[str, Peripheral]) -> str:

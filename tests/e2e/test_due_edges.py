@@ -1,6 +1,6 @@
-"""The emulated Due in extreme cases: interrupts at every instruction, counters that wrap, and its limits.
+"""The emulated Due at its edges: interrupts at every instruction, clocks that wrap, and its limits.
 
-These runs inspect the program by the names of its functions and variables, so they need its ELF file.
+These runs look into the program by the names of its functions and variables, so they need its ELF file.
 """
 
 import subprocess
@@ -30,7 +30,7 @@ HALF_BLINK_US = 1 << 19
 
 
 class Symbol(NamedTuple):
-    """Address and size of a function or variable."""
+    """Where a function or variable is."""
 
     address: int
     size: int
@@ -38,7 +38,7 @@ class Symbol(NamedTuple):
 
 @pytest.fixture(scope="module")
 def symbols(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Symbol]:
-    """Return the symbols of the image, by name without namespaces."""
+    """Of the image, by name without namespaces."""
     elf = IMAGE.with_suffix(".elf")
     if not elf.exists():
         folder = tmp_path_factory.mktemp("image")
@@ -69,29 +69,27 @@ def timer(run: DueRun) -> Timer:
 
 
 def to_next_tick_ps(run: DueRun) -> int:
-    """Return the time until the next tick, once the sample of the present tick has been read."""
+    """Once the sample of this one has been taken."""
     passed = timer(run).channels[0].value % TICK_COUNTS
     return (TICK_COUNTS - passed) * PS_PER_S // 42_000_000 + PS_PER_US if passed > TICK_COUNTS // 10 else 0
 
 
 def end_of_transfer_ps(run: DueRun) -> int:
-    """Return the time until the UART has sent all bytes that the PDC holds."""
+    """Until what the PDC has of the line's bytes is sent."""
     left = run.board.uart.registers["TCR"]
     return (left + 2) * BITS_PER_BYTE * PS_PER_S // wire.BAUD if left else 0
 
 
 def between_transfers(time_ps: Callable[[DueRun], int]) -> Callable[[DueRun], int]:
-    """Return the same time, but 0 while the bus is in use, since no transfer may take that long."""
+    """Not while the bus is used, since no transfer may take so long."""
     return lambda run: time_ps(run) if run.board.twi.field("SR", "TXCOMP") else 0
 
 
 class Stretch(NamedTuple):
-    """A function that is interrupted at every instruction.
+    """A function in which an interrupt comes at every instruction.
 
-    `takes_ps`: duration of the handlers, or time until an interrupt comes that shares data with the function;
-    0: no interrupt now.
-    `times`: number of interrupts at each instruction.
-    `for_s`: how long to wait for the function to run.
+    takes_ps: how long handlers take there, or until an interrupt comes that shares what the function works
+    with; 0: not now. times: how often at each instruction. for_s: how long to wait for it to run.
     """
 
     takes_ps: Callable[[DueRun], int]
@@ -101,7 +99,7 @@ class Stretch(NamedTuple):
 
 STRETCHES = {
     "DeviceClock::now_us": Stretch(between_transfers(to_next_tick_ps), for_s=0.012),
-    # Longer than a byte takes, so that the function is late for the next byte.
+    # Longer than a byte, so that it is late for what the next one needs.
     "Twi::receive": Stretch(lambda _: 30 * PS_PER_US, times=40),
     "Twi::read": Stretch(lambda _: 20 * PS_PER_US, times=4),
     "Uart::room": Stretch(end_of_transfer_ps, for_s=0.11),
@@ -111,18 +109,17 @@ STRETCHES = {
 
 
 def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
-    """Interrupt the run before the instruction at `address`; return how often that happened."""
+    """Let interrupts come before the instruction at an address; how often it ran while they were let in."""
     cpu, came, end_s = run.board.cpu, 0, run.board.now_s + stretch.for_s
 
     def come() -> None:
         nonlocal came, end_s
-        # While PRIMASK is set, interrupts wait until it is cleared; that later instruction has a test of its
-        # own.
+        # What PRIMASK holds back comes behind the stretch, and that place has its own turn.
         if not cpu.masked and came < stretch.times and (takes_ps := stretch.takes_ps(run)):
             came, end_s = came + 1, run.board.now_s + takes_ps / PS_PER_S
             cpu.hang(takes_ps)
 
-    cpu.trap(address, come)
+    cpu.breakpoint(address, come)
     while end_s - run.board.now_s > 1e-6:
         run.board.run_until(min(end_s, run.board.now_s + 0.002))
     run.board.run_until(end_s + 0.001)
@@ -130,7 +127,7 @@ def interrupted(run: DueRun, address: int, stretch: Stretch) -> int:
 
 
 def lengths_of_reads(run: DueRun, monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Record from now on how many bytes the sensor sends in each transfer."""
+    """How many bytes the sensor gives in each transfer from now on."""
     lines, lengths, bytes_read = run.board.lines, [], [0]
     read, stop = lines.read, lines.stop
 
@@ -160,7 +157,7 @@ def test_an_interrupt_may_come_at_any_instruction(
         if not run.board.uart.registers["TCR"] and run.board.uart.field("SR", "TXEMPTY"):
             waiting = bytes(variable(run, symbols["written"])) != bytes(variable(run, symbols["sent"]))
             assert not waiting, f"0x{address:08X}: bytes wait, and the line is idle"
-    run.board.cpu.trap(None)
+    run.board.cpu.breakpoint(None)
     run.run_until(run.board.now_s + 1.5)
     assert came > 0, "nothing was interrupted"
     assert run.check() is None
@@ -176,7 +173,7 @@ SHARED = {
     "in_flight": unicorn.UC_HOOK_MEM_READ,
     "written": unicorn.UC_HOOK_MEM_WRITE,
 }
-"""Data that handlers and the main loop share; the main loop changes them only under a lock."""
+"""What handlers and the main loop share, and what the main loop does to it under a lock only."""
 
 
 @pytest.mark.parametrize("name", SHARED)
@@ -197,10 +194,9 @@ def test_what_is_shared_with_a_handler_is_used_under_a_lock(name: str, symbols: 
 
 
 class Wrap(NamedTuple):
-    """Counters that are about to pass 2^32.
+    """What is about to pass 2^32. variables: their values when the program begins.
 
-    `variables`: their values when the program begins. `counter`: whether the timer's counter passes 2^32
-    together with the clock, or 2 s later if the clock's end is far.
+    counter: whether the timer's counter is to pass it with the clock's end, or 2 s later where that is far.
     """
 
     variables: dict[str, int]
@@ -212,8 +208,7 @@ WRAPS = {
     "the counter, every 102 s": Wrap({}, counter=True),
     "the clock, every 71.6 minutes": Wrap(CLOCK),
     "bytes, after 8 days": Wrap({"written": WRAP - 9000, "sent": WRAP - 9000}),
-    # Milliseconds count 1,000 times slower than the clock and 42,000 times slower than the counter, so no
-    # other counter could make 2^32 ms a special moment.
+    # A thousand times the clock, and 42,000 times the counter: there is nothing else that 2^32 ms could end.
     "milliseconds, after 49.7 days": Wrap(CLOCK, counter=True),
     "signals, after 16 months": Wrap({"wake::count": WRAP - 300}),
 }
@@ -223,9 +218,9 @@ def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
     def set_variables() -> None:
         for name, value in wrap.variables.items():
             variable(run, symbols[name])[:] = value.to_bytes(4, "little")
-        run.board.cpu.trap(None)
+        run.board.cpu.breakpoint(None)
 
-    run.board.cpu.trap(symbols["main"].address, set_variables)
+    run.board.cpu.breakpoint(symbols["main"].address, set_variables)
     if wrap.counter:
         run.run_until(0.4)
         left_us = WRAP - int.from_bytes(variable(run, symbols["tick_us"]), "little")
@@ -233,8 +228,7 @@ def begin_before(wrap: Wrap, run: DueRun, symbols: dict[str, Symbol]) -> None:
 
 
 def advance_counter(run: DueRun, symbols: dict[str, Symbol], left_us: int) -> None:
-    """Set the counter so that it wraps `left_us` after the last tick, without the program noticing the
-    change."""
+    """Let the counter end `left_us` after the last tick, and nobody notice."""
     channel, registers = timer(run).channels[0], timer(run).registers
     count = variable(run, symbols["tick_count"])
     ahead = (WRAP - left_us * 42 - int.from_bytes(count, "little")) % WRAP
@@ -269,14 +263,14 @@ def test_a_number_that_wraps_changes_nothing(wrap: str, symbols: dict[str, Symbo
 
 @cache
 def with_fits() -> tuple[DueRun, list[tuple[float, int]]]:
-    """Return a run that fits during its last seconds, and the times at which PIOB's pins changed."""
+    """A run of which the last seconds are of fits, and when which pin of PIOB changed."""
     run, changes = DueRun(image(), noise=NOISE), []
     run.board.pios["PIOB"].on_output = lambda bit, _: changes.append((run.board.now_s, bit))
     return run.run_until(18), changes
 
 
 def test_the_stack_keeps_clear_of_its_limit() -> None:
-    """The deepest point of the stack plus the frames of a handler leaves some space."""
+    """The deepest place, the frames of a handler on top of it, and something left."""
     run, _ = with_fits()
     assert run.error is None
     reserved = int.from_bytes(image()[:4], "little") - RAM_BASE
@@ -285,15 +279,14 @@ def test_the_stack_keeps_clear_of_its_limit() -> None:
 
 def test_the_led_on_pin_13_blinks_and_no_other_pin_is_driven() -> None:
     run, changes = with_fits()
-    # at boot the program frees the bus by setting pins
-    later = [(at_s, bit) for at_s, bit in changes if at_s > 0.1]
+    later = [(at_s, bit) for at_s, bit in changes if at_s > 0.1]  # at boot the bus is freed by hand
     assert {bit for _, bit in later} == {LED_BIT}
     assert len(later) == pytest.approx(run.board.now_s * 1e6 / HALF_BLINK_US, abs=2)
     assert all(abs(b - a - HALF_BLINK_US * 1e-6) < 0.011 for (a, _), (b, _) in pairwise(later))
 
 
 def test_the_bus_keeps_the_times_of_fast_mode() -> None:
-    """NXP UM10204, table 10: at least 1.3 us low and 0.6 us high. The rate is close to 400 kHz."""
+    """NXP UM10204, table 10: 1.3 us low and 0.6 us high at least; 400 kHz, and not less for nothing."""
     twi = with_fits()[0].board.twi
     low_s, high_s = twi.half_bits_s
     assert low_s >= 1.3e-6
@@ -302,5 +295,5 @@ def test_the_bus_keeps_the_times_of_fast_mode() -> None:
 
 
 def test_the_flash_reads_ahead_again_once_the_identifier_is_known() -> None:
-    """Reading the identifier needs SCOD, which slows the program down."""
+    """SCOD, which reading it asks for, slows the program down."""
     assert with_fits()[0].board.flash_controllers[0].field("FMR", "SCOD") == 0

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 
 class Mode(NamedTuple):
-    """What a flag measures in place of all else: modules with `measure` and `text`, imported when asked for.
+    """A group of benchmarks that a flag selects, instead of the usual ones.
 
-    options: what of the command line each `measure` takes.
+    `modules`: have `measure` and `text`; they are imported when the flag is given. `options`: options of the
+    command line that `measure` takes.
     """
 
     help: str
@@ -37,7 +38,7 @@ MODES = {
         ("long", "rows", "against", "rounds"),
     ),
     "identify": Mode(
-        "only `fltea identify`, beside the Allan deviation alone",
+        "only `fltea identify`, compared with the Allan deviation alone",
         ("tools.bench.bench_identify",),
         ("long", "against", "rounds"),
     ),
@@ -47,7 +48,7 @@ MODES = {
         ("devices", "seconds", "open_files"),
     ),
     "loop": Mode("only where each microsecond of a live device goes", ("tools.bench.loop_profile",)),
-    "reading": Mode("only what reading text costs, beside pandas", ("tools.bench.bench_reading",)),
+    "reading": Mode("only what reading text costs, compared with pandas", ("tools.bench.bench_reading",)),
     "live": Mode("only what the live fit costs: accumulators and fits", ("tools.bench.bench_live",)),
     "memory": Mode(
         "only the compressed memory: modes, accuracy, time of a step", ("tools.bench.bench_memory",)
@@ -66,25 +67,34 @@ MODES = {
 
 
 def main() -> None:
-    """Measure and print; machines are noisy, so medians, their spread and ratios."""
+    """Run the chosen benchmarks and print the results.
+
+    Timing is noisy, so the figures are medians with their spread, and ratios.
+    """
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     for name, mode in MODES.items():
         parser.add_argument(f"--{name}", action="store_true", help=mode.help)
     parser.add_argument(
-        "--against", metavar="COMMIT", help="of --chain, --identify: that commit's program too, in turns"
+        "--against",
+        metavar="COMMIT",
+        help="for --chain, --identify: also measure this commit's program, in turns",
     )
-    parser.add_argument("--rows", help="of --chain: names with commas between, or hour, day, live, all")
-    parser.add_argument("--rounds", type=int, help="of --chain, --identify (default 3, of long rows 1)")
     parser.add_argument(
-        "--long", action="store_true", help="of --chain, --identify: long rows too (24 hours, ten minutes)"
+        "--rows", help="for --chain: names of rows separated by commas, or hour, day, live, all"
     )
-    devices = "of --ports (default 300), --ingest (200) and --fleet (500)"
+    parser.add_argument("--rounds", type=int, help="for --chain, --identify (default 3; 1 for long rows)")
+    parser.add_argument(
+        "--long", action="store_true", help="for --chain, --identify: also long rows (24 hours, ten minutes)"
+    )
+    devices = "for --ports (default 300), --ingest (200) and --fleet (500)"
     parser.add_argument("--devices", type=int, help=devices)
-    parser.add_argument("--seconds", type=int, help="of --ports (default 60) and --ingest (15)")
-    parser.add_argument("--open-files", type=int, help="limit of --ports; else it is the system's")
-    parser.add_argument("--hours", type=float, help="of --soak (default 24)")
-    parser.add_argument("--seed", type=int, help="of --soak (default 1)")
+    parser.add_argument("--seconds", type=int, help="for --ports (default 60) and --ingest (15)")
+    parser.add_argument(
+        "--open-files", type=int, help="for --ports: limit of open files (default: the system's)"
+    )
+    parser.add_argument("--hours", type=float, help="for --soak (default 24)")
+    parser.add_argument("--seed", type=int, help="for --soak (default 1)")
     given = vars(parser.parse_args())
     chosen = [mode for name, mode in MODES.items() if given[name]]
     chosen = chosen or [USUAL]

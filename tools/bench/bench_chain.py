@@ -1,11 +1,11 @@
-"""The chain: what a recording costs from file to output and what live devices cost, of one commit or of two.
+"""Measures the chain: the cost of recordings from file to output and of live devices, for one or two commits.
 
     make bench ARGS='--chain --against HEAD~3 --rows 300,ndjson'
 
-Every round measures each row with one program and right after it with the other, on the same samples, so
-that a busy machine is busy for both. Peers are what else reads such files. Live devices send white noise,
-or coloured noise, which is fitted at greater length. The engine alone on the samples of an hour says, by
-processor time, what the chain adds to it.
+Every round measures each row with one program and right after it with the other program, on the same samples,
+so that a busy machine slows both. Peers are other programs that read such files. Live devices send white
+noise, or coloured noise, whose fits take longer. The engine alone processes the samples of an hour; the ratio
+of processor times tells what the chain adds to the engine.
 """
 
 import os
@@ -28,12 +28,15 @@ from tools.validation.tables import NONE, Table
 
 ROUNDS = 3
 MEMORY_S = 60.0
-"""A run as long as this says whether memory grows."""
+"""Shortest run [s] whose growth of memory is reported."""
 FAILED = (RuntimeError, OSError, psutil.Error, subprocess.SubprocessError)
 
 
 class Column(NamedTuple):
-    """How a table shows a figure. whole: all runs count, not their median; ratio: it is set in relation."""
+    """How a table shows a figure.
+
+    `whole`: the goal holds for all runs, not for their median. `ratio`: the ratio of the programs is shown.
+    """
 
     heading: str
     form: str
@@ -73,10 +76,10 @@ TITLES = {
 def measure(
     *, long: bool = False, rows: str = "", against: str | None = None, rounds: int | None = None
 ) -> dict[str, Any]:
-    """Measure rows (names with commas between) with the present program, and with that of another commit.
+    """Measure the rows with the present program and, if `against` is given, with that commit's program.
 
-    Each so many times: three times if that is not said, long ones once. `runs`: what each run found, by row
-    and by program, or in `failed` why it found nothing.
+    `rows`: names separated by commas. `rounds`: default 3, and 1 for long rows. In the result, `runs` has the
+    figures of each run by row and by program, or in `failed` the reason why a run has no figures.
     """
     picked = chosen([name for name in rows.split(",") if name], long=long)
     programs = [*([at_commit(against)] if against else []), PRESENT]
@@ -104,7 +107,10 @@ def measure(
 
 
 def _measured(row: Row, files: Files, program: Program, engine_s: float) -> Figures:
-    """Measure once, and say what came out; a program that cannot do it ends nothing else."""
+    """Measure once and print the figures.
+
+    If the program fails, return the reason, so that other rows go on.
+    """
     try:
         found = row.work(files, program)
     except FAILED as error:
@@ -121,13 +127,13 @@ def _measured(row: Row, files: Files, program: Program, engine_s: float) -> Figu
 
 
 def spread(runs: Sequence[Figures], key: str) -> tuple[float, float, float] | None:
-    """Return median, least and most of a figure; None: no run has it."""
+    """Return median, smallest and largest value of a figure; None if no run has it."""
     values = [run[key] for run in runs if run.get(key) is not None]
     return (statistics.median(values), min(values), max(values)) if values else None
 
 
 def not_reached(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str]:
-    """Name the goals that the present program misses."""
+    """Return the goals that the present program misses."""
     missed = []
     for row in (row for row in ROWS if row.name in runs and row.of_fltea):
         for key, goal in row.goals.items():
@@ -140,7 +146,7 @@ def not_reached(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return the tables, each row's programs one below the other and then their ratio; goals beside them."""
+    """Return the tables: for each row the programs one below another, their ratio and the goals."""
     lines = []
     for kind, title in TITLES.items():
         rows = [row for row in ROWS if row.kind == kind and row.name in found["runs"]]
@@ -186,13 +192,13 @@ def _cell(found: tuple[float, float, float] | None, form: str) -> str:
 
 
 def _ratio(before: Sequence[Figures], after: Sequence[Figures], key: str) -> str:
-    """Return how many times as much it is now, median by median."""
+    """Return the ratio of the medians, after over before."""
     old, new = spread(before, key), spread(after, key)
     return NONE if old is None or new is None or not old[0] else f"**{new[0] / old[0]:.2f}**"
 
 
 def _memory(runs: Mapping[str, Mapping[str, Sequence[Figures]]]) -> list[str]:
-    """Say how memory grew where a run is long."""
+    """Return lines on the growth of memory in long runs."""
     return [
         f"Memory of {row.name}, {program}, in MB, ten times in {run['seconds']:g} s: "
         f"{', '.join(map(str, run['memory_mb']))}."

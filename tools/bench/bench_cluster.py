@@ -1,7 +1,7 @@
-"""`fltea identify --out` with a Dask cluster of one and of two workers: files and bytes a second.
+"""Measures `fltea identify --out` with a Dask cluster of one and of two workers: files and bytes a second.
 
-Recordings of ten minutes as MCAP, and one large
-.npy that is summed in pieces; all on this machine's disk, so the network of a cluster is not in it.
+The recordings are ten minutes long, as MCAP; one large .npy is also summed in pieces. All files are on this
+machine's disk, so the network of a cluster is not measured.
 """
 
 import os
@@ -28,19 +28,19 @@ from tools.bench.feeder import RATE_HZ
 
 MINUTES, FILES = 10, 6
 TINY = 400
-"""Files of a few bytes that are none: what they cost is listing, scheduler and table."""
+"""Number of invalid files of a few bytes: they cost only listing, scheduler and table."""
 LARGE_SAMPLES, PIECES = 6_000_000, 6
 AXES = 3
 
 
 def measure() -> dict[str, Any]:
-    """Wall-clock and processor time of each; the workers have loaded all they need before."""
+    """Return wall-clock and processor time of each work; the workers have loaded all modules before."""
     from distributed import LocalCluster
 
-    start: Any = LocalCluster  # it has no types
+    start: Any = LocalCluster  # distributed has no type hints
     found: dict[str, Any] = {"cores": os.cpu_count()}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        warnings.simplefilter("ignore")  # Dask warns about its own ports and files
         folder = Path(name)
         _make(folder)
         quick = Ask(Settings(IdentifyOptions(shuffles=0)))
@@ -109,7 +109,10 @@ def _timed(files: Path, ask: Ask, address: str, folder: Path, *, failing: bool =
 
 
 def text(found: dict[str, Any]) -> str:
-    """A table. cpu: processor time, which a busy machine changes least; the client's with the scheduler's."""
+    """Return a table.
+
+    Processor time is what a busy machine changes least; the client's includes the scheduler's.
+    """
     lines = ["workers  what                      files/s      MB/s  worker cpu s/file  client cpu ms/file"]
     for workers in (1, 2):
         for what, one in found[f"workers_{workers}"].items():

@@ -1,7 +1,7 @@
-"""`fltea run` with many devices on ports: latency, processor time, memory, and whether anything is lost.
+"""Runs `fltea run` with many devices on ports: latency, processor time, memory, and losses.
 
-`make bench ARGS='--ports --devices 300 --seconds 600 --open-files 1024'` also records them all, within so
-many open files, and compares what was recorded with what was sent.
+`make bench ARGS='--ports --devices 300 --seconds 600 --open-files 1024'` also records all devices, with that
+limit of open files, and compares the recordings with the bytes sent.
 """
 
 import contextlib
@@ -30,21 +30,22 @@ from tools.bench.programs import PRESENT, Program
 from tools.validation.tables import Table, number
 
 SETTLE_S = 8.0
-"""Until memory, start-up windows and imports have settled."""
+"""Time [s] after which memory, start-up windows and imports have settled."""
 OPEN_WITHIN_S = 60.0
-"""All ports of a daemon, from its start; after that it is measured as it is."""
+"""Longest wait [s] for a daemon to open all its ports; after this the measurement begins anyway.
+"""
 LOST = ("lost", "overflow_bytes", "dropped", "port_full", "missing", "unrecorded_bytes", "errors")
 OTHER_FILES = 100
-"""Open ones, beside the two of each port."""
+"""Number of open files in addition to the two of each port."""
 LOOKS = 10
-"""At the memory, in a run."""
+"""Number of times that a run measures the memory."""
 
 
 class Setting(NamedTuple):
-    """What a run is of.
+    """Settings of a run.
 
-    latency_ms: `link.latency`, None: as it comes. settle_s: until it is measured. open_files: more may not be
-    open.
+    `latency_ms`: `link.latency`; None: the default. `settle_s`: time before the measurement. `open_files`:
+    limit of open files.
     """
 
     devices: int
@@ -57,7 +58,7 @@ class Setting(NamedTuple):
 
 
 class Reader(threading.Thread):
-    """Reads NDJSON, notes when each estimate's line came, and keeps the last statistics of each device."""
+    """Reads NDJSON; notes the arrival time of each estimate and keeps the last statistics of each device."""
 
     def __init__(self, stream: Any, devices: int, samples: int) -> None:
         super().__init__(daemon=True)
@@ -67,7 +68,7 @@ class Reader(threading.Thread):
         self.errors: list[str] = []
 
     def run(self) -> None:
-        """Read to the end; lines are only parsed where they are rare."""
+        """Read to the end. Only rare records are parsed as JSON, to be fast enough."""
         head = b'{"class":"estimate","seq":'
         for line in self._stream:
             now_ns = time.monotonic_ns()
@@ -83,9 +84,9 @@ class Reader(threading.Thread):
 
 
 def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
-    """Run a daemon on so many devices for a while, and measure it from outside.
+    """Run a daemon on `of.devices` devices, and measure it from outside.
 
-    RuntimeError: it ended early, or so many ports may not be open.
+    RuntimeError: the daemon ended early, or the system allows too few open files.
     """
     allow_open_files(2 * of.devices + OTHER_FILES)
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
@@ -126,7 +127,7 @@ def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
 
 
 def _daemon(stack: contextlib.ExitStack, of: Setting, folder: Path, program: Program) -> Any:
-    """Start `fltea run` on all ports; what it says goes to FOLDER/said."""
+    """Start `fltea run` on all ports, with its standard error in FOLDER/said."""
     arguments = [part for k in range(of.devices) for part in ("-s", f"serial:{folder / f'd{k}'}")]
     if of.latency_ms is not None:
         arguments += ["--set", f"link.latency={of.latency_ms} ms"]
@@ -142,9 +143,9 @@ def _daemon(stack: contextlib.ExitStack, of: Setting, folder: Path, program: Pro
 
 
 def _wait_until_open(daemon: Any, devices: int, folder: Path) -> None:
-    """Return a second after all ports are open: a device that is silent for 5 s is reported."""
+    """Return a second after all ports are open: later a device that is silent for 5 s would be reported."""
     files, until_s = psutil.Process(daemon.pid), time.monotonic() + OPEN_WITHIN_S
-    with contextlib.suppress(psutil.Error):  # it has ended
+    with contextlib.suppress(psutil.Error):  # the daemon has ended
         while daemon.poll() is None and files.num_fds() < devices and time.monotonic() < until_s:
             time.sleep(0.1)
     time.sleep(1.0)
@@ -158,9 +159,10 @@ def _still_runs(daemon: Any, folder: Path) -> None:
 
 
 def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, Any]:
-    """Return how late lines are, of samples written since then, and what is missing of what was sent.
+    """Return the latency of the estimates of samples written after `begin_ns`, and the losses by kind.
 
-    Statistics of 068f73c8, which others are compared with, call the counts of samples `samples`.
+    At the commit 068f73c8, which is compared with later commits, statistics have the counts of samples as
+    `samples`.
     """
     written_ns, stats = fed["times"], reader.stats.values()
     after = written_ns > begin_ns
@@ -184,7 +186,7 @@ def _arrived(reader: Reader, fed: dict[str, Any], begin_ns: int) -> dict[str, An
 
 
 def _recorded_bytes(folder: Path, devices: int) -> NDArray[np.int64]:
-    """Return what the recordings of each device hold of the wire."""
+    """Return the number of bytes of the wire in the recordings of each device."""
     found = np.zeros(devices, dtype=np.int64)
     for part in (part for session in find_sessions([folder])[0] for part in session.parts):
         for item in read_batches(part):
@@ -196,12 +198,12 @@ def _recorded_bytes(folder: Path, devices: int) -> NDArray[np.int64]:
 
 
 def measure(devices: int = 300, seconds: float = 60.0, open_files: int | None = None) -> dict[str, Any]:
-    """One run with recordings."""
+    """Run once, with recordings."""
     return run_once(Setting(devices, seconds, record=True, open_files=open_files))
 
 
 def text(run: dict[str, Any]) -> str:
-    """The run as a table, its memory, and what was lost by kind."""
+    """Return the run as a table, its memory, and the losses by kind."""
     lost = {key: run[key] for key in LOST if run[key]}
     return "\n".join(
         [
@@ -215,7 +217,7 @@ def text(run: dict[str, Any]) -> str:
 
 
 def table(runs: list[dict[str, Any]]) -> Table:
-    """Return a run as a table."""
+    """Return the runs as a table."""
     cells = [
         (
             f"{run['devices']}, {'coloured' if run['coloured'] else 'white'}",

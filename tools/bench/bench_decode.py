@@ -1,4 +1,4 @@
-"""Speed of the decoders: native, Python, and PyPI's bare COBS on the same bytes, side by side in one run."""
+"""Measures the decoders: native, Python, and PyPI's bare COBS on the same bytes, in turns in one run."""
 
 import statistics
 from collections.abc import Callable
@@ -24,27 +24,27 @@ WORDS = {
 
 
 def native(chunks: list[bytes]) -> int:
-    """Count the samples by the native reader."""
+    """Return the number of samples that the native reader decodes."""
     reader = BlockReader()
     blocks = (block for chunk in chunks for block in reader.feed(chunk))
     return sum(len(block.sequence) for block in blocks if isinstance(block, SampleColumns))
 
 
 def python(chunks: list[bytes]) -> int:
-    """Count the frames by the reader in Python."""
+    """Return the number of frames that the reader in Python decodes."""
     reader = FrameReader()
     return sum(len(reader.feed(chunk)) for chunk in chunks)
 
 
 def bare(stream: bytes) -> int:
-    """Count the blocks that COBS alone decodes."""
+    """Return the number of blocks that COBS alone decodes."""
     return len([cobs.decode(block) for block in stream.split(b"\0") if block])
 
 
 def measure() -> dict[str, Any]:
-    """Frames per second of all, in turns, and microseconds of a call that brings one frame.
+    """Return frames per second of all decoders, and microseconds of a call with one frame.
 
-    Figures are medians of the rounds; a ratio is the median of the ratios within a round.
+    Figures are medians over the rounds; a ratio is the median of the ratios within a round.
     """
     frames = [sample(k, (k % 7, -k % 5, k % 3), k * 10_000) for k in range(FRAMES)]
     stream = b"".join(frames)

@@ -1,6 +1,6 @@
-"""Many daemons' fits through a real broker into one `fltea fleet`: what it costs, and what is lost.
+"""Sends the fits of many daemons through a real broker to one `fltea fleet`: its cost and its losses.
 
-Broker and load have the same processors as the program that is measured.
+Broker and load run on the same processors as the measured program.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ SENSORS, EVERY_S, ROUNDS = 500, 2.5, 6
 
 
 def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
-    """One run: so many sensors with a fit, statistics and now and then a status every 2.5 s."""
+    """Run once: every 2.5 s each of `devices` sensors sends a fit, statistics and now and then a status."""
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         folder = Path(name)
         mosquitto = broker(folder, stack)
@@ -67,7 +67,7 @@ def _asked(url: str) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """A few lines."""
+    """Return a few lines for people."""
     return (
         f"{found['sensors']} sensors, {found['fits']} fits, {found['messages_per_s']:.0f} messages a second: "
         f"{found['lost']} fits lost\n"

@@ -1,4 +1,4 @@
-"""`fltea identify` beside the Allan deviation alone, and beside another commit.
+"""Measures `fltea identify` against the Allan deviation alone, and against another commit.
 
 make bench ARGS='--identify --against HEAD~3 --long'
 """
@@ -12,14 +12,14 @@ from tools.bench.programs import PRESENT
 
 
 def measure(*, long: bool = False, against: str | None = None, rounds: int | None = None) -> dict[str, Any]:
-    """Measure ten minutes and an hour, and if asked for a day, as `bench_chain.measure` does."""
+    """Measure ten minutes, an hour and, with `long`, a day, as `bench_chain.measure` does."""
     kinds = [kind for kind in IDENTIFY if kind != "day" or long]
     rows = ",".join(row for kind in kinds for row in IDENTIFY[kind])
     return bench_chain.measure(long=long, rows=rows, against=against, rounds=rounds)
 
 
 def text(found: dict[str, Any]) -> str:
-    """Return the tables, and how many times as long it takes as the Allan deviation of the same axes."""
+    """Return the tables, and the ratio of its time to that of the Allan deviation of the same axes."""
     lines = [bench_chain.text(found)]
     for kind, (own, *others) in IDENTIFY.items():
         peer = next(name for name in others if name.endswith("oadev"))

@@ -1,6 +1,6 @@
-"""Many sensors that publish their frames: what one program on MQTT, and two workers on NATS, take and lose.
+"""Measures many sensors that publish frames: cost and losses of one program on MQTT, two workers on NATS.
 
-Broker, server and load have the same processors as what is measured.
+Broker, server and load run on the same processors as the measured programs.
 """
 
 import contextlib
@@ -22,23 +22,23 @@ from tools.validation.tables import Table
 
 DEVICES, SECONDS = 200, 15
 KILL_S, KILLED_S = 10, 25
-"""How long two workers share the devices until one is killed, and how long it goes on after that."""
+"""Time [s] during which two workers share the devices, and time after one of them has been killed."""
 SETTLE_S = 5.0
-"""Until all devices have a line and the start-up windows are full."""
+"""Time [s] until every device has a stream and its start-up window is full."""
 PARTITIONS, WORKERS = 16, 2
 EVERY = 100
-"""Of so many samples of a device one has its estimate: by these it is seen that none is left out."""
+"""One in this many samples has its estimate written; these estimates show whether any are missing."""
 
 
 def broker(folder: Path, stack: contextlib.ExitStack) -> Broker:
-    """Return mosquitto on the loopback, which keeps all that waits."""
+    """Return mosquitto on the loopback interface, with an unlimited queue."""
     found = Broker(folder, logs=False, settings=("max_queued_messages 0",))
     stack.callback(found.kill)
     return found
 
 
 def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:
-    """Both ways, and NATS with one of its workers killed, one after the other."""
+    """Measure MQTT, then NATS, then NATS with one of its workers killed."""
     return {
         "mqtt": _run(devices, seconds),
         "nats": _run(devices, seconds, nats=True),
@@ -47,10 +47,10 @@ def measure(devices: int = DEVICES, seconds: int = SECONDS) -> dict[str, Any]:
 
 
 class _Programs:
-    """Several processes of `fltea run`, and their records."""
+    """Several processes of `fltea run`, and the records that they write."""
 
     def __init__(self, folder: Path, stack: contextlib.ExitStack, count: int, *arguments: str) -> None:
-        # Appended to: reading moves the place in a file that both have open.
+        # Opened for appending: reading moves the position in a file that both processes have open.
         self._files = [stack.enter_context((folder / f"out{k}").open("a+b")) for k in range(count)]
         command = ("run", *arguments, "--every", EVERY, "--format", "ndjson")
         self.processes = [
@@ -59,25 +59,25 @@ class _Programs:
         ]
 
     def end(self) -> None:
-        """In order, all at the same time: else one takes the other's devices."""
+        """End all processes at the same time: otherwise one takes over the devices of another."""
         for process in self.processes:
             process.terminate()
         for process in self.processes:
             process.wait(60)
 
     def records(self, kind: str) -> Iterator[dict[str, Any]]:
-        """Those of a class, of all programs."""
+        """Yield the records of a class, of all programs."""
         begin = f'{{"class":"{kind}"'.encode()
         for file in self._files:
             file.seek(0)
             yield from (json.loads(line) for line in file if line.startswith(begin) and line[-1:] == b"\n")
 
-    def have_walked(self, seq: int, devices: int) -> bool:
-        """Whether they have the estimate of this number of so many devices, and so all before it."""
+    def have_estimated(self, seq: int, devices: int) -> bool:
+        """Return whether all devices have their estimate number `seq`, and so all estimates before it."""
         return len({one["device"] for one in self.records("estimate") if one["seq"] == seq}) == devices
 
     def estimates(self) -> tuple[int, int]:
-        """How many were made twice, and how many are left out, of all from the first to the last."""
+        """Return how many estimates were made twice, and how many are missing between first and last."""
         seen: dict[str, Counter[int]] = {}
         for one in self.records("estimate"):
             seen.setdefault(one["device"], Counter())[one["seq"]] += 1
@@ -92,9 +92,9 @@ class _Programs:
 def _run(
     devices: int, seconds: int, kill_after_s: int | None = None, *, nats: bool = False
 ) -> dict[str, Any]:
-    """One program on mosquitto; or two workers on NATS, whose results go to mosquitto.
+    """Run one program on mosquitto, or two workers on NATS whose results go to mosquitto.
 
-    The boards speak MQTT to either. kill_after_s: when one of the workers is killed (`kill -9`).
+    The boards speak MQTT in both cases. `kill_after_s`: time after which one worker is killed (`kill -9`).
     """
     with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
         folder = Path(name)
@@ -129,7 +129,7 @@ def _run(
         sent = json.loads(sender.communicate(timeout=60)[0])
         end_s = time.monotonic()
         wait_until(
-            lambda: programs.have_walked((seconds - 1) * EVERY, devices), "the last samples", every_s=0.5
+            lambda: programs.have_estimated((seconds - 1) * EVERY, devices), "the last samples", every_s=0.5
         )
         caught_up_s = time.monotonic() - end_s
         programs.end()
@@ -143,7 +143,7 @@ def _run(
 
 
 def _counted(programs: _Programs) -> dict[str, Any]:
-    """Return what the programs say of themselves: of each device the record that has most samples."""
+    """Return the programs' own counts: for each device the record with the most samples."""
     stats: dict[str, dict[str, Any]] = {}
     for one in programs.records("stats"):
         known = stats.get(one["device"])
@@ -166,7 +166,7 @@ def _counted(programs: _Programs) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """A table. With one killed `delivered` is what the other counted since it had taken over."""
+    """Return a table. After a kill, `delivered` is what the other worker counted since it took over."""
     keys = (
         "devices",
         "seconds",

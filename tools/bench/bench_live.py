@@ -1,4 +1,4 @@
-"""What the live fit costs, accumulators and fits; an hour's replay with and without them is in `--chain`."""
+"""Measures the live fit: accumulators and fits. An hour's replay with and without the fit is in `--chain`."""
 
 import statistics
 from functools import partial
@@ -24,20 +24,20 @@ NOISE = Case(0.8, -1.0, 3.0)
 SAMPLES = 60_000
 AT_ONCE = {"10 rows a call": 10, "1,000 rows a call": 1_000}
 NEXT = 100
-"""Samples between a fit and the next."""
+"""Number of samples between a fit and the next."""
 ROUNDS = 5
 GOALS = {"accumulators_ns": 100.0, "fit_ms": 2.0}
 
 
 def measure() -> dict[str, Any]:
-    """Processor time; medians of the rounds, and ratios within a round."""
+    """Return processor times: medians over the rounds, and ratios within a round."""
     y = samples(NOISE, len(AXES), SAMPLES)
     found: dict[str, Any] = {"rounds": ROUNDS, "accumulators": _accumulators(y), "fit": _fits(y)}
     return found | {"not_reached": not_reached(found)}
 
 
 def not_reached(found: dict[str, Any]) -> list[str]:
-    """Goals that these figures miss."""
+    """Return the goals that these figures miss."""
     ns = found["accumulators"]["1,000 rows a call"]["ns"]
     ms = found["fit"]["the next, a second later"]["ms"]
     missed = []
@@ -49,7 +49,7 @@ def not_reached(found: dict[str, Any]) -> list[str]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The figures as tables for people."""
+    """Return the figures as tables for people."""
     sums = [(name, f"{f['ns']:.0f}", f"{f['over_filters']:.2f}") for name, f in found["accumulators"].items()]
     of_fits = [(name, f"{f['ms']:.2f}", f"{f['ms'] / 10:.2f} %") for name, f in found["fit"].items()]
     tables = [
@@ -66,7 +66,7 @@ def text(found: dict[str, Any]) -> str:
 
 
 def _accumulators(y: Array) -> dict[str, Any]:
-    """Time the accumulators, and in turns with them the filters on the same blocks."""
+    """Time the accumulators and, in turns, the filters on the same blocks."""
     settings = LaneSettings(EstimatorConfig(), H, y[:1000].var(axis=0))
     found = {}
     for name, rows in AT_ONCE.items():
@@ -92,7 +92,7 @@ def _accumulators(y: Array) -> dict[str, Any]:
 
 
 def _fits(y: Array) -> dict[str, Any]:
-    """The first fit of all, the next one, and one with curves, by the axis."""
+    """Time the very first fit, the next fit, and a fit with curves, per axis."""
     times: dict[str, list[float]] = {}
     for _ in range(ROUNDS):
         live = LiveAxes(AXES, H, LiveConfig(), "deg/s")

@@ -1,8 +1,8 @@
-"""The compressed memory: modes, accuracy and time of a step, by digits, window and width.
+"""Measures the compressed memory: modes, accuracy and time of a step, by digits, window and lanes.
 
-A step is what the estimator asks of its memory: state sums of
-three orders, both sums of a fourth, one push, each waiting for the one before. Errors are relative, the
-worst over ages up to ten million samples and over orders in the range.
+A step is what the estimator needs from its memory: state sums of three orders, both sums of a fourth order,
+and one push, each waiting for the one before. Errors are relative, and the worst over ages up to ten million
+samples and over the range of orders.
 """
 
 import statistics
@@ -26,27 +26,30 @@ AGES = 10_000_000
 
 
 class Timed(Memory):
-    """A memory that tells what it costs."""
+    """A memory that measures what it costs."""
 
     def seconds(self, n: int) -> float:
-        """Time of n steps: three state sums, one of both sums, one push, each waiting for the one before."""
+        """Return the time of `n` steps.
+
+        A step is three state sums, one call for both sums and one push, each waiting for the one before.
+        """
         return float(self._library.probe_seconds(self._probe, n))
 
     @property
     def bytes(self) -> int:
-        """Of all lanes together."""
+        """Number of bytes of all lanes together."""
         return int(self._library.probe_bytes(self._probe))
 
     @property
     def grid_step(self) -> float:
-        """Between the logarithms of neighbouring modes."""
+        """Distance between the logarithms of neighbouring modes."""
         out = np.zeros(3)
         self._library.probe_nodes(self._probe, out)
         return float(out[2])
 
 
 def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]:
-    """Worst relative errors of c_j and of c_j^2, over orders from low to high and a grid of ages."""
+    """Return the worst relative errors of c_j and c_j^2, over orders `low` to `high` and a grid of ages."""
     ages = np.unique(np.geomspace(16, AGES, 60).astype(int))
     worst = [0.0, 0.0]
     for order in np.linspace(low, high, 7)[1 if low >= 0 else 0 : -1]:
@@ -66,14 +69,17 @@ def worst_errors(memory: Memory, low: float, high: float) -> tuple[float, float]
 
 
 def nanoseconds(memory: Timed, window: int) -> float:
-    """Median time of a step, with a full window; batches are shorter than a scheduler's time slice."""
+    """Return the median time [ns] of a step with a full window.
+
+    Batches are shorter than a scheduler's time slice.
+    """
     memory.stir(window or 10_000, 1)
     steps = max(50, int(4e5 / (memory.seconds(50) / 50 * 1e9)))
     return statistics.median(memory.seconds(steps) / steps * 1e9 for _ in range(REPETITIONS))
 
 
 def measure() -> dict[str, list[dict[str, Any]]]:
-    """Everything."""
+    """Measure all tables."""
     by_digits = []
     for digits in DIGITS:
         memory = Timed(digits)
@@ -116,7 +122,7 @@ def measure() -> dict[str, list[dict[str, Any]]]:
 
 
 def text(found: dict[str, list[dict[str, Any]]]) -> str:
-    """The figures as tables."""
+    """Return the figures as tables."""
     by_digits = [
         (
             f"{row['digits']}",

@@ -1,7 +1,7 @@
-"""What reading text costs, by `open_csv` as `fltea info` calls it, beside pandas in the same run.
+"""Measures the reading of text by `open_csv`, as `fltea info` calls it, against pandas in the same run.
 
-Ratios are of processor time within a round, so that a busy machine is busy for both. pandas reads the same
-columns and nothing else; fltea also checks every line, numbers the samples and finds the clock.
+Ratios are of processor times within a round, so that a busy machine slows both. pandas reads the same columns
+and nothing else; fltea also checks every line, numbers the samples and finds the clock.
 """
 
 import json
@@ -23,26 +23,27 @@ from tools.bench.measured import cpu_seconds, in_turns
 from tools.validation.tables import NONE, Table, number
 
 ROWS = 600_000
-"""Of CSV: 50 MB."""
+"""Number of rows of the CSV file, 50 MB."""
 SEVEN = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
 NAMES = ["time (s)", "gyro_x (deg/s)", "gyro_y (deg/s)", "gyro_z (deg/s)"]
 NAMES += [f"accel_{axis} (m/s^2)" for axis in "xyz"]
 PLACES = How(columns=["2", "3", "4"], time_column="1", time_unit="s", units="deg/s")
 ROUNDS = 5
 SMALLER = 30
-"""The files whose times are compared have so many times fewer rows."""
+"""The files for the growth of the time have this many times fewer rows."""
 SECONDS_PER_MB, TWICE = 1.0, 2.5
-"""Goals: what 1 MB of any text may take, and how much longer twice as much may take."""
+"""Goals: time for 1 MB of any text [s], and ratio of the times for twice as much text."""
 HALF = 0.5
-"""Goal: CSV is read at this share of pandas' speed at least."""
+"""Goal: the speed of reading CSV is at least this share of pandas' speed."""
 
 Row = tuple[str, ...]
 
 
 class Form(NamedTuple):
-    """A kind of text. pandas: reads it, None if it cannot. every: rows between two lines that are `again`.
+    """A kind of text.
 
-    share: of the rows, for text that takes longer.
+    `pandas`: reads the text; None if pandas cannot. `every`: number of rows between two lines `again`.
+    `share`: share of the rows that is used, less for text that takes longer.
     """
 
     write: Callable[[Row], str]
@@ -59,7 +60,7 @@ def _of_json(row: Row) -> str:
 
 
 def _of_yaml(row: Row) -> str:
-    """A message of `ros2 topic echo`, without its covariances."""
+    """Return a message of `ros2 topic echo`, without its covariances."""
     second, _, fraction = row[0].partition(".")
     lines = ["header:", "  stamp:", f"    sec: {second}", f"    nanosec: {int(fraction) * 1_000_000}"]
     for name, values in (("angular_velocity", row[1:4]), ("linear_acceleration", row[4:])):
@@ -68,7 +69,7 @@ def _of_yaml(row: Row) -> str:
 
 
 def _csv(columns: int = len(SEVEN), **options: Any) -> Callable[[Path], object]:
-    """By pandas, of the columns that fltea reads."""
+    """Return a function that reads, by pandas, the columns that fltea reads."""
     return partial(pd.read_csv, usecols=list(range(columns)), **options)
 
 
@@ -94,7 +95,7 @@ LINEAR = {
 
 
 def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Processor time of each form, and of once, twice and four times a file."""
+    """Return the processor time of each form, and of a file, one twice and one four times as long."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rest.csv"
         speeds = {name: _speed(path, form, rows, rounds) for name, form in FORMS.items()}
@@ -104,7 +105,7 @@ def measure(rows: int = ROWS, rounds: int = ROUNDS) -> dict[str, Any]:
 
 
 def not_reached(found: dict[str, Any]) -> list[str]:
-    """Goals that these figures miss."""
+    """Return the goals that these figures miss."""
     ratio = found["speed"]["CSV with a header"]["of_pandas"]
     missed = [f"CSV at {ratio:.2f} of pandas' speed, goal {HALF:g}"] if ratio < HALF else []
     for name, one in found["growth"].items():
@@ -121,7 +122,7 @@ def not_reached(found: dict[str, Any]) -> list[str]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The figures as tables for people."""
+    """Return the figures as tables for people."""
     speeds = [
         (
             name,
@@ -193,7 +194,7 @@ def _speed(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
 
 
 def _growth(path: Path, form: Form, rows: int, rounds: int) -> dict[str, Any]:
-    """The least time of each size: what disturbs only ever adds to it."""
+    """Return the smallest time for each size, since disturbances only ever add time."""
     seconds, mb = [], 0.0
     for times in (1, 2, 4):
         _write(path, form, rows * times)

@@ -1,4 +1,4 @@
-"""What the live spectrum and the Allan deviation cost alone: sums a sample, curves, looks at an axis."""
+"""Measures the live spectrum and the Allan deviation alone: sums per sample, curves, refits of an axis."""
 
 import statistics
 from collections.abc import Callable
@@ -37,8 +37,8 @@ NOISES = {
 
 
 def measure() -> dict[str, Any]:
-    """Bytes of memory, and of each work the processor time: the median and the largest of the rounds."""
-    works = [*_octaves(), *_allan(), *_sentences(), *_looks()]
+    """Return the bytes of memory, and median and largest processor time of each work over the rounds."""
+    works = [*_octaves(), *_allan(), *_models(), *_looks()]
     times = in_turns({name: partial(cpu_seconds, run) for name, _, _, run in works}, REPETITIONS)
     timed = [
         {
@@ -60,7 +60,7 @@ def measure() -> dict[str, Any]:
 
 
 def _medians(timed: list[dict[str, Any]]) -> dict[str, float]:
-    """Of the noises, for each kind of look and length."""
+    """Return the median over the noises, for each kind of refit and length."""
     looks: dict[str, list[float]] = {}
     for one in timed:
         kind, _, noise = one["work"].partition(": ")
@@ -80,7 +80,7 @@ def text(figures: dict[str, Any]) -> str:
 
 
 Work = tuple[str, str, float, Callable[[], object]]
-"""Name, unit, how many of the unit a second is, and what is measured."""
+"""Name, unit, number of units in a second, and the function to measure."""
 
 
 def _octaves() -> list[Work]:
@@ -97,12 +97,12 @@ def _octaves() -> list[Work]:
         for lane in range(LANES):
             binned(octaves.periodogram(lane, H))
 
-    look()  # the first one fills what is kept
+    look()  # The first call allocates what later calls reuse.
     works: list[Work] = [
         (f"spectrum: a sample, {rows:,} rows a call", "ns", 1e9 / (end * LANES), partial(add, rows, end))
         for rows, end in ((1, SINGLE_ROWS), (10, ROWS), (100, ROWS), (ROWS, ROWS))
     ]
-    return [*works, ("spectrum: a look, in bins", "us", 1e6 / LANES, look)]
+    return [*works, ("spectrum: a periodogram in bins", "us", 1e6 / LANES, look)]
 
 
 def _allan() -> list[Work]:
@@ -122,8 +122,8 @@ def _allan() -> list[Work]:
     ]
 
 
-def _sentences() -> list[Work]:
-    """Of an axis of each noise what is native of a look, mostly."""
+def _models() -> list[Work]:
+    """Return the works of a refit that are mostly native, averaged over an axis of each noise."""
     found = []
     for parts in NOISES.values():
         sums = Octaves(1)
@@ -132,20 +132,20 @@ def _sentences() -> list[Work]:
         found.append(examine(lines, USUAL * H, USUAL, level=ANYTIME_LEVEL).evidence.candidates)
     each = 1e3 / len(found)
     return [
-        ("sentences of an axis: a search", "ms", each, lambda: [
+        ("models of an axis: a model search", "ms", each, lambda: [
             CandidateModels(one.data, H, USUAL) for one in found
         ]),
-        ("sentences of an axis: fitted again", "ms", each, lambda: [
+        ("models of an axis: fitted again", "ms", each, lambda: [
             CandidateModels(one.data, H, USUAL, one.fits) for one in found
         ]),
-        ("sentences of an axis: intervals of the order", "ms", each, lambda: [
+        ("models of an axis: intervals of the order", "ms", each, lambda: [
             order_fit(one, one.order) for one in found if one.order is not None
         ]),
     ]  # fmt: skip
 
 
 def _looks() -> list[Work]:
-    """Looks at an axis that has not grown, and with a search of its own, with verdict and intervals."""
+    """Return refits of an axis without new samples, without and with a model search."""
 
     def made(axes: LiveAxes, *, fresh: bool) -> Looked:
         return axes.look(curves=False, fresh=fresh)["x"]()
@@ -157,8 +157,8 @@ def _looks() -> list[Work]:
             axis.add(_drawn(parts, samples))
             axis.fit(curves=False)
             again, search = (partial(made, axis, fresh=fresh) for fresh in (False, True))
-            works.append((f"look again, {samples:,} samples: {name}", "ms", 1e3, again))
-            works.append((f"whole search, {samples:,} samples: {name}", "ms", 1e3, search))
+            works.append((f"refit, {samples:,} samples: {name}", "ms", 1e3, again))
+            works.append((f"model search, {samples:,} samples: {name}", "ms", 1e3, search))
     return works
 
 

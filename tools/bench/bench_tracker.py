@@ -1,4 +1,4 @@
-"""The tracker: time of a sample and axis by the number of coordinates, and of a new system."""
+"""Measures the tracker: time per sample and axis by the number of state variables, and of setting a model."""
 
 import math
 import statistics
@@ -16,11 +16,11 @@ from tools.validation.tables import Table
 
 AXES, SAMPLES, ROUNDS, H = 3, 60_000, 5, 0.01
 FIRST = 3000
-"""Samples of half a minute, for which a bank of filters goes on."""
+"""Number of samples (half a minute) during which a bank of filters runs."""
 
 
 def systems() -> dict[str, System]:
-    """Return systems of 0, 1, 4 and some 13 coordinates."""
+    """Return models with 0, 1, 4 and about 13 state variables."""
     low_passed = [p.White(1.0), p.Relaxation(0.5, 0.5), p.LowPass(25.0, 2.0)]
     order = [p.White(1.0), p.Order(0.7, -1.0, 0.3 / H**1.4)]
     return {
@@ -32,7 +32,7 @@ def systems() -> dict[str, System]:
 
 
 def measure() -> list[dict[str, Any]]:
-    """Everything."""
+    """Measure all models."""
     y = np.random.default_rng(1).standard_normal((SAMPLES, AXES))
     rows = []
     for name, s in systems().items():
@@ -73,7 +73,7 @@ def measure() -> list[dict[str, Any]]:
 
 
 def text(found: list[dict[str, Any]]) -> str:
-    """The figures as a table."""
+    """Return the figures as a table."""
     cells = [
         (
             row["model"],

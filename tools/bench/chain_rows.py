@@ -18,18 +18,18 @@ from tools.bench.chain_works import (
 )
 
 SECONDS = {"ten minutes": 600, "hour": 3600, "day": 24 * 3600, "live": 0}
-"""Of the recordings that the rows of a kind read."""
+"""Length [s] of the recordings that the rows of a kind read."""
 LIVE_S = 10.0
 OLD_S = 120.0
-"""A young record has a search a second; one of this age shows what a device takes from then on."""
+"""Age [s] of a record whose model searches have become rare: the lasting cost of a device."""
 
 
 class Row(NamedTuple):
-    """What is measured in one go.
+    """One measurement.
 
-    kind: its table. goals: the most that a figure may be. usual: it is measured without being named.
-    of_fltea: else it is something to compare with, and measured once a round. long: it takes minutes, and is
-    measured where it is named, or with --long.
+    `kind`: its table. `goals`: the largest value of a figure. `usual`: it is measured without being named.
+    `of_fltea`: if False it is a peer to compare with, measured once a round. `long`: it takes minutes, and is
+    measured only if named or with --long.
     """
 
     name: str
@@ -94,11 +94,11 @@ IDENTIFY = {
     "hour": ("identify", "identify-json", "oadev", "peer-npz"),
     "day": ("day-identify", "day-oadev", "day-peer-npz"),
 }
-"""Rows of `make bench ARGS=--identify`, by their kind: `fltea identify`, and what else takes such files."""
+"""Rows of `make bench ARGS=--identify` by kind: `fltea identify`, and peers that process the same files."""
 
 
 def _identify() -> Iterator[Row]:
-    """Yield `fltea identify`, and the Allan deviation alone."""
+    """Yield the rows of `fltea identify` and of the Allan deviation alone."""
     yield Row("10min-identify", "identify", "ten minutes", identify, {"wall_s": 0.8})
     yield Row("10min-identify-json", "identify --json", "ten minutes", identify_in_full)
     yield Row("identify", "identify", "hour", identify)
@@ -124,7 +124,7 @@ def _day() -> Iterator[Row]:
 
 
 def _peers(kind: str, prefix: str) -> Iterator[Row]:
-    """Yield what else reads such files."""
+    """Yield the rows of other programs that read such files."""
     for form, title, text in (
         ("csv", "pandas.read_csv of that CSV", PANDAS),
         ("mcap", "mcap's reader over that MCAP", MCAP),
@@ -144,7 +144,7 @@ GOALS: Mapping[str, Mapping[str, float]] = {
     "1000": {"cpu_percent": 170.0, "p99_ms": 150.0},
     "300-record": {"p99_ms": 150.0},
 }
-"""Of live devices, by the name of the row."""
+"""Goals of live devices, by the row's name."""
 USUAL = ("1", "1-0ms", "10", "300", "1000")
 
 
@@ -176,9 +176,9 @@ ROWS = (*_hour(), *_identify(), *_day(), *_devices())
 
 
 def chosen(names: Sequence[str] = (), *, long: bool = False) -> list[Row]:
-    """Return the rows of these names, or of a kind, or `all`; of no names: the usual ones.
+    """Return the rows with these names or kinds, all for `all`, the usual ones without names.
 
-    Long rows are there if they are named themselves, and with `long`. SystemExit: there is no such row.
+    Long rows are included if they are named themselves, or with `long`. SystemExit: a name is unknown.
     """
     known = {row.name for row in ROWS} | {row.kind for row in ROWS} | {"all"}
     if unknown := [name for name in names if name not in known]:

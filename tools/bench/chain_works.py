@@ -1,7 +1,7 @@
-"""What `make bench ARGS=--chain` does with a program: recordings through it, and live devices.
+"""The works of `make bench ARGS=--chain`: a program processes recordings, or live devices.
 
-The program may be another commit's (`tools.bench.programs`); files, devices and stop-watch are the present
-one's.
+The program may be another commit's (`tools.bench.programs`). Files, devices and timing are always the present
+commit's.
 """
 
 import json
@@ -31,7 +31,7 @@ Figures = dict[str, Any]
 
 
 class Files:
-    """Recordings of the same samples in all forms, each written when it is first asked for."""
+    """Recordings of the same samples in all formats, each written when it is first used."""
 
     def __init__(self, folder: Path, seconds: int) -> None:
         folder.mkdir(exist_ok=True)
@@ -44,23 +44,23 @@ class Files:
 
     @cached_property
     def npz(self) -> Path:
-        """White noise."""
+        """Path of a recording of white noise."""
         return self._written("white.npz", day_files.write_npz, self.gyro)
 
     @cached_property
     def coloured(self) -> Path:
-        """White noise and an AR(1)."""
+        """Path of a recording of white noise and an AR(1)."""
         noise = np.rint(relaxation(1, len(self.gyro))).astype(np.int16)
         return self._written("coloured.npz", day_files.write_npz, self.gyro + noise)
 
     @cached_property
     def csv(self) -> Path:
-        """In deg/s."""
+        """Path of the white noise as CSV in deg/s."""
         return self._written("white.csv", day_files.write_csv, self.gyro)
 
     @cached_property
     def mcap(self) -> Path:
-        """As the recorder writes it."""
+        """Path of the white noise as the recorder writes it."""
         return self._written("mcap", day_files.write_mcap, self.gyro)
 
     def _written(self, name: str, write: Callable[[Path, Any], object], gyro: NDArray[np.int16]) -> Path:
@@ -72,9 +72,9 @@ Work = Callable[[Files, Program], Figures]
 
 
 def run_program(command: Sequence[str], out: Path | None = None) -> Figures:
-    """Return what a program costs with all its processes, whose output goes to `out`.
+    """Return the cost of a program and all its child processes; its output goes to `out`.
 
-    RuntimeError: it failed.
+    RuntimeError: the program failed.
     """
     with open(out or os.devnull, "wb") as stream:
         measure = [sys.executable, "-c", _MEASURE, *command]
@@ -100,45 +100,48 @@ with contextlib.suppress(ChildProcessError):
 print(json.dumps([wall_s, cpu_s, rss_kb / 1024]), file=sys.stderr)
 os._exit(code % 256)
 """
-"""A process of its own, and a small one: a program has the peak of whoever has started it."""
+"""Code of a small process, because a program's peak memory includes that of the process that forked it."""
 
 
 def replay(
     form: str, files: Files, program: Program, *, output: str = "none", more: Sequence[str] = ()
 ) -> Figures:
-    """Replay a form of the recording into nothing, or as lines into a file; more: of `fltea run`."""
+    """Replay a recording of this form into nothing, or as NDJSON into a file.
+
+    `more`: options of `fltea run`.
+    """
     path = getattr(files, form)
     command = program.command("run", "-s", f"replay:{path}", "--once", "--format", output, *more)
     return run_program(command, None if output == "none" else files.folder / "lines")
 
 
 def start(files: Files, program: Program) -> Figures:
-    """Start the program, which ends at once."""
+    """Start the program with --help, so that it ends immediately."""
     return run_program(program.command("run", "--help"))
 
 
 def export(suffix: str, files: Files, program: Program) -> Figures:
-    """Export the MCAP into another form."""
+    """Export the MCAP recording to another format."""
     return run_program(program.command("export", files.mcap, "--to", files.folder / f"exported{suffix}"))
 
 
 def identify(files: Files, program: Program) -> Figures:
-    """Identify the recording, as most people do."""
+    """Identify the recording with the usual options, but without shuffled copies."""
     return run_program(program.command("identify", files.npz, "--shuffles", 0))
 
 
 def identify_in_full(files: Files, program: Program) -> Figures:
-    """Identify it with all figures, but for the shuffled copies."""
+    """Identify the recording with all figures except the shuffled copies."""
     return run_program(program.command("identify", files.npz, "--json", "--shuffles", 0))
 
 
 def code(text: str, form: str, files: Files, program: Program) -> Figures:
-    """Run Python beside the program's packages, with the path of a form of the recording as argument."""
+    """Run Python code with the program's packages; its argument is the path of a form of the recording."""
     return run_program([program.python, "-c", text, str(getattr(files, form))])
 
 
 def engine_alone(files: Files) -> Figures:
-    """Return what this process's engine costs on the same samples, in blocks."""
+    """Return the cost of this process's engine on the same samples, in blocks."""
     y = np.asarray(files.gyro[200:], dtype=np.float64) / day_files.LSB_PER_DPS
     engine = Engine(3, LaneSettings(EstimatorConfig(), 1 / RATE_HZ, y[:1000].var(axis=0)))
     begin_s, begin_cpu_s = time.monotonic(), time.process_time()
@@ -152,6 +155,6 @@ def engine_alone(files: Files) -> Figures:
 
 
 def live(setting: Setting, files: Files, program: Program) -> Figures:
-    """Run a daemon on devices; what is lost of any kind is added up."""
+    """Run a daemon on devices; the losses of all kinds are added up."""
     run = bench_daemon.run_once(setting, program)
     return run | {"lost_or_errors": sum(run[key] for key in bench_daemon.LOST)}

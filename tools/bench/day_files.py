@@ -1,7 +1,8 @@
-"""Recordings as long as asked for: .npz, .csv, and MCAP as the live recorder writes it, one message a read.
+"""Writes recordings of any length: .npz, .csv, and MCAP as the live recorder writes it, one message a read.
 
 `python -m tools.bench.day_files FOLDER HOURS` writes rest.npz, rest.csv and a session of MCAP files of the
-same samples: white noise of 3 LSB on three axes, 100 Hz, with some slow wandering.
+same
+samples: white noise of 3 LSB on three axes at 100 Hz, with a slow random walk.
 """
 
 import csv
@@ -25,7 +26,7 @@ AT_ONCE = 8192
 
 
 def counts(samples: int, seed: int = 1) -> NDArray[np.int16]:
-    """Three axes, (samples, 3), in LSB."""
+    """Return the counts of three axes, (samples, 3), in LSB."""
     rng = np.random.default_rng(seed)
     found = np.empty((samples, 3), dtype=np.int16)
     level = np.zeros(3)
@@ -38,12 +39,12 @@ def counts(samples: int, seed: int = 1) -> NDArray[np.int16]:
 
 
 def write_npz(path: Path, gyro: NDArray[np.int16]) -> None:
-    """Counts, scale and rate: the least that `replay:` takes."""
+    """Write counts, scale and rate: the least that `replay:` needs."""
     np.savez_compressed(path, gyro_raw=gyro, lsb_per_dps=LSB_PER_DPS, fs_hz=float(RATE_HZ))
 
 
 def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
-    """Times and rates in deg/s."""
+    """Write times, and rates in deg/s."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["time_s", "gyro_x_dps", "gyro_y_dps", "gyro_z_dps"])
@@ -54,7 +55,7 @@ def write_csv(path: Path, gyro: NDArray[np.int16]) -> None:
 
 
 def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
-    """By the recorder itself; the folder."""
+    """Write a session with the recorder itself; return its folder."""
     sink = RecordSink(
         RecordConfig(folder=str(folder)).for_devices(1), "bench", lambda kind, text: print(kind, text)
     )
@@ -70,7 +71,7 @@ def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
 
 
 def main() -> None:
-    """Write them all."""
+    """Write all three forms."""
     folder, hours = Path(sys.argv[1]), float(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
     gyro = counts(round(hours * 3600 * RATE_HZ))

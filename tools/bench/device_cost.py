@@ -1,7 +1,7 @@
-"""What the device's own estimates cost: instructions an axis and step by phase, and memory.
+"""Measures the device's own estimates: instructions per axis and step by phase, and memory.
 
-The sources are built again for their symbols, and run on the emulated board. Instructions are counted;
-cycles are not: their share of a real processor's time assumes `CYCLES` an instruction.
+The sources are built again to get their symbols, and run on the emulated board. Instructions are counted, not
+cycles: the share of a real processor's time assumes `CYCLES` per instruction.
 """
 
 import re
@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "tools"))
 from build_firmware import build  # noqa: E402
 
 CYCLES = 1.4
-"""Clock cycles an instruction that are assumed of a Cortex-M3 with flash at four wait states."""
+"""Assumed clock cycles per instruction of a Cortex-M3 with flash at four wait states."""
 CLOCK_HZ = 84_000_000
 AXES, RATE_HZ = 3, 100
 FROM_S, FOR_S = 8.0, 2.0
@@ -33,11 +33,11 @@ PHASES = {
     "memory: push; counts of the guard": r"^fltea::engine::baseline::Lane<.*::step\(",
     "centring, supervisor": r"^fltea::AxisEstimator::step\(",
 }
-"""Phase to what the name of its function matches, and no other's."""
+"""Phase -> pattern that matches the name of its function only."""
 
 
 def measure() -> dict[str, Any]:
-    """Run the board and count; raises FileNotFoundError without the compiler."""
+    """Run the board and count. Raises FileNotFoundError without the compiler."""
     with tempfile.TemporaryDirectory() as folder:
         image = build(ROOT, "timer", Path(folder))
         functions = functions_of(Path(folder) / "fltea_due.elf")
@@ -65,7 +65,7 @@ def measure() -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The figures as a table for people."""
+    """Return the figures as a table for people."""
     lines = [f"{label:36} {n:>7,}" for label, n in found["instructions_by_phase"].items()]
     return "\n".join(
         [

@@ -1,10 +1,10 @@
-"""Many devices at 100 Hz on pseudo-terminals: `python -m tools.bench.feeder FOLDER N SECONDS [coloured]`.
+"""Sends many devices' samples at 100 Hz to pseudo-terminals.
 
-The ports are FOLDER/d0, d1, …; their samples are spread evenly over the period, and what they say of
-themselves over the second, as of devices that were switched on one after the other. In FOLDER/fed.npz it
-notes when the last byte of each sample's frame was written (`times`, (devices, samples) in ns of the
-monotonic clock, 0 where the port took no more), when it was `due`, and the `bytes` that each port took. It
-ends by itself.
+Usage: `python -m tools.bench.feeder FOLDER N SECONDS [coloured]`. The ports are FOLDER/d0, d1, …. The
+devices' samples are spread evenly over the period, and their HELLO and STATUS over the second, as if the
+devices had been switched on one after another. The program writes FOLDER/fed.npz: `times` when the last byte
+of each sample's frame was written, (devices, samples) in ns of the monotonic clock, 0 where the port was
+full; when each was `due`; and the `bytes` that each port accepted. It ends automatically.
 """
 
 import os
@@ -26,32 +26,33 @@ from tools.board_voice import HELLO
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
 FRAME_NS = 1_000_000
-"""Of USB (full speed, one frame a millisecond): what many ports say within it comes together."""
+"""Duration of a frame of USB at full speed [ns]: bytes that many ports send within one frame arrive together.
+"""
 VOICES = 8
-"""Different noises; devices of the same one differ in their HELLO."""
+"""Number of different noises. Devices with the same noise differ in their HELLO."""
 
 
 def hello_of(k: int, boot_id: int | None = None) -> wire.Hello:
-    """Return what device k says of itself."""
+    """Return the HELLO of device `k`."""
     names = boot_id or k + 1, k.to_bytes(16, "big")
     return HELLO._replace(boot_id=names[0], device_id=names[1], firmware_version="bench")
 
 
 def greeting(k: int, second: int, now_us: int, boot_id: int | None = None) -> bytes:
-    """Return what device k sends once a second: HELLO and STATUS."""
+    """Return what device `k` sends once a second: HELLO and STATUS."""
     hello = hello_of(k, boot_id)
     status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
     return b"".join(encode(one, second % 65536, now_us % TIME_WRAP_US) for one in (hello, status))
 
 
 def sample(i: int, gyro: Sequence[int], now_us: int) -> bytes:
-    """Return the frame of sample i of a device at rest."""
+    """Return the frame of sample `i` of a device at rest."""
     x, y, z = gyro
     return encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us % TIME_WRAP_US)
 
 
 def frames(k: int, counts: Iterable[Sequence[int]]) -> Iterator[bytes]:
-    """Yield what device k sends at each instant, of counts of three axes."""
+    """Yield the bytes that device `k` sends at each instant, from counts of three axes."""
     for i, gyro in enumerate(counts):
         now_us = i * PERIOD_NS // 1000
         said = greeting(k, i // RATE_HZ, now_us) if i % RATE_HZ == 0 else b""
@@ -59,16 +60,16 @@ def frames(k: int, counts: Iterable[Sequence[int]]) -> Iterator[bytes]:
 
 
 def relaxation(seed: int, samples: int, seconds: float = 0.5) -> NDArray[np.float64]:
-    """Return what makes white noise of 3 LSB coloured: an AR(1) as strong, (samples, 3)."""
+    """Return an AR(1) as strong as white noise of 3 LSB, to be added to make coloured noise, (samples, 3)."""
     a = float(np.exp(-1 / (seconds * RATE_HZ)))
     noise = np.random.default_rng((seed, 1)).normal(0, 3 * np.sqrt(1 - a * a), (3, samples))
     return np.array([list(accumulate(axis.tolist(), lambda x, e: a * x + e)) for axis in noise]).T
 
 
 def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
-    """Return the descriptors that the devices write to, and those of the other side.
+    """Return the descriptors that the devices write to, and the descriptors of the other sides.
 
-    The latter stay open, so that a port that nobody listens to yet is no error.
+    The other sides stay open, so that writing to a port that no program has opened yet is no error.
     """
     masters, slaves = [], []
     for k in range(n):
@@ -82,7 +83,7 @@ def ports(folder: Path, n: int) -> tuple[list[int], list[int]]:
 
 
 def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
-    """Return the frames of each noise, one a sample."""
+    """Return the frames of each noise, one per sample."""
     found = []
     for k in range(min(n, VOICES)):
         noise = np.random.default_rng(k).normal(0, 3, (samples, 3))
@@ -93,12 +94,12 @@ def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
 
 
 def offsets_ns(n: int) -> list[int]:
-    """Return when within the period each device's samples come; those within a frame of USB come together."""
+    """Return the time within the period of each device's samples; within a frame of USB they coincide."""
     return [k * PERIOD_NS // n // FRAME_NS * FRAME_NS for k in range(n)]
 
 
 def send(masters: list[int], samples: int, voices: list[list[bytes]]) -> tuple[NDArray[np.int64], ...]:
-    """Write all samples when they are due; times, due times and bytes, as FOLDER/fed.npz has them."""
+    """Write all samples when they are due; return times, due times and bytes, as in FOLDER/fed.npz."""
     n, offsets = len(masters), offsets_ns(len(masters))
     together = [(at_ns, list(ks)) for at_ns, ks in groupby(range(n), offsets.__getitem__)]
     greets = [-(k * RATE_HZ // n) % RATE_HZ for k in range(n)]
@@ -137,7 +138,7 @@ def main() -> None:
     times, due, taken = send(masters, samples, voices)
     np.savez(folder / "fed.tmp.npz", times=times, due=due, bytes=taken)
     (folder / "fed.tmp.npz").rename(folder / "fed.npz")
-    sys.stdin.readline()  # the ports stay until the daemon has read them
+    sys.stdin.readline()  # the ports stay open until the daemon has read them
     for port in masters + slaves:
         os.close(port)
 

@@ -1,9 +1,9 @@
-"""Where each microsecond of a live device goes, between its bytes and its lines: `make bench ARGS=--loop`.
+"""Shows where the processor time of a live device goes, from bytes to JSON lines: `make bench ARGS=--loop`.
 
-A device of white noise in virtual time, its first ten minutes, read as `link.latency` has it: one sample at
-once (0 ms), or two (20 ms). The bytes go through what `fltea run` does with those of a port, all in one
-thread, though looks of the fit have one of their own there. A timer of processor time looks which file of
-fltea is at work. What the program takes beyond that is its waking up, its threads and its queues.
+A device with white noise runs for ten minutes of virtual time. Its bytes are read as with `link.latency` of
+0 ms (one sample a read) and of 20 ms (two samples a read). The bytes pass through the same functions as in
+`fltea run`, but all in one thread; `fltea run` refits in a thread of its own. A timer of processor time
+records which file of fltea is at work. Wake-ups, threads and queues of the real program come in addition.
 """
 
 import os
@@ -43,29 +43,29 @@ PARTS = {
         "spectrum",
         "stream/live",
         "stream/fit_times",
-        "stream/beside",
+        "stream/fit_worker",
         "stream/tuning",
     ),
     "lines": ("sinks",),
 }
-"""Files by what they do; the longest name of a folder or file counts."""
+"""Beginnings of file names by what the files do; the longest beginning that matches counts."""
 
-OTHER, BESIDE = "pipeline and statistics", "looks of the fit, beside the walk"
+OTHER, BESIDE = "pipeline and statistics", "refits, which have a thread of their own"
 
 
 def part_of(file: str) -> str:
-    """Return what a file of the package does."""
+    """Return the name of the part to which a file of the package belongs."""
     names = [(len(one), part) for part, files in PARTS.items() for one in files if file.startswith(one)]
     return max(names, default=(0, OTHER))[1]
 
 
-class Apart(FitWorker):
-    """Makes looks of the fit where their result is asked for, as it is usual, and says when one is made."""
+class InlineWorker(FitWorker):
+    """Makes a refit in this thread when its result is asked for, and notes while a refit is made."""
 
     making = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin some work."""
+        """Return a function that does the work."""
 
         def made() -> T:
             self.making = True
@@ -78,18 +78,18 @@ class Apart(FitWorker):
 
 
 class Looks:
-    """Counts which part was at work whenever so much processor time has passed."""
+    """Counts which part was at work at each tick of the timer of processor time."""
 
-    def __init__(self, apart: Apart) -> None:
+    def __init__(self, worker: InlineWorker) -> None:
         self.seen: Counter[str] = Counter()
-        self._apart = apart
+        self._worker = worker
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
-        """Find the innermost file of the package."""
+        """Count one tick for the part of the innermost file of the package on the stack."""
         while frame is not None and not frame.f_code.co_filename.startswith(PACKAGE):
             frame = frame.f_back
         file = OTHER if frame is None else frame.f_code.co_filename[len(PACKAGE) :]
-        self.seen[BESIDE if self._apart.making else part_of(file)] += 1
+        self.seen[BESIDE if self._worker.making else part_of(file)] += 1
 
 
 def _reads(at_once: int) -> Iterator[Chunk]:
@@ -100,19 +100,19 @@ def _reads(at_once: int) -> Iterator[Chunk]:
 
 
 def measure() -> dict[str, Any]:
-    """By samples a read: microseconds of a read, and of its parts."""
+    """Return microseconds per read and per part, for one and for two samples a read."""
     return {f"{at_once}": _measure(at_once) for at_once in (1, 2)}
 
 
 def _measure(at_once: int) -> dict[str, Any]:
-    source, apart = FedSource("profile", prompt=False), Apart()
-    looks = Looks(apart)
-    pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), fit_worker=apart)
+    source, worker = FedSource("profile", prompt=False), InlineWorker()
+    looks = Looks(worker)
+    pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), fit_worker=worker)
     reads = list(_reads(at_once))
     with FileIO(os.devnull, "wb") as stream:
         sink = NdjsonSink(stream, samples=False)
 
-        def walk(reads: list[Chunk]) -> None:
+        def process(reads: list[Chunk]) -> None:
             for chunk in reads:
                 for event in source.wire.feed(chunk, chunk.host_ns):
                     for item in pipeline.feed(event):
@@ -120,11 +120,11 @@ def _measure(at_once: int) -> dict[str, Any]:
                 sink.flush()
 
         list(source.wire.feed(Opened(0), 0))
-        walk(reads[: WARM_UP // at_once])
+        process(reads[: WARM_UP // at_once])
         before = signal.signal(signal.SIGPROF, looks)
         signal.setitimer(signal.ITIMER_PROF, LOOK_S, LOOK_S)
         begin_s = time.process_time()
-        walk(reads[WARM_UP // at_once :])
+        process(reads[WARM_UP // at_once :])
         cpu_s = time.process_time() - begin_s
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
@@ -135,7 +135,7 @@ def _measure(at_once: int) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The parts as a table."""
+    """Return the parts as a table."""
     columns = list(found.values())
     rows = [(part, *(f"{one['parts_us'][part]:.1f}" for one in columns)) for part in (*PARTS, OTHER, BESIDE)]
     rows.append(("all", *(f"{one['us_a_read']:.1f}" for one in columns)))

@@ -1,4 +1,4 @@
-"""What the benchmarks share: works in turns, and what programs cost."""
+"""Helpers that the benchmarks share: works in turns, and the cost of programs."""
 
 import contextlib
 import resource
@@ -18,14 +18,17 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    """Return the processor time of a work, which a busy machine changes least."""
+    """Return the processor time of a function, which a busy machine changes least."""
     begin = time.process_time()
     work()
     return time.process_time() - begin
 
 
 def in_turns(works: Mapping[K, Callable[[], T]], rounds: int) -> dict[K, list[T]]:
-    """Return what each work gives, round by round, so that a busy machine is busy for all of them."""
+    """Return the results of each work.
+
+    Each round runs every work once, so that a busy machine slows all works.
+    """
     found: dict[K, list[T]] = {name: [] for name in works}
     for _ in range(rounds):
         for name, work in works.items():
@@ -34,16 +37,16 @@ def in_turns(works: Mapping[K, Callable[[], T]], rounds: int) -> dict[K, list[T]
 
 
 class Share(NamedTuple):
-    """What a program takes."""
+    """Cost of a program."""
 
     cpu_percent: float
-    """of a core"""
+    """percent of a core"""
     rss_mb: float
     threads: int
 
 
 class Watch:
-    """Looks at running programs from when it is made to its `end`."""
+    """Measures running programs from its construction to its `end`."""
 
     def __init__(self, pids: Mapping[str, int]) -> None:
         self._programs = {name: psutil.Process(pid) for name, pid in pids.items()}
@@ -55,7 +58,7 @@ class Watch:
         return {name: one.user + one.system for name, one in times.items()}
 
     def end(self) -> dict[str, Share]:
-        """Return what each took since then, and its memory and threads as of now."""
+        """Return the processor time of each program since the start, and its memory and threads now."""
         seconds, after = (time.monotonic_ns() - self.begin_ns) * 1e-9, self._cpu_s()
         return {
             name: Share(
@@ -68,7 +71,7 @@ class Watch:
 
 
 def rounded(shares: Mapping[str, Share]) -> dict[str, dict[str, float]]:
-    """Return the shares as a benchmark reports those of several programs."""
+    """Return the costs of several programs in the form in which benchmarks report them."""
     return {
         name: {program: round(getattr(one, name), 1) for program, one in shares.items()}
         for name in ("cpu_percent", "rss_mb")
@@ -76,7 +79,7 @@ def rounded(shares: Mapping[str, Share]) -> dict[str, dict[str, float]]:
 
 
 def allow_open_files(count: int) -> None:
-    """Raise this process's limit of open files, which its programs take over.
+    """Raise this process's limit of open files, which child processes inherit.
 
     RuntimeError: the system allows fewer.
     """
@@ -90,12 +93,12 @@ def allow_open_files(count: int) -> None:
 
 
 def started(stack: contextlib.ExitStack, module: str, *arguments: object, **options: Any) -> Any:
-    """Start a module of Python as `started_command` does a command."""
+    """Start a module of Python as `started_command` starts a command."""
     return started_command(stack, [sys.executable, "-m", module, *map(str, arguments)], **options)
 
 
 def started_command(stack: contextlib.ExitStack, command: list[str], **options: Any) -> Any:
-    """Start a program, which is killed with the stack if it has not ended by then."""
+    """Start a program, which is killed when `stack` is closed if it has not ended before."""
     program = subprocess.Popen(command, cwd=ROOT, **options)
     for pipe in (program.stdin, program.stdout, program.stderr):
         if pipe is not None:

@@ -1,8 +1,7 @@
-"""The program as it is, and as it was at another commit, for benchmarks that set both side by side.
+"""Provides fltea as it is, and as it was at another commit, for benchmarks that compare both.
 
-A commit is built once, into build/against/COMMIT: its Python files and its native module in a virtual
-environment of their own, which takes all other packages from .venv. So both programs differ in nothing but
-fltea.
+A commit is built once, into build/against/COMMIT: its Python files and its native module are in a virtual
+environment of their own, which takes all other packages from .venv. So both programs differ only in fltea.
 """
 
 import json
@@ -20,11 +19,11 @@ from tools.bench.measured import ROOT
 
 BUILT = ROOT / "build/against"
 READY = "ready"
-"""A file, written last: what was cut off is built again."""
+"""Name of a file that is written last: a build without it was interrupted, and is repeated."""
 
 
 class Program(NamedTuple):
-    """A version of fltea: what tables call it, and the interpreter that imports it."""
+    """A version of fltea: its name in tables, and the interpreter that imports it."""
 
     name: str
     python: str
@@ -35,11 +34,11 @@ class Program(NamedTuple):
 
 
 PRESENT = Program("present", sys.executable)
-"""The working tree, with what is not committed."""
+"""The working tree, including uncommitted changes."""
 
 
 def commit_of(revision: str, root: Path = ROOT) -> str:
-    """Return the commit that a revision names, as 40 digits; SystemExit: there is none."""
+    """Return the commit of a revision as 40 digits. SystemExit: the revision is unknown."""
     command = ["git", "-C", str(root), "rev-parse", "--verify", "--quiet", f"{revision}^{{commit}}"]
     found = subprocess.run(command, capture_output=True, text=True, check=False)
     if found.returncode:
@@ -48,7 +47,7 @@ def commit_of(revision: str, root: Path = ROOT) -> str:
 
 
 def at_commit(revision: str, root: Path = ROOT, built: Path = BUILT) -> Program:
-    """Return the program of a commit, built if it is not there yet; it is called as it was asked for."""
+    """Return the program of a commit, built if necessary; tables call it by `revision`."""
     commit = commit_of(revision, root)
     folder = built / commit
     program = Program(revision, str(folder / "bin/python"))
@@ -62,7 +61,7 @@ def at_commit(revision: str, root: Path = ROOT, built: Path = BUILT) -> Program:
 
 
 def imported_from(program: Program) -> list[Path]:
-    """Return where a program's package and its native module lie; none: it does not start."""
+    """Return the paths of a program's package and native module; none if it does not start."""
     code = "import json, fltea, fltea._native as n; print(json.dumps([fltea.__file__, n.__file__]))"
     command = [program.python, "-c", code]
     try:
@@ -82,16 +81,17 @@ def _build(commit: str, root: Path, folder: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         source, wheels = Path(name, "source"), Path(name, "wheels")
         source.mkdir()
-        # Not a worktree: if this is cut off, nothing of it is left in .git.
+        # Not a git worktree: an interrupted build leaves nothing in .git.
         archive = _done(["git", "-C", str(root), "archive", commit])
         _done(["tar", "-x", "-C", str(source)], input=archive)
-        # By the tools of .venv, which cmake and ninja are among.
+        # Built with the tools of .venv, such as cmake and ninja.
         _pip("wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels), str(source))
         _make_environment(folder)
         python = str(folder / "bin/python")
         _pip("--python", python, "install", "--no-deps", "--no-index", *map(str, wheels.glob("*.whl")))
-        # After fltea is in, or pip takes that of .venv for it. What a .pth file names is searched last, and
-        # .pth files in there, that of the clone's own fltea among them, are not followed.
+        # Written after fltea is installed, or pip would take .venv's fltea for the installed one. Python
+        # searches paths from a .pth file last, and does not follow .pth files there, such as that of the
+        # clone's own fltea.
         (_packages(folder) / "of_the_clone.pth").write_text(
             sysconfig.get_path("purelib") + "\n", encoding="utf-8"
         )
@@ -112,7 +112,7 @@ def _pip(*arguments: str) -> None:
 
 
 def _done(command: Sequence[str], **options: Any) -> bytes:
-    """Return what a command prints; SystemExit with what it says: it failed."""
+    """Return what a command prints. SystemExit with its error output if it fails."""
     done = subprocess.run(command, capture_output=True, check=False, **options)
     if done.returncode:
         raise SystemExit(f"{' '.join(command[:6])} …: {done.stderr.decode(errors='replace')[-2000:]}")

@@ -1,10 +1,9 @@
-"""Days of a device's stream in minutes: does memory stay flat, and is every loss counted?
+"""Streams days of a device's data in minutes: does memory stay flat, and is every loss counted?
 
-`make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in
-virtual time; on the way frames are lost, bits flip, the line falls silent for a while, and now and then the
-board is reset. The bytes go through what `fltea run` does with those of a port, into NDJSON. What is
-known of both ends is compared: for each boot, delivered + lost = sent between the first sample that is used
-and the last.
+`make bench ARGS='--soak [--hours 24] [--seed 1]'`. A device sends samples, HELLO and STATUS in virtual time.
+On the way frames are lost, bits flip, the port falls silent for a while, and now and then the board is reset.
+The bytes pass through the same functions as in `fltea run`, into NDJSON. Then both ends are compared: for
+each boot, delivered + lost must equal the number sent between the first and the last sample that is used.
 """
 
 import gc
@@ -32,13 +31,13 @@ from tools.fed_source import FedSource
 PERIOD_US = 10_000
 HOUR = 360_000
 LOSS, FLIP, SILENCE, RESET = 1e-3, 1e-3, 1e-5, 1 / (2 * HOUR)
-"""Chances a sample: of its frame being lost, of a flipped bit, of a silence, of a reset of the board."""
+"""Probabilities per sample: a frame is lost, a bit flips, a silence begins, the board is reset."""
 
 LONGEST_SILENCE = 3000
 
 
 class Sent:
-    """What the device sent: for each boot, how many sampling instants it has had."""
+    """What the device sent: for each boot the number of its sampling instants."""
 
     def __init__(self) -> None:
         self.boots: dict[int, int] = {}
@@ -46,7 +45,7 @@ class Sent:
 
 
 def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
-    """Bytes and the monotonic time of their arrival [ns]; the device's clock runs 40 ppm fast."""
+    """Yield bytes and their monotonic time of arrival [ns]; the device's clock runs 40 ppm fast."""
     rng = random.Random(seed)
     k, boot, silent = 0, 0, 0
     for n in range(samples):
@@ -75,14 +74,14 @@ def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
 
 
 class Seen:
-    """What the host made of it: by epoch the boot, the first and last number, and the counts."""
+    """What the host reports: for each epoch its boot, first and last number, and counts."""
 
     def __init__(self) -> None:
         self.epochs: list[dict[str, int]] = []
         self.stats: Stats | None = None
 
     def add(self, record: Any) -> None:
-        """Take a record into the counts."""
+        """Count a record."""
         match record:
             case Epoch():
                 self.epochs.append(
@@ -92,19 +91,19 @@ class Seen:
                 self.epochs[-1]["delivered"] += len(record)
                 self.epochs[-1]["last"] = int(record.seq[-1])
             case Gap():
-                self.epochs[-1]["lost"] += record.missing  # reported before the epoch that it may begin
+                self.epochs[-1]["lost"] += record.missing  # reported before the epoch that the gap may begin
             case Stats():
                 self.stats = record
 
 
 def rss_mb() -> float:
-    """Memory of this process as of now [MB]."""
+    """Return the present memory of this process [MB]."""
     gc.collect()
     return float(psutil.Process().memory_info().rss / 2**20)
 
 
 def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
-    """Stream so many hours; figures, memory by the hour among them."""
+    """Stream `hours` of data; return the figures, including the memory at each hour."""
     sent, seen, source = Sent(), Seen(), FedSource("soak", prompt=False)
     pipeline = Pipeline(source, load_config(None, {"source": "serial:soak"}))
     hub = Hub(lambda error: None)
@@ -149,7 +148,7 @@ def measure(hours: float = 24.0, seed: int = 1) -> dict[str, Any]:
 
 
 def uncounted(seen: Seen) -> int:
-    """Samples between the first and the last of each boot that are neither delivered nor counted as lost."""
+    """Return the number of samples between each boot's first and last that are neither delivered nor lost."""
     missing = 0
     for boot in {epoch["boot"] for epoch in seen.epochs}:
         epochs = [epoch for epoch in seen.epochs if epoch["boot"] == boot and "last" in epoch]
@@ -159,5 +158,5 @@ def uncounted(seen: Seen) -> int:
 
 
 def text(figures: dict[str, Any]) -> str:
-    """The figures as lines for people."""
+    """Return the figures as lines for people."""
     return "\n".join(f"{name:28} {value}" for name, value in figures.items())

@@ -1,7 +1,7 @@
-"""What the running spectrum and the fit cost on the board, and that the board's bits are those of a PC.
+"""Measures the running spectrum and the fit on the board, and compares the board's bits with a PC's.
 
-`spectrum_program.cpp` makes its own noise, takes it into the spectrum of one axis, and fits twice: from a
-grid, and from the last answer. It is built for the emulated Due, which counts instructions, and for this
+`spectrum_program.cpp` generates its own noise, adds it to the spectrum of one axis, and fits twice: from a
+grid, and from the last result. It is built for the emulated Due, which counts instructions, and for this
 machine.
 """
 
@@ -26,19 +26,19 @@ DUE = (
     "-Wl,--gc-sections",
 )
 MOST_S = 600
-"""Of the emulated board's time, at its slow clock after reset."""
+"""Time limit [s of the emulated board, at its slow clock after reset]."""
 PHASES = ("sample", "level", "bins", "first fit", "next fit", "filter", "track")
 LAYOUT = struct.Struct("<2I4f10I" + 3 * f"{len(PHASES)}I")
 NOISES = ("kSlow", "kWhite", "kFast", "kFullScale", "kConstant")
-"""That the program makes; its Kind says what they are."""
+"""Noises that the program can generate, by the names of its enum Kind."""
 FILTERS = 3
-"""That the program makes."""
+"""Number of filters that the program designs."""
 FIT_EVERY_S = 3.0
-"""Assumed for the share of the processor."""
+"""Assumed time between fits [s] for the share of the processor."""
 
 
 class Phase(NamedTuple):
-    """Instructions of the emulated board."""
+    """Calls and instructions of a phase on the emulated board; `longest` is the longest slice."""
 
     calls: int
     instructions: int
@@ -54,18 +54,17 @@ class Found(NamedTuple):
     bins: int
     levels: int
     evaluations: tuple[int, int]
-    """of the first fit and of the next"""
+    """Evaluations of the first fit and of the next."""
     bytes: tuple[int, int, int, int, int]
-    """of an axis's spectrum, of the bins, of a fit, of what is kept of an axis from fit to fit, and of its
-    tracker"""
+    """Sizes of an axis's spectrum, the bins, a fit, an axis's memory between fits, an axis's tracker."""
     phases: dict[str, Phase]
 
 
 def on_pc(samples: int, noise: str = NOISES[0]) -> Found:
-    """Run on this machine, with a noise of NOISES; its phases count nothing.
+    """Run on this machine, with a noise of NOISES; the counts of its phases are zero.
 
     Raises:
-        subprocess.CalledProcessError: it cannot be built.
+        subprocess.CalledProcessError: the program cannot be built.
     """
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "program"
@@ -77,9 +76,9 @@ def on_due(samples: int, noise: str = NOISES[0]) -> Found:
     """Run on the emulated Due.
 
     Raises:
-        FileNotFoundError: there is no compiler for it.
-        subprocess.CalledProcessError: it cannot be built.
-        TimeoutError: the program does not come to its end.
+        FileNotFoundError: there is no compiler for the Due.
+        subprocess.CalledProcessError: the program cannot be built.
+        TimeoutError: the program does not end in time.
     """
     with tempfile.TemporaryDirectory() as name:
         elf, raw = Path(name) / "program.elf", Path(name) / "program.bin"
@@ -109,7 +108,7 @@ def on_due(samples: int, noise: str = NOISES[0]) -> Found:
 
 
 def measure(samples: int = 60_000) -> dict[str, Any]:
-    """Both runs, and the share of the processor that three axes take."""
+    """Return the figures of both runs, and the share of the processor that three axes take."""
     due, pc = on_due(samples), on_pc(samples)
     taken = due.phases["sample"].instructions + due.phases["level"].instructions
     track = due.phases["track"].instructions / due.phases["track"].calls
@@ -133,7 +132,7 @@ def measure(samples: int = 60_000) -> dict[str, Any]:
 
 
 def text(found: dict[str, Any]) -> str:
-    """The figures for people."""
+    """Return the figures as lines for people."""
     spectrum, bins, fit, kept, tracked = found["bytes"]
     return "\n".join(
         [

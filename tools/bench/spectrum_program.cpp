@@ -1,6 +1,6 @@
-// The device's running spectrum, fit and tracked state of one axis on noise of its own making: on the
-// emulated Due, where it counts its instructions, and on a PC, where the same bits must come out
-// (spectrum_cost.py, which defines SAMPLES and NOISE, one of Kind). All noise is in integers.
+// Runs the device's running spectrum, fit and tracked state of one axis on noise that it generates: on the
+// emulated Due, where it counts instructions, and on a PC, which must give the same bits. spectrum_cost.py
+// builds it and defines SAMPLES and NOISE, a value of Kind. All noise is computed in integers.
 #include <stdint.h>
 
 #include <new>
@@ -20,7 +20,7 @@ enum Phase { kSample, kLevel, kBins, kColdFit, kWarmFit, kDesign, kTrack, kPhase
 
 struct Results {
     uint32_t done;
-    uint32_t hash;  // of all sums, bins and figures
+    uint32_t hash;  // over all sums, bins and figures
     float alpha, alpha_std, ratio_white, ratio_ar1;
     uint32_t verdict, evaluations_cold, evaluations_warm, bins, depth;
     uint32_t octaves_bytes, bins_bytes, fit_bytes, memory_bytes, tracked_bytes;
@@ -38,10 +38,10 @@ alignas(8) unsigned char tracked_storage[sizeof(fltea::whittle::TrackedState)];
 
 #if defined(__arm__)
 volatile uint32_t& at(uint32_t address) { return *reinterpret_cast<volatile uint32_t*>(address); }
-// SysTick counts down, a cycle an instruction in the emulator.
+// SysTick counts down, one cycle per instruction in the emulator.
 uint32_t now() { return 0xFFFFFF - at(0xE000E018); }
 void start_counting() {
-    at(0x400E1A54) = 1 << 15;  // the watchdog off
+    at(0x400E1A54) = 1 << 15;  // turns the watchdog off
     at(0xE000E014) = 0xFFFFFF;
     at(0xE000E018) = 0;
     at(0xE000E010) = 5;
@@ -83,7 +83,7 @@ class Noise {
                 return white() > 0 ? 32767 : -32768;
             case kConstant:
                 return -7;
-            default:  // white noise of some four counts and two slow relaxations
+            default:  // white noise of about four counts and two slow relaxations
                 for (int k = 0; k < 2; ++k) slow_[k] += (white() * (k + 3) * 64 - slow_[k]) >> (3 + 3 * k);
                 return static_cast<int16_t>((white() * 64 + slow_[0] + slow_[1]) >> 12);
         }
@@ -111,7 +111,7 @@ void fit_once(const Bins& bins, Fit& fit, Memory& memory, Phase phase) {
     }
 }
 
-// Track some of the same noise by the fit, by an order, and again by the fit.
+// Track some of the same noise with the filter of the fit, then of an order, and again of the fit.
 void track(const fltea::whittle::FitFigures& found) {
     fltea::whittle::FilterDesign& design = *new (design_storage) fltea::whittle::FilterDesign;
     fltea::whittle::TrackedState& tracked = *new (tracked_storage) fltea::whittle::TrackedState;

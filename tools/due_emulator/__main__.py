@@ -1,12 +1,12 @@
-"""Run an image for the Arduino Due on a Due in software, with an MPU-9250 on its I2C pins.
+"""Run an image for the Arduino Due on an emulated Due, with an MPU-9250 on its I2C pins.
 
-  --virtual S   runs S seconds of virtual time as fast as it goes, and says what a host made of the bytes.
-                Two runs with the same arguments give the same bytes.
+  --virtual S   runs S seconds of virtual time as fast as possible, and prints what a host makes of the bytes.
+                 Two runs with the same arguments give the same bytes.
   --pty         offers the programming port as a pseudo-terminal in real time. Opening it resets the board;
-                a wrong baud rate gives garbage; 1200 baud erases the flash. Ctrl-C ends it.
+                 a wrong baud rate gives garbage; 1200 baud erases the flash. Ctrl-C ends it.
 
-The board is strict: unknown registers, peripherals without clock, overruns, too few wait states, a watchdog
-mode written twice and the like end the run with a reason.
+The board is strict: an access to an unknown register or to a peripheral without clock, an overrun, too few
+wait states, a second write of the watchdog's mode and the like end the run with a reason.
 """
 
 import argparse
@@ -40,12 +40,12 @@ Examples:
   python -m tools.due_emulator --virtual 20 --json
   python -m tools.due_emulator --virtual 10 --fault 'sda_stuck at=2 clocks=5' --fault 'unplug at=5 for=1'
   python -m tools.due_emulator --pty --link /tmp/due --noise 'alpha=0.5&f=-1'
-Exit codes: 0, or 1 if the run ended by what the board does not forgive, or 2 for wrong arguments.
+Exit codes: 0, or 1 if the program did what the real board does not tolerate, or 2 for wrong arguments.
 """
 
 
 def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
-    """Arguments of the command line."""
+    """Parse the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.due_emulator",
         description=__doc__,
@@ -55,8 +55,12 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
     mode = parser.add_mutually_exclusive_group(required=True)
     mode.add_argument("--virtual", type=float, metavar="S", help="seconds of virtual time to run")
     mode.add_argument("--pty", action="store_true", help="offer the port as a pseudo-terminal, in real time")
-    parser.add_argument("--image", type=Path, default=IMAGE, help="raw binary for the Due (default: ours)")
-    parser.add_argument("--seed", type=int, default=1, help="of RAM's contents, random numbers and losses")
+    parser.add_argument(
+        "--image", type=Path, default=IMAGE, help="raw binary for the Due (default: the committed image)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of RAM's contents, random numbers and losses"
+    )
     world = parser.add_mutually_exclusive_group()
     world.add_argument(
         "--noise",
@@ -72,13 +76,13 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
     )
     parser.add_argument("--json", action="store_true", help="print the report as one JSON object")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the bytes that reach the host")
-    parser.add_argument("--baud", type=float, default=250_000, help="what the host listens at with --virtual")
+    parser.add_argument("--baud", type=float, default=250_000, help="the host's baud rate with --virtual")
     parser.add_argument("--link", type=Path, help="with --pty: a symbolic link to the port")
     return parser.parse_args(arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run; returns the exit code."""
+    """Run the command line and return the exit code."""
     for number in SIGNALS:
         signal.signal(number, signal.default_int_handler)
     options = parse_arguments(arguments)
@@ -145,14 +149,14 @@ def _build(options: argparse.Namespace, image: Image, world: World) -> tuple[Boa
 
 
 def _end_on_signals(machine: Machine) -> None:
-    """Let signals tell the machine: an exception raised in a callback of the processor would be lost."""
+    """Let signals set a flag of the machine; an exception raised in a processor's callback would be lost."""
     for number in SIGNALS:
         signal.signal(number, lambda *_: setattr(machine, "interrupted", True))
 
 
 @contextlib.contextmanager
 def _writer(path: Path | None) -> Iterator[Callable[[int], bool]]:
-    """Give what writes each byte to the file, if there is one, and says that it did."""
+    """Yield a function that writes a byte to the file, if there is one, and returns True."""
     if path is None:
         yield lambda byte: True
         return

@@ -1,4 +1,4 @@
-"""The Arduino Due with a sensor on its I2C pins: all parts, their wiring, and its ways to start again."""
+"""The Arduino Due with a sensor on its I2C pins: all parts, their wiring, and the kinds of reset."""
 
 import hashlib
 from collections.abc import Callable
@@ -31,20 +31,21 @@ TWD1, TWCK1 = 12, 13
 DATA_READY = 25
 UTXD = 9
 OPENING_PS = 205_000 * PS_PER_US
-"""How long the bridge holds the board in reset when the port is opened (hardware notes of the project)."""
+"""Time for which the bridge holds the board in reset when the port is opened (hardware notes of the project).
+"""
 RESET_PS = 100 * PS_PER_US
-"""How long the chip's own resets take; a round number (three cycles of the slow clock or more)."""
+"""Duration of the chip's own resets; a round number (three cycles of the slow clock or more)."""
 
 
 class _Nowhere:
-    """A pin to which nothing is soldered."""
+    """A pin without a connection."""
 
     def send(self, byte: int, at_ps: int, baud: float) -> None:
         pass
 
 
 class _SerialPin:
-    """UTXD on its way to the bridge: the pin has to be given to the UART."""
+    """Connection from UTXD to the bridge; the pin has to be assigned to the UART."""
 
     def __init__(self, pio: Pio, line: Line) -> None:
         self._pio = pio
@@ -57,10 +58,10 @@ class _SerialPin:
 
 
 class Board:
-    """A Due that has been connected to power; `run_until` lets it run.
+    """A Due that has been connected to power; `run_until` runs it.
 
-    seed: of everything that chance decides; equal seeds, equal runs. world: what the sensor feels. What is
-    sent comes out of `bridge.deliver`.
+    `seed`: seed of all random values; equal seeds give equal runs. `world`: the motion that the sensor
+    measures. The bytes that the board sends are passed to `bridge.deliver`.
     """
 
     def __init__(self, image: bytes, *, seed: int, world: World) -> None:
@@ -69,10 +70,10 @@ class Board:
         self.memory = Memory()
         self.memory.program(image)
         self.events: list[str] = []
-        """What a person should know of the run: resets by the watchdog and the like."""
+        """Events of the run to report, such as resets by the watchdog."""
         self.resets = 0
         self.on_reset: Callable[[ResetType], None] = lambda cause: None
-        """Called at each start of the chip but the first."""
+        """Called at each start of the chip except the first."""
         self.bridge = Bridge(machine, seed)
         self.socket = SensorSocket(machine, Mpu9250(world))
         self.lines = I2cLines(machine, self.socket)
@@ -126,7 +127,7 @@ class Board:
         """Run until a moment of virtual time [s].
 
         Raises:
-            EmulationFault: the program did what is not forgiven.
+            EmulationFault: the program did what the real board does not tolerate.
         """
         self.cpu.run_until(seconds_to_ps(at_s))
 
@@ -136,7 +137,7 @@ class Board:
         return self.machine.now_ps / seconds_to_ps(1)
 
     def reset(self, cause: ResetType, hold_ps: int = RESET_PS) -> None:
-        """Start the chip again; RAM and sensor keep what they have."""
+        """Reset the chip; RAM and sensor keep their state."""
         self.resets += 1
         self.on_reset(cause)
         for peripheral in self.peripherals:
@@ -148,18 +149,18 @@ class Board:
     # Faults (tools.due_emulator.faults)
 
     def brown_out(self) -> None:
-        """Let the supply sag: the processor starts again with rubbish in RAM; the sensor lives on."""
+        """Let the supply sag: the processor restarts with random contents in RAM; the sensor runs on."""
         self._power_up()
         self.resets += 1
         self.events.append(f"board brown-out at {self.now_s:.3f} s")
 
     def reopen_port(self) -> None:
-        """Let the host open the port: that resets the board as its button does."""
+        """Let the host open the port, which resets the board as its button does."""
         self.bridge.forget()
         self.reset(ResetType.USER, OPENING_PS)
 
     def starve(self, for_s: float) -> None:
-        """Let the program hang, with its interrupts waiting."""
+        """Let the program hang for a time [s]; its interrupts wait."""
         self.cpu.hang(seconds_to_ps(for_s))
 
     def _power_up(self) -> None:

@@ -1,6 +1,6 @@
-"""The ATmega16U2 between the UART and the host: it takes bytes at the host's baud rate, or garbles them.
+"""The ATmega16U2 between the UART and the host: it passes bytes on, or garbles them at a wrong baud rate.
 
-Its ring is short: bytes that the host does not fetch in time are lost there and counted.
+Its ring buffer is short: bytes that the host does not read in time are lost there and counted.
 """
 
 from collections.abc import Callable
@@ -12,30 +12,30 @@ from tools.due_emulator.machine import PS_PER_S, Machine
 BAUD = 250_000
 """Baud rate of the protocol."""
 TOLERANCE = 0.02
-"""Further off than that, a receiver misreads bytes."""
+"""Largest relative error of the baud rate at which a receiver reads bytes correctly."""
 RING_BYTES = 128
-"""Its buffer towards the host (the board's bridge firmware)."""
+"""Size of the buffer towards the host (the board's bridge firmware)."""
 
 
 class Bridge:
-    """Takes the UART's bytes; `deliver` gets those that reach the host.
+    """Receives the UART's bytes and passes those that reach the host to `deliver`.
 
-    host_baud: what the host has opened the port with. Where the UART sends at another rate, bytes become
-    garbage, or end the run if `strict_baud` is set.
+    `host_baud`: baud rate with which the host has opened the port. If the UART sends at another rate, the
+    bytes become garbage, or the run ends if `strict_baud` is set.
     """
 
     def __init__(self, machine: Machine, seed: int) -> None:
         self._machine = machine
         self._rng = np.random.default_rng((seed, 0x16))
         self.deliver: Callable[[int], bool] = lambda byte: True
-        """Takes each byte that reaches the host, and says whether it did."""
+        """Receives each byte; returns whether the host has room for it."""
         self.host_baud: float = BAUD
         self.strict_baud = True
         self.delivered = 0
         self.lost_by_fault = 0
-        """Bytes taken off the wire by a fault of the script."""
+        """Number of bytes lost by a requested fault."""
         self.lost_in_bridge = 0
-        """Bytes for which the ring had no room."""
+        """Number of bytes lost because the ring buffer was full."""
         self.garbled = 0
         self._ring = bytearray()
         self._reads_from_ps = 0
@@ -44,7 +44,7 @@ class Bridge:
         self._lose_until_ps = 0
 
     def send(self, byte: int, at_ps: int, baud: float) -> None:
-        """Take a byte from the UART."""
+        """Receive a byte from the UART."""
         if self._is_lost(at_ps):
             self.lost_by_fault += 1
             return
@@ -52,7 +52,7 @@ class Bridge:
             if self.strict_baud:
                 self._machine.fault(
                     f"the UART sends at {baud:.0f} baud; the host listens at {self.host_baud:.0f}, "
-                    "and 2 % is all that a receiver forgives"
+                    "and a receiver tolerates 2 %"
                 )
             byte = int(self._rng.integers(256))
             self.garbled += 1
@@ -67,7 +67,7 @@ class Bridge:
             self.flush()
 
     def flush(self) -> None:
-        """Hand over what waits in the ring, as far as the host takes it."""
+        """Pass on the bytes in the ring buffer, as far as the host takes them."""
         if self._machine.now_ps < self._reads_from_ps:
             return
         ring, taken = self._ring, 0
@@ -78,20 +78,20 @@ class Bridge:
             self.delivered += taken
 
     def forget(self) -> None:
-        """Empty the ring, as when the port is opened."""
+        """Empty the ring buffer, as when the port is opened."""
         self._ring.clear()
 
     def lose_next(self, count: int) -> None:
-        """Let the next bytes not arrive."""
+        """Lose the next `count` bytes."""
         self._lose_next += count
 
     def lose_randomly(self, probability: float, for_ps: int) -> None:
-        """Let each byte for so long be lost with this probability."""
+        """Lose each byte with this probability, for a time [ps]."""
         self._lose_probability = probability
         self._lose_until_ps = self._machine.now_ps + for_ps
 
     def stop_reading(self, for_ps: int) -> None:
-        """Let the host take nothing for so long."""
+        """Let the host read nothing for a time [ps]."""
         self._reads_from_ps = self._machine.now_ps + for_ps
         self._machine.schedule(for_ps, self.flush)
 
@@ -103,5 +103,5 @@ class Bridge:
 
 
 def seconds_to_ps(seconds: float) -> int:
-    """Seconds to whole picoseconds."""
+    """Convert seconds to whole picoseconds."""
     return round(seconds * PS_PER_S)

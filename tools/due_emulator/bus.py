@@ -1,4 +1,4 @@
-"""The peripheral bus: an address to a register of a peripheral, or the end of the run."""
+"""The peripheral bus: maps an address to a register of a peripheral, or ends the run."""
 
 from typing import NamedTuple, NoReturn
 
@@ -18,17 +18,17 @@ class _Port(NamedTuple):
 
 
 class Bus:
-    """Reads and writes of the program, by absolute address."""
+    """Performs the program's reads and writes by absolute address."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
         self._peripherals: list[Peripheral] = []
-        # Polling is most of what a program does here: accesses that are in order are found with one look.
+        # Programs poll a lot, so valid accesses are found with a single lookup.
         self._readers: dict[int, _Port] = {}
         self._writers: dict[int, _Port] = {}
 
     def add(self, peripheral: Peripheral) -> None:
-        """Put a peripheral at its address."""
+        """Map a peripheral's registers to their addresses."""
         self._peripherals.append(peripheral)
         for register in peripheral.table.registers.values():
             if peripheral.register_at(register.offset, WORD, "map") is not register:
@@ -42,14 +42,13 @@ class Bus:
                 self._writers[address] = port
 
     def read(self, address: int, size: int) -> int:
-        """Return what a read of `size` bytes gives."""
+        """Return the value that a read of `size` bytes gives."""
         port = self._readers.get(address)
         if port is None or size != WORD or port.clock & ~self._machine.clocked:
             self._refuse(address, size, "read")
         return port.peripheral.on_read(port.register) & 0xFFFF_FFFF
 
     def write(self, address: int, size: int, value: int) -> None:
-        """Write `size` bytes."""
         port = self._writers.get(address)
         if port is None or size != WORD or port.clock & ~self._machine.clocked:
             self._refuse(address, size, "write")

@@ -1,4 +1,4 @@
-"""What sensors on an I2C bus have in common: their FIFO, the bytes of the bus, and a clock that converts."""
+"""What the sensors on an I2C bus have in common: a FIFO, bytes on the bus, and a clock for conversions."""
 
 import errno
 from collections import deque
@@ -9,10 +9,10 @@ _POINTER_MASK = 0x7F
 
 
 class Fifo:
-    """Bytes in order; a full one loses the oldest, or refuses the newest. All that went through is counted.
+    """Bytes in order. A full FIFO loses the oldest bytes or refuses the newest. All bytes are counted.
 
-    size: bytes that it holds. It counts in bytes, as the chips do: after an overflow, what is read may begin
-    within a sample.
+    `size`: capacity in bytes. The FIFO counts bytes, as the chips do: after an overflow the first byte read
+    may lie within a sample.
     """
 
     def __init__(self) -> None:
@@ -20,7 +20,7 @@ class Fifo:
         self._bytes: deque[int] = deque()
         self._last = 0
         self.written = self.read_out = self.lost = self.cleared = 0
-        """Bytes offered, read, lost to overflow and thrown away by a reset, ever."""
+        """Total numbers of bytes offered, read, lost by overflow, and discarded by a reset."""
 
     def __len__(self) -> int:
         return len(self._bytes)
@@ -46,16 +46,16 @@ class Fifo:
         return self._last
 
     def clear(self) -> None:
-        """Throw everything away."""
+        """Discard all bytes."""
         self.cleared += len(self._bytes)
         self._bytes.clear()
 
 
 class Chip:
-    """One chip on the bus; byte by byte through `start`, `write`, `read` and `stop`.
+    """One chip on the bus; bytes are transferred by `start`, `write`, `read` and `stop`.
 
-    address: on the bus. clock_ppm: how much too fast its clock is. fifo_register: the one that does not lead
-    on to the next.
+    `address`: address on the bus. `clock_ppm`: how much too fast the chip's clock is. `fifo_register`: the
+    only register after whose access the register pointer does not advance.
     """
 
     fifo_register: int
@@ -72,16 +72,16 @@ class Chip:
         self._anchor_ps = self._updates = 0
         self._period_ps: int | None = None
 
-    # What each chip has of its own
+    # Members that each chip defines
 
     @property
     def output_hz(self) -> float:
-        """Nominal rate at which the output registers change; 0 when it stands still."""
+        """Nominal rate at which the output registers change; 0 when the chip does not convert."""
         raise NotImplementedError
 
     @property
     def _register(self) -> int:
-        """The register that the next byte is of."""
+        """The register that the next byte belongs to."""
         return self._pointer
 
     def _load(self, register: int) -> int:
@@ -91,30 +91,30 @@ class Chip:
         raise NotImplementedError
 
     def _restore(self) -> None:
-        """Reset values, and the clock started again if they let it run."""
+        """Restore reset values, and restart the clock if these values let it run."""
         raise NotImplementedError
 
     def register(self, register: int) -> int:
-        """What a register holds, without the bus; its number with 256 times the bank."""
+        """Return the contents of a register without the bus. Its number includes 256 times the bank."""
         raise NotImplementedError
 
     def spoil(self, register: int, value: int) -> None:
-        """Change a register behind the driver's back."""
+        """Change a register without the driver's knowledge."""
         raise NotImplementedError
 
     # Power
 
     def power_off(self) -> None:
-        """Take the supply away: it answers no more and holds nothing."""
+        """Remove the supply: the chip no longer acknowledges, and its registers are lost."""
         self.powered = False
         self._restore()
 
     def brown_out(self) -> None:
-        """Fall back to reset values in the midst of running, and answer on at once: the worst case."""
+        """Fall back to reset values while running, and still acknowledge: the worst case."""
         self._restore()
 
     def _begin(self, quiet_ns: int, ready_ns: int) -> None:
-        """Reset: it does not answer for a while, and loses its settings for a longer one."""
+        """Reset: the chip does not acknowledge for `quiet_ns`, and loses settings for `ready_ns`."""
         self._restore()
         self._quiet_until_ns = self._now_ns + quiet_ns
         self._ready_at_ns = self._now_ns + ready_ns
@@ -123,14 +123,14 @@ class Chip:
     # Bus
 
     def start(self, address: int, read: bool) -> bool:
-        """Take a START or repeated START with an address; return whether it acknowledges."""
+        """Receive a START or repeated START with an address; return whether the chip acknowledges."""
         self._selected = address == self.address and self.powered and self._now_ns >= self._quiet_until_ns
         self._reading = read
         self._pointer_next = not read
         return self._selected
 
     def write(self, byte: int) -> bool:
-        """Take a byte: the register's address first, then values of it and of those that follow."""
+        """Receive a byte: first the register's address, then values for this and the following registers."""
         if not self._selected or self._reading:
             return False
         if self._pointer_next:
@@ -141,7 +141,10 @@ class Chip:
         return True
 
     def read(self, ack: bool) -> int:
-        """Give the next byte; without `ack` it is the last one. 0xFF, the idle line, unless it is read."""
+        """Return the next byte.
+
+        Without `ack` it is the last one. Returns 0xFF, the idle level, unless it is being read.
+        """
         if not self._selected or not self._reading:
             return 0xFF
         value = self._load(self._register)
@@ -150,20 +153,19 @@ class Chip:
         return value
 
     def stop(self) -> None:
-        """Take a STOP."""
         self._selected = False
 
     def _step_pointer(self) -> None:
         if self._register != self.fifo_register:
             self._pointer = (self._pointer + 1) & _POINTER_MASK
 
-    # Conveniences over the same bytes
+    # Convenience functions over the same bytes
 
     def read_block(self, register: int, n: int) -> bytes:
-        """Read n bytes from `register` on in one transaction, as `smbus2` does.
+        """Read `n` bytes from `register` on in one transaction, as `smbus2` does.
 
         Raises:
-            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
+            OSError: EREMOTEIO, which Linux reports when no chip acknowledges.
         """
         data = b""
         if self.start(self.address, False) and self.write(register) and self.start(self.address, True):
@@ -174,10 +176,10 @@ class Chip:
         return data
 
     def write_register(self, register: int, *values: int) -> None:
-        """Write one value, or several to registers that follow each other.
+        """Write one value, or several values to consecutive registers.
 
         Raises:
-            OSError: EREMOTEIO, as Linux says when nobody acknowledges.
+            OSError: EREMOTEIO, which Linux reports when no chip acknowledges.
         """
         acked = self.start(self.address, False) and all(self.write(b) for b in (register, *values))
         self.stop()
@@ -187,7 +189,7 @@ class Chip:
     # Clock
 
     def _start_clock(self) -> None:
-        """Count output updates from now on, at the rate that is configured now."""
+        """Count output updates from now on, at the configured rate."""
         self._anchor_ps, self._updates = self._now_ns * PS_PER_NS, 0
         rate_hz = self.output_hz * (1 + self._clock_ppm * 1e-6)
         self._period_ps = round(1e12 / rate_hz) if rate_hz else None

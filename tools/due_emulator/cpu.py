@@ -1,9 +1,9 @@
-"""The Cortex-M3: Unicorn runs the instructions; exceptions, sleep and strictness are here.
+"""The Cortex-M3: Unicorn runs the instructions; exceptions, sleep and strictness are implemented here.
 
-Unicorn has no NVIC: exceptions are entered and left by hand (ARMv7-M, B1.5). It runs in slices (`execution`)
-that end where an exception is entered or left, or the processor sleeps. Every instruction takes one cycle and
-an access to a peripheral a few: this is a clock for the program, not a claim about the speed of a real
-processor.
+Unicorn has no NVIC, so exceptions are entered and left by this code (ARMv7-M, B1.5). The program runs in
+slices (`execution`) that end where an exception is entered or left, or the processor sleeps. Every
+instruction takes one cycle and an access to a peripheral a few: this is a clock for the program, not a claim
+about the speed of a real processor.
 """
 
 import ctypes
@@ -23,21 +23,21 @@ from tools.due_emulator.nvic import Nvic, describe_exception
 from tools.due_emulator.system_control import SystemControl
 
 SLICE_INSTRUCTIONS = 50_000
-"""Longest run without a look at signals: about a millisecond of the host's time."""
+"""Largest number of instructions between two checks for signals: about a millisecond of the host's time."""
 
 EXCEPTION_EXIT = 8
 RETURN_TO_HANDLER, RETURN_TO_THREAD = 0xFFFF_FFF0, 0xFFFF_FFF8
-"""EXC_RETURN as it shows in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
+"""EXC_RETURN as it appears in PC, bit 0 cleared; the process stack (…FFFD) is not modelled."""
 FRAME = Struct("<8I")
 SPACES = {PERIPHERALS_BASE: PERIPHERALS_BYTES, system_control.BASE: system_control.BYTES}
-"""Where peripherals are, and how many bytes of them."""
+"""Base address and size of each range of peripherals."""
 WFI, WFE, YIELD = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf"
 THUMB = 1
 XPSR_T, XPSR_ALIGNED = 1 << 24, 1 << 9
 
 
 def _numbers(names: str) -> RegisterNumbers:
-    """Of registers, as Unicorn counts them."""
+    """Return Unicorn's numbers of registers."""
     found = [getattr(arm_const, f"UC_ARM_REG_{name}") for name in names.split()]
     return (ctypes.c_int32 * len(found))(*found)
 
@@ -60,7 +60,7 @@ class Cpu:
         self._control = control
         self._bus = bus
         self.instructions = 0
-        """Instructions since the emulator was made, those of the slice that runs not among them."""
+        """Number of instructions since the emulator was made, without those of the slice that runs."""
         self._execution = Execution(
             memory.flash,
             machine.quick_reads,
@@ -70,80 +70,83 @@ class Cpu:
             on_limit=self._on_limit,
         )
         self._on_block: Callable[[int, int], None] | None = None
-        self._on_trap: Callable[[], None] = lambda: None
+        self._on_breakpoint: Callable[[], None] = lambda: None
         self._has_hung = False
         self._watch_hook: int | None = None
         self._restart = True
         self._halted_until_ps = 0
         self._handed_over: tuple[int, ...] | None = None
-        """The state that the slice was given last, if it still holds."""
+        """The state that was last given to the slice; None if it no longer holds."""
         self._pc = 0
         machine.where = lambda: f"at PC 0x{self._pc:08X}"
 
     @property
     def pc(self) -> int:
-        """Address of the instruction that runs, or runs next."""
+        """Address of the instruction that runs now or next."""
         return self._pc
 
     @property
     def return_address(self) -> int:
-        """Where the function that was just called returns to."""
+        """Return address of the function that was just called."""
         return self._execution.register(LR) & ~THUMB
 
     @property
     def active_exceptions(self) -> int:
-        """How many exceptions have a handler that has not returned."""
+        """Number of exceptions whose handler has not returned."""
         return len(self._nvic.active)
 
     def watch(self, on_block: Callable[[int, int], None] | None) -> None:
-        """Call `on_block` at each block of code with its address and the instructions so far; None: never."""
+        """Call `on_block` at each block of code with its address and the number of instructions so far.
+
+        None: stop the calls.
+        """
         self._on_block = on_block
         if not self._restart:
             self._hook_watcher()
 
-    def trap(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
-        """Call `action` whenever the instruction at `address` is to run next; None: never again.
+    def breakpoint(self, address: int | None, action: Callable[[], None] = lambda: None) -> None:
+        """Call `action` whenever the instruction at `address` is about to run; None: remove the breakpoint.
 
-        It may hang the program there (`hang`), set another trap, or write to memory.
+        The action may hang the program there (`hang`), set another breakpoint, or write to memory.
         """
-        self._execution.trap, self._on_trap = address if address is not None else NOWHERE, action
+        self._execution.breakpoint, self._on_breakpoint = address if address is not None else NOWHERE, action
         self._settle_speed()
 
-    def _spring(self) -> None:
-        """Call the trap's action, but not once more for the same instruction when it has hung there."""
+    def _at_breakpoint(self) -> None:
+        """Call the breakpoint's action, unless the program has just hung at this instruction."""
         if not self._has_hung:
-            self._on_trap()
+            self._on_breakpoint()
         self._has_hung = not self._has_hung and self._halted_until_ps > self._machine.now_ps
 
     def watch_data(self, address: int, kind: int, on_use: Callable[[int], None]) -> None:
-        """Call `on_use` with the address of the instruction that uses a word of RAM; until the next reset.
+        """Call `on_use` with the address of the instruction that uses a word of RAM, until the next reset.
 
-        kind: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
+        `kind`: UC_HOOK_MEM_READ or UC_HOOK_MEM_WRITE of Unicorn.
         """
         self._uc.hook_add(kind, lambda *_: on_use(self._execution.address), begin=address, end=address + 3)
-        self.trap(0)  # that the exact processor does all of it
+        self.breakpoint(0)  # makes the exact processor run everything
         self._uc.ctl_flush_tb()
 
     @property
     def masked(self) -> bool:
-        """Whether PRIMASK holds interrupts back."""
+        """Whether PRIMASK disables interrupts."""
         return bool(self._execution.register(PRIMASK) & 1)
 
     def restart(self, hold_ps: int = 0) -> None:
-        """Begin again from the reset vector, once reset is released in `hold_ps`."""
+        """Start again from the reset vector, once reset is released after `hold_ps`."""
         self._restart = True
         self._machine.asleep = False
         self._halted_until_ps = self._machine.now_ps + hold_ps
 
     def hang(self, for_ps: int) -> None:
-        """Run no instruction for so long; this is no sleep."""
+        """Run no instruction for a time [ps]; this is not sleep."""
         self._halted_until_ps = self._machine.now_ps + for_ps
 
     def run_until(self, at_ps: int) -> None:
         """Run the program until a moment of virtual time.
 
         Raises:
-            EmulationFault: the program did what is not forgiven.
+            EmulationFault: the program did what the real chip does not tolerate.
             KeyboardInterrupt: the machine was interrupted.
         """
         machine = self._machine
@@ -162,7 +165,7 @@ class Cpu:
             masked = urgent is not None and self._execution.register(PRIMASK) & 1
             if urgent is not None and not masked:
                 self._enter(urgent)
-            # A window without PRIMASK may be two instructions long: no slice may run over it.
+            # A window without PRIMASK may be two instructions long, so no slice may run past it.
             self._run_slice(at_ps, 1 if masked else SLICE_INSTRUCTIONS)
 
     def _urgent(self) -> int | None:
@@ -172,7 +175,7 @@ class Cpu:
         return nvic.urgent(self._execution.register(BASEPRI))
 
     def _begin(self) -> None:
-        """Reset: a fresh processor on the same memory."""
+        """Reset: create new processors on the same memory."""
         self._restart = False
         self._raised: BaseException | None = None
         self._event_register = False
@@ -193,8 +196,8 @@ class Cpu:
         uc.reg_write(LR, 0xFFFF_FFFF)
 
     def _fresh_processor(self) -> unicorn.Uc:
-        # With UC_MODE_MCLASS, Unicorn takes a Cortex-M33, whatever model it is told: with that one's
-        # instructions for signal processing and floating point, too.
+        # With UC_MODE_MCLASS, Unicorn emulates a Cortex-M33 whatever model is set, including its instructions
+        # for signal processing and floating point.
         uc = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB)
         uc.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
         self._map(uc)
@@ -210,11 +213,11 @@ class Cpu:
                 lambda _uc, address, _size, _: on_block(address, self.instructions + self._execution.done),
             )
         self._settle_speed()
-        # Code that was translated before calls the hooks of then.
+        # Code that was already translated still calls the old hooks.
         self._uc.ctl_flush_tb()
 
     def _settle_speed(self) -> None:
-        self._execution.may_be_fast = self._on_block is None and self._execution.trap == NOWHERE
+        self._execution.may_be_fast = self._on_block is None and self._execution.breakpoint == NOWHERE
 
     def _map(self, uc: unicorn.Uc) -> None:
         code, data = unicorn.UC_PROT_READ | unicorn.UC_PROT_EXEC, unicorn.UC_PROT_ALL
@@ -240,7 +243,7 @@ class Cpu:
         slice_.done = 0
         if slice_.refusal:
             machine.fault(slice_.describe_refusal())
-        # Unicorn takes WFE and YIELD for undefined instructions, once it is past them.
+        # Unicorn reports WFE and YIELD as undefined instructions after it has run them.
         if error != unicorn.UC_ERR_OK and not (self._has_just_done(WFE) or self._has_just_done(YIELD)):
             reason = REASONS.get(error, str(unicorn.UcError(error)))
             place = "" if self._invalid_address is None else f": 0x{self._invalid_address:08X}"
@@ -256,7 +259,7 @@ class Cpu:
             machine.asleep, self._event_register = not self._event_register, False
 
     def _has_just_done(self, instruction: bytes) -> bool:
-        """Whether the slice ended behind this instruction."""
+        """Return whether the slice ended right after this instruction."""
         last = self._execution.address
         return self._pc == last + 2 and self._memory.read(last, 2) == instruction
 
@@ -316,7 +319,7 @@ class Cpu:
         self._execution.heed_psr()
         self._pc = pc & ~THUMB
 
-    # What is called while a slice runs; nothing may be raised through it.
+    # Callbacks during a slice; no exception may propagate through them.
 
     def _on_invalid(
         self, _uc: unicorn.Uc, _access: int, address: int, _size: int, _value: int, _: Any
@@ -343,7 +346,7 @@ class Cpu:
         self._hand_over()
 
     def _drops_access(self, now_ps: int) -> bool:
-        """Come to the moment of an access; whether a reset came first, and it went down with the program."""
+        """Advance to the moment of an access; return whether a reset came first and prevents the access."""
         self._pc = self._execution.address
         self._machine.advance_to(now_ps)
         if self._restart:
@@ -359,7 +362,7 @@ class Cpu:
         self._hand_over()
 
     def _on_limit(self, now_ps: int, pc: int) -> None:
-        """Let happen what is due before the next instruction; the slice goes on if it may."""
+        """Process events that are due before the next instruction; the slice continues if it may."""
         machine, slice_ = self._machine, self._execution
         self._pc = pc
         try:
@@ -367,8 +370,8 @@ class Cpu:
             self.instructions += slice_.done
             slice_.begin_again(now_ps)
             machine.check_interrupted()
-            if pc == slice_.trap:
-                self._spring()
+            if pc == slice_.breakpoint:
+                self._at_breakpoint()
         except KeyboardInterrupt:
             slice_.until_ps = 0
         except BaseException as raised:
@@ -381,7 +384,7 @@ class Cpu:
         return 0
 
     def _hand_over(self) -> None:
-        """Give the slice the state of the machine: after all that may have changed it."""
+        """Give the slice the machine's state; called after everything that may have changed it."""
         machine, nvic, slice_ = self._machine, self._nvic, self._execution
         slice_.next_event_ps = machine.next_event_ps
         waiting = nvic.pending & nvic.enabled

@@ -1,4 +1,4 @@
-"""A count of clock cycles that is worked out when somebody asks, so that counting costs nothing."""
+"""A count of clock cycles that is computed when it is read, so that counting costs nothing."""
 
 from collections.abc import Callable
 
@@ -7,9 +7,9 @@ from tools.due_emulator.quick_reads import QuickRegister
 
 
 class CycleCounter:
-    """Counts cycles of a clock from a moment on; changes of its rate do not disturb the count.
+    """Counts cycles of a clock from a given moment; a change of the clock's rate does not disturb the count.
 
-    rate_hz: gives the rate at present, as numerator and denominator.
+    `rate_hz`: returns the present rate as numerator and denominator.
     """
 
     def __init__(self, machine: Machine, rate_hz: Callable[[], tuple[int, int]]) -> None:
@@ -20,28 +20,28 @@ class CycleCounter:
         self._from_cycles = 0
 
     def restart(self, cycles: int = 0) -> None:
-        """Go on from `cycles`, at the rate of now."""
+        """Continue from `cycles`, at the present rate."""
         self._from_ps = self._machine.now_ps
         self._from_cycles = cycles
         self._rate = self._rate_hz()
 
     def rate_changed(self) -> None:
-        """Keep the count over a change of the rate."""
+        """Keep the count when the rate changes."""
         if self._rate_hz() != self._rate:
             self.restart(self.cycles)
 
     @property
     def cycles(self) -> int:
-        """Whole cycles by now."""
+        """Whole cycles until now."""
         hz, divider = self._rate
         return self._from_cycles + (self._machine.now_ps - self._from_ps) * hz // (PS_PER_S * divider)
 
     def ps_until(self, cycles: int) -> int:
-        """Time until the count reaches `cycles` [ps]; 0 if it has."""
+        """Return the time until the count reaches `cycles` [ps]; 0 if it has."""
         hz, divider = self._rate
         at_ps = self._from_ps - (-(cycles - self._from_cycles) * PS_PER_S * divider // hz)
         return max(0, at_ps - self._machine.now_ps)
 
     def lay_out(self, register: QuickRegister, period: int) -> None:
-        """Let a register be this count, taken back to 0 at each period."""
+        """Make a register show this count, which returns to 0 after each period."""
         register.count(self._from_ps, self._from_cycles, self._rate, period)

@@ -1,9 +1,10 @@
-// What Unicorn calls at each block of code, before each instruction and at each access to a peripheral,
-// millions of times a second, so not in Python; and the choice between two processors that share one memory:
-//   the exact one stops before any instruction and knows at each access which one it is of;
-//   the fast one counts whole blocks of code, has no peripherals, and stops before what it cannot do.
-// A slice goes over to the fast one when a program computes, and its results are those of the exact one
-// alone.
+// The functions that Unicorn calls at each block of code, before each instruction and at each access to a
+// peripheral. They run millions of times a second, so they are not in Python. The code also chooses between
+// two processors that share one memory:
+//  The exact processor can stop before any instruction, and knows at each access which instruction makes it.
+//  The fast processor counts whole blocks of code, has no peripherals, and stops before what it cannot do.
+// A slice continues on the fast processor while the program computes. The results are the same as those of
+// the exact processor alone.
 #include "execution.hpp"
 
 #include <cstring>
@@ -17,8 +18,9 @@ constexpr uint64_t kThumb = 1;
 constexpr uint32_t kEpsrThumb = 1 << 24;
 constexpr uint32_t kExceptionExit = 8;
 constexpr uint64_t kNoInterrupt = UINT64_MAX;
-constexpr uint64_t kCalmInstructions =
-    100;  // without an access; a change of processors costs as much as about 100
+// After this many instructions without an access the fast processor runs; a switch costs as much as about
+// 100.
+constexpr uint64_t kCalmInstructions = 100;
 
 // Time
 
@@ -26,15 +28,15 @@ uint64_t time_after(const Execution& e, uint64_t instructions) {
     return e.slice_ps + instructions * kPsPerS / e.hz + e.charged_ps;
 }
 
-// Moment of the instruction that runs. Unicorn may not tell of one under a condition at which it starts
-// again, so an access can come before the first instruction of a slice.
+// Moment of the instruction that runs. When Unicorn starts again at a conditional instruction, it may not
+// call before_instruction, so an access can come before the first counted instruction of a slice.
 uint64_t time_of_instruction(const Execution& e) {
     if (e.done) return time_after(e, e.done - 1);
     const uint64_t cycle_ps = (kPsPerS + e.hz - 1) / e.hz;
     return e.charged_ps > cycle_ps ? e.slice_ps + e.charged_ps - cycle_ps : e.slice_ps;
 }
 
-// How many instructions the slice has if nothing happens before what is known to happen.
+// How many instructions the slice has if nothing happens before the next event that is known.
 uint64_t instructions_to_end(const Execution& e) {
     uint64_t longest = e.longest;
     if (e.waiting && e.done + e.waiting_instructions < longest) longest = e.done + e.waiting_instructions;
@@ -58,14 +60,15 @@ bool in_flash(const Execution& e, uint64_t address, uint64_t bytes) {
     return address >= e.flash_base && address + bytes <= e.flash_base + e.flash_bytes;
 }
 
-// UDF, SVC, BKPT, and hints such as WFI, but not NOP: what ends a slice, or may.
+// Whether the halfword is UDF, SVC, BKPT, or a hint such as WFI except NOP: these end a slice, or may end it.
 bool is_special(uint16_t halfword) {
     const uint16_t high = halfword >> 8;
     const bool is_hint = high == 0xBF && !(halfword & 0xF) && halfword != 0xBF00;
     return high == 0xDE || high == 0xDF || high == 0xBE || is_hint;
 }
 
-// Unicorn is silent about instructions that their condition switches off; they take a cycle too.
+// Unicorn does not report instructions whose condition is false; these take a cycle too, so they are counted
+// here.
 inline void count_silent_ones(Execution& e, void* processor, uint64_t end) {
     while (e.next < end) {
         uint16_t halfword = 0;
@@ -84,7 +87,7 @@ uint64_t count_instructions(const Execution& e, uint64_t begin, uint64_t end) {
     return count;
 }
 
-// The second halfword of an instruction, or 0 where it has none.
+// The second halfword of an instruction, or 0 if it has none.
 uint16_t second_halfword(const Execution& e, uint64_t address, uint16_t first) {
     return is_wide(first) && in_flash(e, address + 2, 2) ? flash_halfword(e, address + 2) : 0;
 }
@@ -103,7 +106,7 @@ void describe(const Execution& e, uint64_t address, uint32_t bytes, Block& block
     if (needs.unknown()) block.needs_exact = 1;
 }
 
-// The block at an address; null if it is not in flash, where code never changes.
+// The block at an address, or null if it is not in flash, where code never changes.
 inline Block* find_block(const Execution& e, uint64_t address, uint32_t bytes) {
     if (!in_flash(e, address, bytes)) return nullptr;
     Block& block = e.blocks[(address - e.flash_base) / 2];
@@ -128,7 +131,7 @@ bool fits(const Execution& e, void* processor, const Block* block) {
            addresses_are_aligned(e, processor, *block);
 }
 
-// What a Cortex-M3 refuses the instruction at an address for, which is about to run.
+// Why a Cortex-M3 refuses the instruction at an address, which is about to run.
 uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
     uint16_t code[2] = {0, 0};
     if (in_flash(e, address, sizeof code))
@@ -148,7 +151,8 @@ uint64_t refusal_of(Execution& e, void* processor, uint64_t address) {
 
 // Accesses to peripherals
 
-// The value of a register that does nothing when it is read and that Python keeps laid out.
+// Read a register that has no side effect and whose value Python keeps in QuickReads. Returns false for all
+// others.
 bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t now_ps, uint64_t* value) {
     if (!e.may_be_quick || size != 4 || e.next_event_ps <= now_ps) return false;
     const QuickReads& quick = *e.quick;
@@ -169,7 +173,7 @@ bool read_quickly(const Execution& e, uint64_t address, uint64_t size, uint64_t 
     return false;
 }
 
-// r0 to r12 as one number.
+// A hash of r0 to r12.
 uint64_t hash_of_registers(const Execution& e) {
     uint64_t hash = 14695981039346656037u;
     for (int i = 0; i < kRegisters; ++i) {
@@ -180,7 +184,7 @@ uint64_t hash_of_registers(const Execution& e) {
     return hash;
 }
 
-// Whether a loop has come by without counting: what it read elsewhere has changed, or nothing has.
+// Whether a loop waits and does not count its turns: another read has changed, or no register has.
 bool only_waits(Execution& e, uint64_t i) {
     if (e.recent_changes[i] != e.changes) return true;
     const uint64_t hash = hash_of_registers(e);
@@ -189,7 +193,7 @@ bool only_waits(Execution& e, uint64_t i) {
     return same;
 }
 
-// Let time pass at a read that is a poll; see POLL_PCS in execution.py.
+// Advance time at a read that is a poll; see POLL_PCS in execution.py.
 void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     uint64_t i = 0;
     while (i < e.recent_count && e.recent_pcs[i] != e.address) ++i;
@@ -210,7 +214,7 @@ void charge_read(Execution& e, uint64_t value, uint64_t now_ps) {
     e.recent_changes[i] = e.changes;
 }
 
-// An access at its exact moment; the slice ends right after it if something has to happen then.
+// Make an access at its exact moment. The slice ends right after the access if an event is due then.
 uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* written) {
     if (e.dead) return 0;
     e.calm = 0;
@@ -226,21 +230,21 @@ uint64_t access(Execution& e, uint64_t address, uint64_t size, const uint64_t* w
         e.limit = 0;
         return 0;
     }
-    // A read that lets something begin is no poll: what follows may have little time.
+    // A read that starts something is no poll: the code that follows may have little time.
     if (written || e.next_event_ps != next_event_ps)
         e.recent_count = 0;
     else if (!e.dropped)
         charge_read(e, value, now_ps);
     e.charged_ps += e.access_cycles * kPsPerS / e.hz;
-    // What happens during the access need not end the slice: often it was what a poll waits for.
+    // Events during the access need not end the slice: often a poll waits for just these events.
     const uint64_t end_ps = time_of_instruction(e);
-    // BASEPRI, which nothing tells of, may have let in what waits.
+    // A change of BASEPRI, which Unicorn does not report, may have enabled a waiting interrupt.
     if (e.next_event_ps <= end_ps || e.waiting) e.on_events(end_ps);
     e.limit = e.dead || e.stops || end_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
     return value;
 }
 
-// Code in RAM runs on the exact processor only, which does not notice what the fast one writes over it.
+// Code in RAM runs on the exact processor only, which does not notice when the fast one overwrites it.
 void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_begin == e.code_end) e.code_begin = e.code_end = address;
     if (address < e.code_begin) e.code_begin = address;
@@ -248,15 +252,15 @@ void note_code_elsewhere(Execution& e, uint64_t address, uint64_t bytes) {
     if (e.code_end - e.code_begin > kCodeBytes) e.may_be_fast = 0;
 }
 
-// After a jump to an address without bit 0 a processor is out of Thumb; to start it again would hide that.
+// A jump to an address without bit 0 takes a processor out of Thumb state; starting it again would hide that.
 void check_thumb(Execution& e, void* processor) {
     uint32_t epsr = 0;
     e.reg_read(processor, static_cast<int>(e.epsr_register), &epsr);
     if (!(epsr & kEpsrThumb)) e.refusal = kNotThumb;
 }
 
-// Run blocks with the fast processor, from where the exact one is, and bring the exact one to where that
-// comes.
+// Run blocks with the fast processor from the state of the exact one, and then give the exact one the new
+// state.
 void run_fast(Execution& e, uint64_t pc) {
     uint8_t code[kCodeBytes], code_now[kCodeBytes];
     const size_t code_bytes = e.code_end - e.code_begin;
@@ -268,7 +272,7 @@ void run_fast(Execution& e, uint64_t pc) {
     check_thumb(e, e.fast);
     const bool is_cut_off = error || (e.interrupt != kNoInterrupt && e.interrupt != kExceptionExit);
     if (is_cut_off && e.refusal != kNotThumb && e.fast_block != kNowhere) {
-        // The exact one does this instruction once more, to say what it does.
+        // The exact processor repeats this instruction, to report what it does.
         Block& block = e.blocks[(e.fast_block - e.flash_base) / 2];
         uint32_t stopped_at = 0;
         e.reg_read(e.fast, static_cast<int>(e.pc_register), &stopped_at);
@@ -281,7 +285,7 @@ void run_fast(Execution& e, uint64_t pc) {
     }
     e.context_save(e.fast, e.context);
     e.context_restore(e.exact, e.context);
-    // A context holds pointers to what its processor owns.
+    // A context holds pointers into its processor, so the fast one gets back its own.
     e.context_restore(e.fast, e.fresh);
     if (code_bytes) {
         e.mem_read(e.exact, e.code_begin, code_now, code_bytes);
@@ -329,7 +333,7 @@ void before_instruction(void* processor, uint64_t address, uint32_t bytes, void*
     Execution& e = *static_cast<Execution*>(data);
     if (e.go_fast) return;
     count_silent_ones(e, processor, address);
-    if (e.done >= e.limit || (address == e.trap && !e.stops)) {
+    if (e.done >= e.limit || (address == e.breakpoint && !e.stops)) {
         if (!e.dead && !e.stops && e.limit) e.on_limit(time_after(e, e.done), address);
         e.limit = e.dead || e.stops || e.slice_ps < e.halted_until_ps ? 0 : instructions_to_end(e);
         if (!e.limit) {
@@ -362,7 +366,7 @@ void write_peripheral(void*, uint64_t offset, unsigned size, uint64_t value, voi
     access(*space.execution, space.base + offset, size, &value);
 }
 
-// Run from an address until something ends the slice; Unicorn's error, or 0.
+// Run from an address until something ends the slice. Returns Unicorn's error, or 0.
 int run(Execution* execution, uint64_t pc) {
     Execution& e = *execution;
     const uint64_t to_end = instructions_to_end(e);

@@ -1,5 +1,5 @@
-// What execution.cpp and Python share: each struct has the fields of its namesake in execution.py and
-// quick_reads.py, in their order.
+// Data that execution.cpp and Python share. Each struct has the fields of the class of the same name in
+// execution.py or quick_reads.py, in the same order.
 #pragma once
 #include <cstddef>
 #include <cstdint>
@@ -29,16 +29,16 @@ struct QuickReads {
     QuickRegister registers[16];
 };
 
-// What is known of a block of code in flash, by its first halfword.
+// Facts about a block of code in flash; stored by the block's first halfword.
 struct Block {
     uint16_t bytes;
     uint16_t instructions;
-    uint16_t aligned;  // bit i: register i holds a multiple of 4, or the exact one does this block
+    uint16_t aligned;  // bit i: register i must hold a multiple of 4, or the exact processor runs this block
     uint8_t needs_exact;
 };
 
 constexpr size_t kPollPcs = 8;
-constexpr int kRegisters = 13;  // r0 to r12, which a loop may count in
+constexpr int kRegisters = 13;  // r0 to r12, in which a loop may count its turns
 constexpr int kNumbers = 16;
 constexpr size_t kCodeBytes = 4096;
 
@@ -67,7 +67,7 @@ struct Execution {
     uint64_t may_be_quick;
     uint64_t calm;
     uint64_t go_fast;
-    uint64_t trap;  // address of an instruction before which on_limit is called, if it may run
+    uint64_t breakpoint;  // on_limit is called before the instruction at this address
     uint64_t fast_block;
     uint64_t code_begin;
     uint64_t code_end;
@@ -76,7 +76,7 @@ struct Execution {
     uint64_t recent_values[kPollPcs];
     uint64_t recent_changes[kPollPcs];
     uint64_t recent_registers[kPollPcs];
-    uint64_t changes;  // reads whose value was another one than the last time
+    uint64_t changes;  // number of reads whose value differed from the previous one
     int32_t registers[kNumbers];
     uint64_t access_cycles;
     uint64_t waiting_instructions;

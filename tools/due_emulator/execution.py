@@ -1,4 +1,7 @@
-"""Slices of a program in C++: `execution.cpp` says how; the structs here are those of `execution.hpp`."""
+"""Runs slices of a program in C++; `execution.cpp` explains how.
+
+The structs match those of `execution.hpp`.
+"""
 
 import ctypes
 import hashlib
@@ -23,25 +26,30 @@ SOURCE = Path(__file__).with_suffix(".cpp")
 FOLDER = Path(__file__).parents[2] / "build" / "due_emulator"
 COMMAND = ("c++", "-std=c++11", "-O2", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 NOWHERE = 1
-"""No instruction is at an odd address."""
+"""An address that no instruction has, since it is odd."""
 NO_INTERRUPT = (1 << 64) - 1
 ACCESS_CYCLES = 4
-"""An access to a peripheral, over the bridge [cycles]; a round number."""
+"""Cost of an access to a peripheral over the bridge [cycles]; a round number."""
 WAITING_INSTRUCTIONS = 200
-"""Longest run while an interrupt waits for its priority: BASEPRI may let it in at any instruction, which
-nothing tells. 2.4 us at 84 MHz."""
+"""Longest run [instructions] while an interrupt waits for its priority; 2.4 us at 84 MHz.
+
+A change of BASEPRI may enable the interrupt at any instruction, and Unicorn does not report the change.
+"""
 POLL_PCS = 8
 POLL_NEAR_PS = 25_000_000
 POLL_STEP_PS = 10_000_000
-"""A read is a poll if the same instruction was among the last few that read, nothing was written since, and
-the value is the same as then. After a poll, time jumps to the next event if that is near, about a byte on a
-wire away; else it goes on by 10 us. So waiting is cheap to emulate, and nothing on a wire is later for it.
+"""Rules of polls: a read that waits, so that time may be skipped.
 
-A loop that counts its turns is no poll, or its count would take that much longer: its registers change from
-turn to turn, although nothing that it has read did."""
+A read is a poll if the same instruction was among the last few reads, nothing was written since, and the value
+is the same. After a poll, time jumps to the next event if the event is near, within about the time of a byte on a wire.
+Otherwise time advances by 10 us. So waiting is cheap to emulate, and no event on a wire is delayed.
+
+A loop that counts its turns is no poll, because its count would then stand for more time. Its registers
+change from turn to turn, although no value that it has read did.
+"""
 NUMBERS = 16
 MOST_AT_ONCE = 8
-"""So many registers are read or set by one call."""
+"""Largest number of registers that one call reads or sets."""
 RegisterNumbers = ctypes.Array[ctypes.c_int32]
 
 REASONS = {
@@ -54,7 +62,7 @@ REASONS = {
     unicorn.UC_ERR_READ_UNALIGNED: "unaligned read",
     unicorn.UC_ERR_WRITE_UNALIGNED: "unaligned write",
 }
-"""What Unicorn's errors mean for a program."""
+"""Meaning of Unicorn's errors for a program."""
 STOPS = {
     2: "SVC instruction: not modelled",
     3: "jump to where no code may be",
@@ -62,7 +70,7 @@ STOPS = {
     7: "BKPT instruction: not modelled",
     17: "instruction of a coprocessor or floating-point unit, which the Cortex-M3 has not",
 }
-"""What it means that Unicorn stops for an exception, by its number."""
+"""Meaning of the exceptions for which Unicorn stops, by number."""
 
 REFUSALS = (
     "",
@@ -72,7 +80,7 @@ REFUSALS = (
     "division by {}, while CCR.DIV_0_TRP is set",
     "jump to an address without bit 0: the Cortex-M3 runs Thumb code alone",
 )
-"""By the numbers of `Refusal` in refusals.hpp."""
+"""Texts for the numbers of `Refusal` in refusals.hpp."""
 
 ON_READ = ctypes.CFUNCTYPE(ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
 ON_WRITE = ctypes.CFUNCTYPE(None, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64)
@@ -82,7 +90,7 @@ UNICORN = ("mem_read", "emu_start", "emu_stop", "reg_read", "context_save", "con
 
 
 class Block(ctypes.Structure):
-    """What is known of a block of code, by the halfword of flash at which it begins."""
+    """Facts about a block of code, stored by the halfword of flash at which the block begins."""
 
     _fields_ = (
         ("bytes", ctypes.c_uint16),
@@ -93,7 +101,7 @@ class Block(ctypes.Structure):
 
 
 class Space(ctypes.Structure):
-    """Where the accesses to a range of addresses go."""
+    """Destination of the accesses to a range of addresses."""
 
     _fields_ = (("execution", ctypes.c_void_p), ("base", ctypes.c_uint64))
 
@@ -107,18 +115,24 @@ def _pointers(names: str) -> list[tuple[str, type]]:
 
 
 class Execution(ctypes.Structure):
-    """A slice of execution: how far it has come, when it ends, and whom it tells of accesses and events.
+    """A slice of execution: its progress, its end, and the callbacks for accesses and events.
 
-    done: instructions that began in this slice. limit: the slice ends before the next instruction once there
-    were so many. address: of the instruction that began last. slice_ps: when the slice began; hz: its clock.
-    until_ps, longest: it ends there at the latest [ps, instructions]. What is called has to keep up to date:
-    next_event_ps; halted_until_ps; waiting: an interrupt is pending; stops: the next instruction may not run
-    in this slice; dead: an error has to be raised; dropped: the access went down with a reset. interrupt:
-    number of the exception that ended the slice, or NO_INTERRUPT. refusal: of REFUSALS, what ended it before
-    an instruction, and refused_value the register that it depends on; traps_division: division by 0 is among
-    them. trap: address of an instruction before which on_limit is called, or NOWHERE; the second processor
-    has none. may_be_fast, may_be_quick: 0 to do
-    without that one, and without reading registers in C++; the results are the same.
+    `done`: number of instructions that began in this slice. `limit`: the slice ends before the next
+    instruction once `done` reaches it. `address`: address of the instruction that began last. `slice_ps`:
+    moment when the slice began.
+    `hz`: its clock. `until_ps`, `longest`: latest end of the slice [ps, instructions].
+
+    The callbacks keep these up to date: `next_event_ps`; `halted_until_ps`; `waiting`: an interrupt is
+    pending;
+    `stops`: the next instruction may not run in this slice; `dead`: an error has to be raised; `dropped`: a
+    reset came before the access.
+
+    `interrupt`: number of the exception that ended the slice, or NO_INTERRUPT. `refusal`: index in REFUSALS
+    of the reason that ended the slice before an instruction; `refused_value`: value of the register that
+    caused it;
+    `traps_division`: division by 0 is refused. `breakpoint`: on_limit is called before the instruction at
+    this address, or NOWHERE; only the exact processor stops there. `may_be_fast`, `may_be_quick`: 0 turns off
+    the fast processor and the reading of registers in C++; the results are the same.
     """
 
     _fields_ = (
@@ -127,7 +141,8 @@ class Execution(ctypes.Structure):
         *_numbers("waiting stops dead dropped interrupt"),
         *_numbers("refusal refused_value traps_division"),
         *_numbers(
-            "may_be_fast may_be_quick _calm _go_fast trap _fast_block _code_begin _code_end _recent_count"
+            "may_be_fast may_be_quick _calm _go_fast breakpoint _fast_block _code_begin _code_end"
+            " _recent_count"
         ),
         ("_recent_pcs", ctypes.c_uint64 * POLL_PCS),
         ("_recent_values", ctypes.c_uint64 * POLL_PCS),
@@ -159,11 +174,11 @@ class Execution(ctypes.Structure):
         on_events: Callable[[int], None],
         on_limit: Callable[[int, int], None],
     ) -> None:
-        """Tell what happens in a slice, as it happens and with its moment in virtual time [ps].
+        """Set the functions that are called during a slice with the moment in virtual time [ps].
 
-        on_read(now_ps, address, bytes), on_write(now_ps, address, bytes, value): accesses to peripherals.
-        on_events(now_ps): events are due after an access. on_limit(now_ps, pc): the limit is reached before
-        the instruction at pc.
+        `on_read(now_ps, address, bytes)`, `on_write(now_ps, address, bytes, value)`: accesses to peripherals.
+        `on_events(now_ps)`: events are due after an access. `on_limit(now_ps, pc)`: the limit is reached
+        before the instruction at `pc`.
         """
         super().__init__()
         self._library = _library()
@@ -181,16 +196,16 @@ class Execution(ctypes.Structure):
         self._flush_control = unicorn.UC_CTL_TB_FLUSH | unicorn.UC_CTL_IO_WRITE << 30
         for name in UNICORN:
             setattr(self, f"_{name}", _address_of(getattr(uclib, f"uc_{name}")))
-        # Unicorn's own way to read and write registers takes ten times as long.
+        # Unicorn's Python functions for registers take ten times as long.
         self._values = (ctypes.c_uint32 * MOST_AT_ONCE)()
         self._first_at = ctypes.byref(self._values)
         places = (ctypes.addressof(self._values) + 4 * i for i in range(MOST_AT_ONCE))
         self._values_at = (ctypes.c_void_p * MOST_AT_ONCE)(*places)
         self.may_be_quick = 1
-        self.trap = NOWHERE
+        self.breakpoint = NOWHERE
 
     def attach(self, exact: unicorn.Uc, fast: unicorn.Uc, peripherals: dict[int, int]) -> None:
-        """Run on these processors, both fresh and with the same memory; peripherals: base and size."""
+        """Run on these processors, both new and with the same memory; `peripherals`: base and size."""
         self.forget_reads()
         self._calm = self._code_begin = self._code_end = self.dead = 0
         self._block_table = (Block * (FLASH_BYTES // 2))()
@@ -220,7 +235,7 @@ class Execution(ctypes.Structure):
             )
 
     def _hook(self, uc: unicorn.Uc, kind: int, function: ctypes._CFuncPtr) -> None:
-        # Unicorn's own hook_add takes functions of Python only.
+        # Unicorn's own hook_add takes only Python functions.
         handle, everywhere = ctypes.c_size_t(), (ctypes.c_uint64(1), ctypes.c_uint64(0))
         place = ctypes.addressof(self)
         _check(
@@ -228,11 +243,10 @@ class Execution(ctypes.Structure):
         )
 
     def forget_reads(self) -> None:
-        """Let no read be a poll for what was read before."""
+        """Forget earlier reads, so that the next read is no poll."""
         self._recent_count = 0
 
     def begin(self, slice_ps: int, hz: int, until_ps: int, longest: int) -> None:
-        """Start a slice."""
         self._next = self._block_end = 0
         self.begin_again(slice_ps)
         self.hz, self.until_ps, self.longest = hz, min(until_ps, NEVER_PS), longest
@@ -240,43 +254,43 @@ class Execution(ctypes.Structure):
         self.dropped = self.refusal = 0
 
     def begin_again(self, slice_ps: int) -> None:
-        """Start the next slice without leaving this one, before an instruction."""
+        """Start the next slice before an instruction, without leaving the present one."""
         self.done, self.slice_ps, self.charged_ps = 0, slice_ps, 0
 
     def run(self, pc: int) -> int:
-        """Run from an address to the end of the slice; returns Unicorn's error, or UC_ERR_OK."""
+        """Set several registers, in the order of `numbers`."""
         return int(self._library.run(ctypes.byref(self), ctypes.c_uint64(pc)))
 
     def register(self, number: int) -> int:
-        """A register of the processor, by Unicorn's number."""
+        """Return a register of the processor, by Unicorn's number."""
         uclib.uc_reg_read(self._exact, number, self._first_at)
         return self._values[0]
 
     def registers(self, numbers: RegisterNumbers) -> list[int]:
-        """Several registers."""
+        """Return several registers."""
         uclib.uc_reg_read_batch(self._exact, numbers, self._values_at, len(numbers))
         return self._values[: len(numbers)]
 
     def set_registers(self, numbers: RegisterNumbers, values: Sequence[int]) -> None:
-        """Set several registers, in their order."""
+        """Return why the processor refused the instruction that ended the slice."""
         self._values[: len(values)] = list(values)
         uclib.uc_reg_write_batch(self._exact, numbers, self._values_at, len(numbers))
 
     def heed_psr(self) -> None:
-        """Let the processor notice that XPSR was set.
+        """Make the processor notice that XPSR was set.
 
-        Unicorn keeps a copy of whether a handler runs, by which it knows a return from an exception, and
-        renews it only when CPSR is set.
+        Unicorn keeps a copy of whether a handler runs, by which it recognises a return from an exception. It
+        updates this copy only when CPSR is set.
         """
         uclib.uc_reg_read(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
         uclib.uc_reg_write(self._exact, arm_const.UC_ARM_REG_CPSR, self._first_at)
 
     def describe_refusal(self) -> str:
-        """Why the processor refused the instruction that ended the slice."""
+        """Return why the processor refused the instruction that ended the slice."""
         return REFUSALS[self.refusal].format(self.refused_value)
 
     def time_after(self, instructions: int) -> int:
-        """Moment at which so many instructions of the slice have run [ps]."""
+        """Return the moment after a number of instructions of the slice [ps]."""
         return int(self.slice_ps + instructions * PS_PER_S // self.hz + self.charged_ps)
 
 
@@ -287,11 +301,7 @@ def _check(error: int) -> None:
 
 @cache
 def _library() -> ctypes.CDLL:
-    """Load the functions, compiled once for each version of their source.
-
-    Raises:
-        UsageError: they cannot be compiled.
-    """
+    """Another process may do the same at this moment, so the finished file is renamed into place."""
     text = b"".join(map(Path.read_bytes, sorted(SOURCE.parent.glob("*.[ch]pp")))) + " ".join(COMMAND).encode()
     version = hashlib.sha256(text).hexdigest()[:16]
     library = FOLDER / f"{SOURCE.stem}-{version}.so"
@@ -302,7 +312,7 @@ def _library() -> ctypes.CDLL:
 
 def _compile(library: Path) -> None:
     library.parent.mkdir(parents=True, exist_ok=True)
-    # Another process may do the same at this moment: the file appears as a whole.
+    # Another process may do the same at this moment, so the finished file is renamed into place.
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         fresh = Path(folder) / library.name
         try:

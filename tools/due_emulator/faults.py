@@ -1,6 +1,7 @@
 """Faults of sensor, wires, supply and host: what happens to the board, and when.
 
-Each is a text, `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since power-up.
+Each fault is given as a text such as `sda_stuck at=2.0 clocks=5`. Times are seconds of virtual time since
+power-up.
 """
 
 import re
@@ -15,9 +16,9 @@ from tools.due_emulator.board import Board
 from tools.due_emulator.bridge import seconds_to_ps
 
 LONGEST_S = 1e6
-"""Times beyond are taken for mistakes [s]."""
+"""Longest accepted time [s]; longer ones are probably mistakes."""
 NAMES = {"at_s": "at", "for_s": "for"}
-"""Of settings, as they are in a text."""
+"""Names of settings in the text of a fault."""
 
 Time = Annotated[float, msgspec.Meta(ge=0, le=LONGEST_S)]
 SomeTime = Annotated[float, msgspec.Meta(gt=0, le=LONGEST_S)]
@@ -29,13 +30,13 @@ Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 class _Fault(
     msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", kw_only=True, rename=NAMES
 ):
-    """at_s: when it begins [s of virtual time]."""
+    """A fault. `at_s`: when it begins [s of virtual time]."""
 
     at_s: Time = 0.0
 
 
 class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
-    """The sensor holds SDA low until it sees `clocks` rising edges of SCL; 0: for `for_s`, or for good."""
+    """The sensor holds SDA low until it sees `clocks` rising edges of SCL; 0: for `for_s`, or forever."""
 
     clocks: Count = 0
     for_s: Time = 0.0
@@ -46,13 +47,13 @@ class SdaStuck(_Fault, frozen=True, tag="sda_stuck"):
 
 
 class SclStuck(_Fault, frozen=True, tag="scl_stuck"):
-    """SCL is held low for `for_s`; 0: for good."""
+    """SCL is held low for `for_s`; 0: forever."""
 
     for_s: Time = 0.0
 
 
 class NackBurst(_Fault, frozen=True, tag="nack_burst"):
-    """The next `count` bytes, or all for `for_s`, are not acknowledged."""
+    """The next `count` bytes, or all bytes for `for_s`, are not acknowledged."""
 
     count: Count = 0
     for_s: Time = 0.0
@@ -63,18 +64,18 @@ class NackBurst(_Fault, frozen=True, tag="nack_burst"):
 
 
 class StaleByte(_Fault, frozen=True, tag="stale_byte"):
-    """After each of the next `count` reads that complete, one byte too many stays in the TWI's RHR.
+    """After each of the next `count` complete reads, an extra byte stays in the TWI's RHR.
 
-    The next read that does not drain RHR takes it for its first byte.
+    The next read that does not drain RHR takes the extra byte as its first byte.
     """
 
     count: Annotated[int, msgspec.Meta(ge=1)] = 1
 
 
 class Unplug(_Fault, frozen=True, tag="unplug"):
-    """The sensor is away for `for_s` (0: for good); it comes back with reset values.
+    """The sensor is unplugged for `for_s` (0: forever); it comes back with reset values.
 
-    who_am_i: another sensor is plugged in instead.
+    `who_am_i`: another sensor is plugged in instead.
     """
 
     for_s: Time = 0.0
@@ -82,7 +83,7 @@ class Unplug(_Fault, frozen=True, tag="unplug"):
 
 
 class Clone(_Fault, frozen=True, tag="clone"):
-    """The sensor is exchanged for one with another WHO_AM_I, which powers up; with at_s = 0 it always was."""
+    """The sensor is replaced by one with another WHO_AM_I, which powers up; at_s = 0: from the beginning."""
 
     who_am_i: Byte
 
@@ -90,8 +91,8 @@ class Clone(_Fault, frozen=True, tag="clone"):
 class BrownOut(_Fault, frozen=True, tag="brown_out"):
     """The supply of one part sags.
 
-    sensor: its registers fall back while it runs on. board: it starts again with rubbish in RAM, wherever it
-    was.
+    sensor: its registers fall back to reset values while it keeps running. board: it restarts with random
+    contents in RAM.
     """
 
     part: Literal["sensor", "board"] = "sensor"
@@ -111,13 +112,13 @@ class UartLoss(_Fault, frozen=True, tag="uart_loss"):
 
 
 class HostStopsReading(_Fault, frozen=True, tag="host_stops_reading"):
-    """The host takes nothing from the port for `for_s`."""
+    """The host reads nothing from the port for `for_s`."""
 
     for_s: SomeTime
 
 
 class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
-    """From here on the sensor's own clock is `percent` (or `ppm`) faster; below 0: slower; 0: right again."""
+    """The sensor's clock becomes `percent` (or `ppm`) faster; below 0: slower; 0: correct again."""
 
     percent: float = 0.0
     ppm: float = 0.0
@@ -130,12 +131,12 @@ class SensorClock(_Fault, frozen=True, tag="sensor_clock"):
 
     @property
     def total_ppm(self) -> float:
-        """Both together [ppm]."""
+        """Sum of `percent` and `ppm` [ppm]."""
         return self.percent * 1e4 + self.ppm
 
 
 class WatchdogStarvation(_Fault, frozen=True, tag="watchdog_starvation"):
-    """The program hangs for `for_s`, with its interrupts waiting; the watchdog bites if it is on."""
+    """The program hangs for `for_s` with its interrupts waiting; the watchdog, if on, resets the board."""
 
     for_s: SomeTime
 
@@ -162,7 +163,7 @@ KINDS: dict[str, type[_Fault]] = {str(kind.__struct_config__.tag): kind for kind
 
 
 def never_happened(faults: Sequence[Fault], now_s: float) -> list[str]:
-    """A remark on each fault whose moment did not come."""
+    """Return a remark on each fault whose moment did not come."""
     return [
         f"{fault.__struct_config__.tag} at {fault.at_s:g} s did not happen: the run ended at {now_s:g} s"
         for fault in faults
@@ -171,10 +172,10 @@ def never_happened(faults: Sequence[Fault], now_s: float) -> list[str]:
 
 
 def parse_fault(text: str) -> Fault:
-    """Return the fault of a text `KIND key=value …`.
+    """Return the fault described by a text `KIND key=value …`.
 
     Raises:
-        UsageError: says what is wrong with the text.
+        UsageError: the text is wrong; the message says how.
     """
     kind, *pairs = text.split() or [""]
     settings: dict[str, Any] = {"kind": kind}
@@ -184,7 +185,7 @@ def parse_fault(text: str) -> Fault:
             raise UsageError(f"--fault {text}: '{pair}' is not KEY=VALUE, such as at=2.0.")
         if key in settings:
             raise UsageError(f"--fault {text}: {key} is given twice.")
-        # A number in hex is one; everything else is for msgspec to convert.
+        # Only numbers in hex are converted here; msgspec converts everything else.
         settings[key] = int(value, 16) if re.fullmatch("0x[0-9a-fA-F]+", value) else value
     try:
         found: Fault = msgspec.convert(settings, Fault, strict=False)
@@ -195,7 +196,7 @@ def parse_fault(text: str) -> Fault:
 
 
 def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
-    """Let each fault happen at its moment; those of at_s = 0 happen at once, before the program runs."""
+    """Schedule each fault; faults with at_s = 0 happen immediately, before the program runs."""
     for fault in faults:
         if fault.at_s:
             delay_ps = seconds_to_ps(fault.at_s) - board.machine.now_ps
@@ -205,7 +206,7 @@ def schedule_faults(board: Board, faults: Sequence[Fault]) -> None:
 
 
 def _apply(fault: Fault, board: Board) -> None:
-    """Let it happen now."""
+    """Apply a fault now."""
     lines, socket, bridge = board.lines, board.socket, board.bridge
 
     def later(for_s: float, action: Callable[[], None]) -> None:

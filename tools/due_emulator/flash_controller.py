@@ -13,21 +13,23 @@ KEY = 0x5A
 GET_DESCRIPTOR, GET_GPNVM, START_ID, STOP_ID = 0x00, 0x0D, 0x0E, 0x0F
 FRDY, FCMDE = 1, 2
 COMMAND_PS = 10 * PS_PER_US
-"""How long a command takes; a round number."""
+"""Duration of a command; a round number."""
 FASTEST_HZ = (19_000_000, 34_000_000, 53_000_000, 78_000_000, 90_000_000)
-"""Highest master clock for each number of wait states: the lower of two sources. Datasheet 45.9 at VDDCORE
-1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4; the vendor's header sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5,
-34, 53 and 78 MHz."""
+"""Highest master clock for each number of wait states: the lower value of two sources.
+
+Datasheet 45.9 at VDDCORE 1.8 V has 19, 50, 64, 80 and 90 MHz for 0 to 4 wait states. The vendor's header
+sam3x8e.h (CHIP_FREQ_FWS_0 to 3) has 22.5, 34, 53 and 78 MHz.
+"""
 BOOT_FROM_FLASH = 0b010
 """GPNVM bit 1: without it the ROM would start (datasheet 11.2)."""
 DESCRIPTOR = (0x000F_0950, BANK_BYTES, 256, 1, BANK_BYTES, 16, *[BANK_BYTES // 16] * 16)
-"""FL_ID (from memory), size, page size, planes, bytes of the plane, locks and bytes each."""
+"""FL_ID (from memory), size, page size, planes, bytes of the plane, locks, bytes of each lock."""
 
 
 class FlashController(Peripheral):
     """One of the two controllers with its bank of flash.
 
-    uid: the chip's 16 bytes, which stand in the bank's place between STUI and SPUI.
+    `uid`: the chip's 16 bytes, which replace the bank's contents between STUI and SPUI.
     """
 
     def __init__(self, machine: Machine, number: int, memory: Memory, uid: bytes) -> None:
@@ -36,13 +38,13 @@ class FlashController(Peripheral):
         self._uid = uid
         self._start = number * BANK_BYTES
         self.pc: Callable[[], int] = lambda: 0
-        """Gives the address of the instruction that runs."""
+        """Returns the address of the instruction that runs."""
         self._results: list[int] = []
         self._event: Alarm | None = None
         self._hidden: bytes | None = None
 
     def reset(self) -> None:
-        """No wait states, and the flash is readable."""
+        """Reset: no wait states, and the flash is readable."""
         if self._event is not None:
             self._event.cancel()
         self._show_flash()
@@ -58,7 +60,7 @@ class FlashController(Peripheral):
         return FLASH_BASE + self._start <= address < FLASH_BASE + self._start + BANK_BYTES
 
     def check(self, mck_hz: int) -> None:
-        """End the run if the wait states are too few for a master clock."""
+        """End the run if there are too few wait states for a master clock."""
         fws = self.field("FMR", "FWS")
         fastest = FASTEST_HZ[min(fws, len(FASTEST_HZ) - 1)]
         if mck_hz > fastest:
@@ -68,7 +70,7 @@ class FlashController(Peripheral):
             )
 
     def on_read(self, register: str) -> int:
-        """FSR's error flags go when read; FRR gives one word of the result after the other."""
+        """A read clears FSR's error flags; reads of FRR give the words of the result one after another."""
         value = self.registers[register]
         if register == "FSR":
             self.registers["FSR"] &= FRDY
@@ -77,7 +79,7 @@ class FlashController(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Wait states, or a command."""
+        """Set the wait states, or execute a command."""
         if register == "FCR":
             self._command(value)
             return
@@ -132,7 +134,7 @@ class FlashController(Peripheral):
         self._event = self.machine.schedule(delay_ps, lambda: self.flag("FSR", flag, True))
 
     def settle_irq(self) -> None:
-        """Let the interrupt line be up while the controller is ready and FMR says so."""
+        """Raise the interrupt line while the controller is ready and FMR enables the interrupt."""
         assert self.table.irq is not None
         ready = self.registers["FSR"] & self.registers["FMR"] & FRDY
         self.machine.set_irq(self.table.irq, bool(ready))

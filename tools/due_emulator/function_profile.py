@@ -1,4 +1,4 @@
-"""Where a program's instructions go: by function, and by phase with all that the phase calls."""
+"""Counts a program's instructions by function, and by phase with all functions that the phase calls."""
 
 import bisect
 import subprocess
@@ -14,7 +14,9 @@ ELSEWHERE = "(no function)"
 
 
 def functions_of(elf: Path) -> dict[int, str]:
-    """Names of a linked program's functions by address; of several, the one by which compiled code calls it.
+    """Return the names of a linked program's functions by address.
+
+    Of several names at one address it takes the one by which compiled code calls the function.
 
     Raises:
         FileNotFoundError: arm-none-eabi-nm is not installed (Debian: binutils-arm-none-eabi).
@@ -28,32 +30,32 @@ def functions_of(elf: Path) -> dict[int, str]:
 
 
 class Profile:
-    """Counts instructions by function and by phase within a `with`, in which the board runs more slowly.
+    """Counts instructions by function and by phase within a `with` block, which slows the board down.
 
-    functions: names by address; a function reaches to the next one, and what runs on into that one without a
-    jump is of the first one up to the next jump. phases: names of functions. A phase is all that runs from a
-    call of its function to the return from it, but for other phases that it calls and for interrupts. What
-    the compiler put inline is no function any more and cannot be a phase.
+    `functions`: names by address. A function extends to the next one; if code runs into the next function
+    without a jump, its instructions count for the first function until the next jump. `phases`: names of
+    functions. A phase lasts from a call of its function to the return, without other phases that it calls and
+    without interrupts. A function that the compiler has inlined cannot be a phase.
 
     Raises:
-        ValueError: the program has no function of a phase's name.
+        ValueError: the program has no function with a phase's name.
     """
 
     def __init__(self, cpu: Cpu, functions: Mapping[int, str], phases: Collection[str] = ()) -> None:
         if unknown := sorted(set(phases) - set(functions.values())):
             raise ValueError(f"no function of this name (or it went inline): {', '.join(unknown)}")
         self.by_function: Counter[str] = Counter()
-        """Instructions of each function that ran, without those of functions that it called."""
+        """Number of instructions of each function, without the functions that it called."""
         self.by_phase: Counter[str] = Counter()
-        """Instructions of each phase."""
+        """Number of instructions of each phase."""
         self.calls: Counter[str] = Counter()
-        """How often each phase was called."""
+        """Number of calls of each phase."""
         self._cpu = cpu
         self._begins = sorted(functions)
         self._names = [functions[address] for address in self._begins]
         self._phases = {address: name for address, name in functions.items() if name in phases}
         self._calls: dict[int, list[tuple[str, int]]] = {}
-        """Phases that run, innermost last, and their return addresses; by how many exceptions are active."""
+        """By number of active exceptions: running phases, innermost last, and their return addresses."""
         self._function = ELSEWHERE
         self._phase: str | None = None
         self._counted = 0
@@ -75,14 +77,15 @@ class Profile:
             running.pop()
         if address in self._phases:
             call = (self._phases[address], self._cpu.return_address)
-            # A block that was interrupted before its first instruction, or a loop, begins there once more.
+            # A block that was interrupted before its first instruction begins a second time, and so does a
+            # loop.
             if running[-1:] != [call]:
                 running.append(call)
                 self.calls[call[0]] += 1
         self._phase = running[-1][0] if running else None
 
     def _attribute(self, instructions: int) -> None:
-        """Give what ran since the last time to what was running."""
+        """Add the instructions since the last call to the function and phase that were running."""
         ran = instructions - self._counted
         self._counted = instructions
         if ran:

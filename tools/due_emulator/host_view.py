@@ -1,4 +1,4 @@
-"""What a host makes of the bytes: fltea's own decoder and its own judgement of continuity, frame by frame."""
+"""What a host makes of the bytes: fltea's own decoder and continuity check, frame by frame."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 from tools.due_emulator.reset_controller import ResetType
 
 CHUNK_BYTES = 64
-"""So many bytes without an end of frame are handed on as they are."""
+"""Number of bytes without an end of frame that are passed on together."""
 MAX_GAP = 1 << 30
 """No gap is too long to be counted as one."""
 
 
 class HostView:
-    """Takes bytes as they arrive and keeps counts, which do not grow with the length of the run."""
+    """Receives bytes as they arrive and keeps counts, which need no more memory in a longer run."""
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -32,15 +32,15 @@ class HostView:
         self._decoder = Decoder(lambda: 0, MAX_GAP)
         self.hello: wire.Hello | None = None
         self.hello_count = self.boot_count = 0
-        """HELLOs, and boots, that were heard."""
+        """Number of HELLOs received, and number of boots that sent one."""
         self.statuses: list[wire.Status] = []
-        """The last one of each boot that gave one."""
+        """The last STATUS of each boot that sent one."""
         self.faults: list[tuple[str, int]] = []
-        """FAULTs: name of the code, detail."""
+        """Name of the code and detail of each FAULT."""
         self.fault_texts: list[str] = []
         self.refused: str | None = None
         self.flags: dict[str, int] = {}
-        """How many samples had each flag."""
+        """Number of samples with each flag."""
         self.min_step_us: int | None = None
         self.max_step_us: int | None = None
         self._steps = self._steps_us = 0
@@ -57,8 +57,8 @@ class HostView:
         return self.board.machine.now_ps
 
     def take(self, byte: int) -> bool:
-        """Take one byte; the answer is always that it was taken."""
-        # What a frame is, its last byte decides, and no other byte is 0.
+        """Receive one byte; always returns True, since it is always accepted."""
+        # A frame is complete with its last byte, the only byte that is 0.
         self._block.append(byte)
         if not byte or len(self._block) >= CHUNK_BYTES:
             data, self._block = bytes(self._block), bytearray()
@@ -66,21 +66,21 @@ class HostView:
         return True
 
     def stop(self) -> None:
-        """Let the boot that runs have ended now, until it goes on."""
+        """Note the present time as the end of the running boot, until the boot continues."""
         self.boots[-1].ended_ps = self.now_ps
 
     @property
     def bytes_in(self) -> int:
-        """Bytes taken."""
+        """Number of bytes received."""
         return self.reader.bytes_in + len(self._block)
 
     @property
     def rate_hz(self) -> float | None:
-        """Samples per second of the device's own clock, lost ones included; None before two samples."""
+        """Samples per second of the device's own clock, including lost ones; None before two samples."""
         return self._steps / self._steps_us * 1e6 if self._steps_us else None
 
     def on_data(self, data: bytes) -> None:
-        """Take what arrived together."""
+        """Process bytes that arrived together."""
         for item in self.reader.feed(data):
             if isinstance(item, Refused):
                 self.refused = item.message
@@ -88,7 +88,7 @@ class HostView:
                 self.on_frame(item)
 
     def on_frame(self, frame: Frame) -> None:
-        """Take a good frame."""
+        """Process a good frame."""
         host_ns = self.now_ps // 1000
         match frame.message:
             case wire.Hello() as hello:
@@ -145,18 +145,18 @@ class HostView:
 
     @property
     def counts(self) -> SampleStats:
-        """What became of the samples."""
+        """Numbers of samples delivered, lost and so on."""
         return self._decoder.counts
 
     @property
     def due(self) -> int | None:
-        """Instants that were due, by the timer; None where the sensor's clock or another program decides."""
+        """Number of instants due by the timer; None if the sensor's clock or another program decides."""
         timer = self.hello is not None and self.hello.sampling_mode == wire.SamplingMode.TIMER
         return sum(boot.due for boot in self.boots) if timer else None
 
 
 def plain(message: wire.Message | None) -> dict[str, Any] | None:
-    """Fields of a message as JSON can hold them; bytes in hex."""
+    """Return a message's fields as JSON can hold them, with bytes in hex."""
     if message is None:
         return None
     return {
@@ -166,5 +166,5 @@ def plain(message: wire.Message | None) -> dict[str, Any] | None:
 
 
 def seconds(ps: int) -> float:
-    """Picoseconds to seconds, to the microsecond."""
+    """Convert picoseconds to seconds, rounded to microseconds."""
     return round(ps / PS_PER_US) * PS_PER_US / PS_PER_S

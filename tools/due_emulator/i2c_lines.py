@@ -1,8 +1,8 @@
-"""SDA and SCL between the Due and the sensor: who holds what low, edge by edge where a program bit-bangs.
+"""SDA and SCL between the Due and the sensor: which side holds which wire low, edge by edge for bit-banging.
 
-The TWI hands over whole bytes, for speed; its clocks are not on the wires. What it leaves behind when it is
-cut off in mid-byte is: the sensor goes on where it was, holds SDA low if its bit is a 0, and lets go only
-when it is clocked on (NXP UM10204, 3.1.16).
+For speed the TWI transfers whole bytes; its clock edges are not on the wires. If the TWI is cut off within a
+byte, the sensor stays in the middle of that byte, holds SDA low if its bit is a 0, and lets go only when it
+is clocked further (NXP UM10204, 3.1.16).
 """
 
 from enum import Enum, auto
@@ -12,7 +12,7 @@ from tools.due_emulator.sensor_socket import SensorSocket
 from tools.due_emulator.wire import Wire
 
 FASTEST_HZ = 400_000
-"""Fast mode, the most that the sensor takes (PS-MPU-9250A-01, 3.5)."""
+"""Fast mode, the highest rate that the sensor supports (PS-MPU-9250A-01, 3.5)."""
 TOLERANCE = 0.01
 SHORTEST_PERIOD_PS = round(1e12 / (FASTEST_HZ * (1 + TOLERANCE)))
 
@@ -30,7 +30,7 @@ class Phase(Enum):
 class I2cLines:
     """The two wires with the sensor at one end; without a socket, two wires with pull-ups and nothing else.
 
-    SDA is the wire `sda`, SCL the wire `scl`; the PIO drives them as any wire.
+    SDA is the wire `sda`, SCL the wire `scl`; the PIO drives them like any other wire.
     """
 
     def __init__(self, machine: Machine, socket: SensorSocket | None, pull_ups: bool = True) -> None:
@@ -43,9 +43,10 @@ class I2cLines:
         self.sda.listen(self._on_sda)
         self.scl.listen(self._on_scl)
         self.clocks_without_stop = 0
-        """Rising edges of SCL since the last STOP: a program that bit-bangs must end with a STOP."""
+        """Number of rising edges of SCL since the last STOP: a program that bit-bangs must end with a STOP.
+        """
         self.recovery_clocks = 0
-        """Rising edges of SCL, ever."""
+        """Total number of rising edges of SCL."""
         self._phase = Phase.IDLE
         self._bits = 0
         self._shift = 0
@@ -54,10 +55,10 @@ class I2cLines:
         self._stuck_clocks = 0
         self._sensor_moves = False
 
-    # What the TWI does
+    # Transfers of the TWI
 
     def take(self, controller: str) -> None:
-        """Let a controller begin a transfer; ends the run if a program left its own clocks without a STOP."""
+        """Begin a transfer by a controller; ends the run if the program's own clocks lack a STOP."""
         if self.clocks_without_stop:
             self.machine.fault(
                 f"{controller} starts after {self.clocks_without_stop} clocks by PIO that no STOP ended: "
@@ -67,11 +68,11 @@ class I2cLines:
         self._hold(False)
 
     def start(self, address: int, read: bool) -> bool:
-        """START and address by a controller; the answer is the acknowledge."""
+        """Send START and address by a controller; return whether the sensor acknowledges."""
         return self.socket is not None and self.socket.start(address, read)
 
     def write(self, byte: int) -> bool:
-        """Write a byte by a controller; the answer is the acknowledge."""
+        """Write a byte by a controller; return whether the sensor acknowledges."""
         return self.socket is not None and self.socket.write(byte)
 
     def read(self, ack: bool) -> int:
@@ -79,14 +80,14 @@ class I2cLines:
         return self.socket.read(ack) if self.socket is not None else 0xFF
 
     def stop(self) -> None:
-        """STOP by a controller."""
+        """Send STOP by a controller."""
         if self.socket is not None:
             self.socket.stop()
 
     def cut_off(self, sending: bool, byte: int, bits: int) -> None:
-        """The controller vanished with SCL high, `bits` (0 to 7) whole bits into a byte.
+        """Handle a controller that vanished with SCL high, after `bits` (0 to 7) whole bits of a byte.
 
-        A sensor that was sending holds SDA low as long as the bit on the line is a 0.
+        A sensor that was sending holds SDA low as long as its present bit is a 0.
         """
         if self.socket is None or not self.socket.chip.powered:
             return
@@ -98,25 +99,25 @@ class I2cLines:
     # Faults
 
     def hold_sda(self, clocks: int = 0) -> None:
-        """Let a stuck sensor hold SDA low for so many rising edges of SCL; 0: until `release_sda`."""
+        """Let a stuck sensor hold SDA low for `clocks` rising edges of SCL; 0: until `release_sda`."""
         self._stuck_clocks = clocks
         self._move(self.sda, "a stuck sensor", False)
 
     def release_sda(self) -> None:
-        """Let the stuck sensor let go; with SCL high that is a STOP on the wires."""
+        """Let the stuck sensor release SDA; with SCL high that is a STOP on the wires."""
         self._stuck_clocks = 0
         self.sda.drive("a stuck sensor", None)
 
     def hold_scl(self) -> None:
-        """Hold SCL low, as a sensor does that stretches the clock for ever."""
+        """Hold SCL low, like a sensor that stretches the clock forever."""
         self._move(self.scl, "a stuck sensor", False)
 
     def release_scl(self) -> None:
-        """Let SCL go."""
+        """Release SCL."""
         self._move(self.scl, "a stuck sensor", None)
 
     def unplug(self) -> None:
-        """Pull the sensor's plug: it holds nothing any more."""
+        """Unplug the sensor: it holds no wire any more."""
         self._phase = Phase.IDLE
         self._hold(False)
         self.release_sda()
@@ -217,7 +218,7 @@ class I2cLines:
         self._move(self.sda, "the sensor", False if low else None)
 
     def _move(self, wire: Wire, who: str, level: bool | None) -> None:
-        """Move a wire from the sensor's side: that is no clock, no START and no STOP."""
+        """Move a wire from the sensor's side: this is no clock, no START and no STOP."""
         self._sensor_moves = True
         wire.drive(who, level)
         self._sensor_moves = False

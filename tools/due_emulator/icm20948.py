@@ -1,9 +1,9 @@
-"""The ICM-20948 as its register file: what a driver sees over I2C, in virtual time.
+"""The register file of the ICM-20948: what a driver sees over I2C, in virtual time.
 
 Written from its data sheet DS-000189, revision 1.3; numbers in brackets are its sections. The Raspberry Pi's
-driver is tested against it, and shares no register with it. Not modelled: filters, self-test, offsets, cycle
-mode, the interrupt pin, the DMP, the auxiliary I2C bus and the magnetometer behind it, and the rate of an
-accelerometer with a divider of its own.
+driver is tested against this model, and shares no register definition with it. Not modelled: filters,
+self-test, offsets, cycle mode, the interrupt pin, the DMP, the auxiliary I2C bus and the magnetometer on it,
+and the rate of an accelerometer with its own divider.
 """
 
 from fltea.wire.sensors import temperature_counts
@@ -13,10 +13,13 @@ from tools.due_emulator.mpu9250_scaling import ACCEL_LSB_PER_G, GYRO_LSB_PER_DPS
 from tools.due_emulator.noise import World
 
 QUIET_NS = 11 * MS_NS
-"""No acknowledge after power-up or reset."""
+"""Time after power-up or reset in which the chip does not acknowledge."""
 READY_NS = 95 * MS_NS
-"""Until then settings are lost: the register start-up time is 100 ms at most [3.4], a little less here, for a
-driver may count from the moment at which it began to write the reset."""
+"""Time after power-up or reset in which settings are lost.
+
+The register start-up time is 100 ms at most [3.4]. It is a little less here, because a driver may count from
+the moment at which it began to write the reset.
+"""
 
 WHO_AM_I, USER_CTRL, PWR_MGMT_1 = 0x000, 0x003, 0x006
 INT_STATUS_2, ACCEL_XOUT_H, TEMP_OUT_L = 0x01B, 0x02D, 0x03A
@@ -51,15 +54,15 @@ _WRITABLE = {
     0x215: 0x1F,
     0x253: 0x07,
 }
-"""Bits that keep what is written [8, 10]; other registers are read-only, reserved, or not modelled."""
+"""Writable bits of each register [8, 10]; other registers are read-only, reserved, or not modelled."""
 _SOURCES = ((0x10, 0, 6), (0x02, 6, 8), (0x04, 8, 10), (0x08, 10, 12))
 """Bit of FIFO_EN_2 and slice of the output bytes."""
 
 
 class Icm20948(Chip):
-    """An ICM-20948.
+    """An ICM-20948, powered since long before time 0.
 
-    world: where motion comes from. fifo_bytes: what its FIFO holds. It has been powered for long at time 0.
+    `world`: source of the motion. `fifo_bytes`: capacity of the FIFO.
     """
 
     fifo_register = FIFO_R_W
@@ -78,7 +81,7 @@ class Icm20948(Chip):
     # Time and power
 
     def advance(self, now_ns: int) -> None:
-        """Let time run up to `now_ns`."""
+        """Advance time to `now_ns`."""
         if self._ready_at_ns is not None and self._ready_at_ns <= now_ns:
             self._now_ns = self._ready_at_ns
             self._restore()
@@ -89,25 +92,24 @@ class Icm20948(Chip):
 
     @property
     def output_hz(self) -> float:
-        """Nominal rate of the output registers; 0 when it stands still [8.4, 10.1, 10.2]."""
+        """Nominal rate of the output registers; 0 when the chip does not convert [8.4, 10.1, 10.2]."""
         power = self.register(PWR_MGMT_1)
         if not self.powered or self._ready_at_ns is not None or power & 0x40 or power & 7 == 7:
             return 0.0
-        if not self.register(GYRO_CONFIG_1) & 1:  # without GYRO_FCHOICE nothing is divided
+        if not self.register(GYRO_CONFIG_1) & 1:  # without GYRO_FCHOICE the divider is not used
             return 9000.0
         return 1125.0 / (1 + self.register(GYRO_SMPLRT_DIV))
 
     def power_on(self) -> None:
-        """Power it up."""
         self.powered = True
         self._begin(QUIET_NS, READY_NS)
 
     def register(self, register: int) -> int:
-        """What a register holds, without the bus; its number with 256 times the bank."""
+        """Return the contents of a register without the bus. Its number includes 256 times the bank."""
         return self._registers.get(register, 0)
 
     def spoil(self, register: int, value: int) -> None:
-        """Change a register behind the driver's back."""
+        """Change a register without the driver's knowledge."""
         self._registers[register] = value
 
     # Registers
@@ -146,7 +148,7 @@ class Icm20948(Chip):
             self._registers[register] = value & _WRITABLE.get(register, 0)
             if self.output_hz != before:
                 self._start_clock()
-        if self.register(FIFO_RST):  # held, it keeps the FIFO empty [8.58]
+        if self.register(FIFO_RST):  # while set, it keeps the FIFO empty [8.58]
             self.fifo.clear()
 
     def _restore(self) -> None:

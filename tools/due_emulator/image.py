@@ -1,4 +1,4 @@
-"""An image for the board, with what its build says of it."""
+"""Reads an image for the board, and the facts that its build recorded."""
 
 import hashlib
 import json
@@ -11,7 +11,10 @@ from tools.due_emulator.memory_map import FLASH_BYTES
 
 
 class Image(NamedTuple):
-    """ram_bytes: of the JSON beside the image; None without one. build_id: without one, of the contents."""
+    """An image.
+
+    `ram_bytes`: from the JSON next to it, else None. `build_id`: from the JSON, else of the contents.
+    """
 
     path: Path
     content: bytes
@@ -28,7 +31,7 @@ def read_image(path: Path) -> Image:
     """Read a raw binary (objcopy -O binary) that begins with the vector table.
 
     Raises:
-        UsageError: it cannot be read, is no such image, or the JSON beside it is none.
+        UsageError: the file cannot be read or is no such image, or the JSON next to it does not describe one.
     """
     try:
         content = path.read_bytes()

@@ -1,4 +1,4 @@
-"""Which sampling instants were due, as the board itself knows it: the sensor's bus and resets are watched."""
+"""Finds the sampling instants that were due on the board, by watching the sensor's bus and the resets."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ PERIOD_PS = PS_PER_S // 100
 
 
 class Burst(NamedTuple):
-    """One reading of the sensor's data registers, whole or not: when it began, and what it gave."""
+    """One read of the sensor's data registers, complete or not: its beginning and the bytes."""
 
     at_ps: int
     data: bytearray
@@ -23,10 +23,11 @@ class Burst(NamedTuple):
 
 @dataclass
 class Boot:
-    """One life of the program, as the emulator knows it.
+    """One run of the program from reset to reset, as the emulator sees it.
 
-    ended_ps: of the reset, or of the run. first_ps: of the first reading of the sensor. heard: numbers of the
-    first and of the last sample that the host could use. bursts: empty where nobody keeps them.
+    `ended_ps`: moment of the next reset, or of the end of the run. `first_ps`: moment of the first read of the
+    sensor. `heard`: numbers of the first and the last sample that the host could use. `bursts`: filled only by
+    users that need them.
     """
 
     cause: ResetType
@@ -38,12 +39,12 @@ class Boot:
 
     @property
     def due(self) -> int:
-        """Instants from the first reading of the sensor on: one each 10 ms, whatever became of them."""
+        """Number of instants since the first read of the sensor: one every 10 ms, received or not."""
         return 0 if self.first_ps is None else (self.ended_ps - self.first_ps) // PERIOD_PS + 1
 
 
 class BusWatch:
-    """Hears the sensor's side of the bus; tells of each reading of its data registers when it begins."""
+    """Watches the sensor's side of the bus and calls `on_burst` when a read of its data registers begins."""
 
     def __init__(self, board: Board, on_burst: Callable[[Burst], None]) -> None:
         self._board = board

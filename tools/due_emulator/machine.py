@@ -1,6 +1,7 @@
-"""Virtual time, and the wires between the parts of the emulated board.
+"""Virtual time, and the connections between the parts of the emulated board.
 
-Parts know only the machine. It knows neither the processor nor the board: it runs without them, in tests too.
+Parts know only the machine. The machine knows neither processor nor board, and runs without them, also in
+tests.
 """
 
 from collections.abc import Callable
@@ -14,13 +15,13 @@ PS_PER_US = 1_000_000
 NEVER_PS = 1 << 62
 
 SLOW_CLOCK_HZ = 32_768
-"""SLCK; the internal RC oscillator of the real chip is far from exact [Hz]."""
+"""SLCK [Hz]; the internal RC oscillator of the real chip is far from exact."""
 MCK_AT_RESET_HZ = 4_000_000
-"""The fast RC oscillator, which the chip starts with [Hz]."""
+"""Frequency of the fast RC oscillator, with which the chip starts [Hz]."""
 
 
 class EmulationFault(Exception):
-    """The program did what the real chip does not forgive, or would forgive only by luck."""
+    """The program did what the real chip does not tolerate, or tolerates only by luck."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -28,35 +29,35 @@ class EmulationFault(Exception):
 
 
 class Alarm:
-    """Something that happens once each time that it is set, in a while; a new time replaces the old one."""
+    """A timer for one action. Each setting makes it happen once, and replaces an earlier setting."""
 
     __slots__ = ("_machine", "action", "number")
 
     def __init__(self, machine: "Machine", action: Callable[[], None]) -> None:
         self._machine, self.action = machine, action
         self.number = 0
-        """Of the time that holds among all that were ever set; 0: it is not to come."""
+        """Number of the valid setting among all settings ever made; 0: none."""
 
     @property
     def is_set(self) -> bool:
-        """Whether it is still to come."""
+        """Whether the action is still to come."""
         return self.number != 0
 
     def set(self, delay_ps: int, *, quiet: bool = False) -> None:
-        """Let it happen in `delay_ps`. quiet: no program has to be stopped for it."""
+        """Let the action happen in `delay_ps`. `quiet`: the program need not be stopped for it."""
         self.number = self._machine.note(delay_ps, self, quiet)
 
     def cancel(self) -> None:
-        """Let it not happen; without effect once it has."""
+        """Cancel the action; no effect once it has happened."""
         self.number = 0
 
 
 class Machine:
     """Virtual time in picoseconds, the master clock, interrupt lines and the clocks of peripherals.
 
-    Events of one moment happen in the order in which they were scheduled: two runs are equal. A quiet one
-    happens at its moment too, but a program may have come further by then: up to its next access, or to the
-    next event that is not quiet.
+    Events at the same moment happen in the order in which they were scheduled, so two runs are equal. A quiet
+    event happens at its moment too, but the program may already have run further: up to its next access, or
+    to the next event that is not quiet.
     """
 
     def __init__(self) -> None:
@@ -64,19 +65,19 @@ class Machine:
         self.clocked = 0
         """Bit i: the clock of the peripheral with identifier i is on (PMC_PCSR0, PMC_PCSR1)."""
         self.quick_reads = QuickReads()
-        """Registers that a program reads without their peripheral."""
+        """Registers whose values a program reads without calling their peripheral."""
         self.on_irq: Callable[[int, bool], None] = lambda irq, level: None
-        """Where interrupt lines end; the board puts the NVIC here."""
+        """Receives changes of interrupt lines; the board connects the NVIC here."""
         self.on_clock_change: list[Callable[[], None]] = []
-        """Called after `mck_hz` has changed, for what counts its cycles."""
+        """Called after `mck_hz` has changed, for all parts that count its cycles."""
         self.asleep = False
         """Whether the processor sleeps."""
         self.idle_ps = 0
         """Time that the processor has slept, part of `now_ps` [ps]."""
         self.where: Callable[[], str] = lambda: ""
-        """Says for a fault what the processor was doing, for example "at PC 0x00080123"."""
+        """Returns what the processor was doing, for the text of a fault, such as "at PC 0x00080123"."""
         self.interrupted = False
-        """Whether a signal asks the program to end; who waits or runs looks at it often."""
+        """Whether a signal asks the program to end; all code that waits or runs checks it often."""
         self.now_ps = 0
         """Virtual time since power-up [ps]."""
         self._heap: list[tuple[int, int, Alarm]] = []
@@ -89,13 +90,13 @@ class Machine:
             raise KeyboardInterrupt
 
     def schedule(self, delay_ps: int, action: Callable[[], None]) -> Alarm:
-        """Let `action` happen in `delay_ps`, and return the means to cancel it."""
+        """Let `action` happen in `delay_ps`; return the alarm, which can be cancelled."""
         alarm = Alarm(self, action)
         alarm.set(delay_ps)
         return alarm
 
     def note(self, delay_ps: int, alarm: Alarm, quiet: bool) -> int:
-        """Note a time for an alarm, and return its number."""
+        """Schedule an alarm, and return the number of this setting."""
         self._scheduled = number = self._scheduled + 1
         at_ps = self.now_ps + delay_ps if delay_ps > 0 else self.now_ps
         heappush(self._quiet if quiet else self._heap, (at_ps, number, alarm))
@@ -113,7 +114,7 @@ class Machine:
         return NEVER_PS
 
     def advance_to(self, to_ps: int) -> None:
-        """Let time pass up to `to_ps`; the events on the way happen, each at its own moment."""
+        """Advance time to `to_ps`; each event on the way happens at its own moment."""
         heap, quiet = self._heap, self._quiet
         while True:
             first = quiet if quiet and not (heap and heap[0] < quiet[0]) else heap
@@ -134,29 +135,32 @@ class Machine:
         self.now_ps = to_ps
 
     def advance(self, by_ps: int) -> None:
-        """Let `by_ps` pass."""
+        """Advance time by `by_ps`."""
         self.advance_to(self.now_ps + by_ps)
 
     def set_mck(self, mck_hz: int) -> None:
-        """Change the master clock and tell whoever counts its cycles."""
+        """Change the master clock and notify the parts that count its cycles."""
         if mck_hz != self.mck_hz:
             self.mck_hz = mck_hz
             for tell in self.on_clock_change:
                 tell()
 
     def set_irq(self, irq: int, level: bool) -> None:
-        """Set the interrupt line of a peripheral; it is level-sensitive and may be set again and again."""
+        """Set the interrupt line of a peripheral.
+
+        The line is level-sensitive and may be set to the same level again.
+        """
         self.on_irq(irq, level)
 
     def clock_on(self, irq: int) -> bool:
-        """Whether PMC feeds the peripheral with this identifier (its interrupt number)."""
+        """Return whether PMC clocks the peripheral with this identifier (its interrupt number)."""
         return bool(self.clocked >> irq & 1)
 
     def fault(self, reason: str) -> NoReturn:
         """End the run.
 
         Raises:
-            EmulationFault: always; with the reason, the place in the program and the moment.
+            EmulationFault: always; with the reason, the address in the program and the moment.
         """
         place = self.where()
         raise EmulationFault(f"{reason} ({place + ', ' if place else ''}{self.now_ps / PS_PER_S:.6f} s)")

@@ -9,7 +9,7 @@ FLASH_BASE = 0x0008_0000
 FLASH_BYTES = 512 * 1024
 BANK_BYTES = FLASH_BYTES // 2
 RAM_BASE = 0x2007_0000
-"""SRAM0 is seen here once more, so that SRAM1 follows it; linker scripts for the board use this address."""
+"""A second address of SRAM0, at which SRAM1 follows it; linker scripts for the board use this address."""
 SRAM0_BASE = 0x2000_0000
 SRAM0_BYTES = 64 * 1024
 RAM_BYTES = 96 * 1024
@@ -17,7 +17,7 @@ ERASED = 0xFF
 
 
 class Memory:
-    """The contents of flash and RAM: they outlive the processor's resets."""
+    """The contents of flash and RAM, which survive resets of the processor."""
 
     def __init__(self) -> None:
         self.flash = mmap.mmap(-1, FLASH_BYTES)
@@ -28,7 +28,7 @@ class Memory:
         self.erase_flash()
 
     def erase_flash(self) -> None:
-        """Leave the flash blank."""
+        """Erase the flash."""
         self.is_blank = True
         self.flash[:] = bytes([ERASED]) * FLASH_BYTES
 
@@ -36,7 +36,7 @@ class Memory:
         """Put an image at the beginning of a blank flash.
 
         Raises:
-            ValueError: it is empty or longer than the flash.
+            ValueError: the image is empty or longer than the flash.
         """
         if not 0 < len(image) <= FLASH_BYTES:
             raise ValueError(f"an image has 1 to {FLASH_BYTES} bytes, not {len(image)}")
@@ -45,23 +45,23 @@ class Memory:
         self.is_blank = False
 
     def lose_power(self, seed: int) -> None:
-        """Fill the RAM with rubbish: no program may rely on what it finds there."""
+        """Fill the RAM with random bytes: no program may rely on its contents."""
         self._rubbish = np.random.default_rng(seed).bytes(RAM_BYTES)
         self.ram[:] = self._rubbish
 
     def ram_touched_bytes(self) -> int:
-        """Bytes of RAM, in words, that differ from the rubbish: written by the program since power-up."""
+        """Return the number of bytes of RAM, in whole words, that the program has written since power-up."""
         now = np.frombuffer(self.ram[:], dtype=np.uint32)
         return int(np.count_nonzero(now != np.frombuffer(self._rubbish, dtype=np.uint32))) * 4
 
     def stack_depth_bytes(self) -> int:
-        """Bytes below the stack's top, where the image has it, that were written since power-up."""
+        """Return the number of bytes from the stack's top down to the lowest one written since power-up."""
         top = int.from_bytes(self.flash[:4], "little") - RAM_BASE
         changed = [i for i in range(top) if self.ram[i] != self._rubbish[i]]
         return top - changed[0] if changed else 0
 
     def read(self, address: int, n: int) -> bytes | None:
-        """Return n bytes as a DMA controller reads them; None where there is no memory."""
+        """Return `n` bytes as a DMA controller reads them; None if there is no memory at the address."""
         for base, size, content in (
             (RAM_BASE, RAM_BYTES, self.ram),
             (FLASH_BASE, FLASH_BYTES, self.flash),
@@ -73,5 +73,5 @@ class Memory:
 
 
 def address_of(content: mmap.mmap) -> int:
-    """Where the host keeps it, for Unicorn and C++."""
+    """Return the address of the contents in the host's memory, for Unicorn and C++."""
     return ctypes.addressof(ctypes.c_char.from_buffer(content))

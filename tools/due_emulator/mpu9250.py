@@ -1,8 +1,8 @@
-"""The MPU-9250 as its register file: what a driver sees over I2C, in virtual time.
+"""The register file of the MPU-9250: what a driver sees over I2C, in virtual time.
 
-A plain object without any emulator, so that the Raspberry Pi's fake bus uses it too. Not modelled: filters
-(the world's signal is taken as it is), self-test, offset registers, wake on motion, cycle mode, the auxiliary
-I2C bus and the magnetometer behind it, and the separate rate of an accelerometer with ACCEL_FCHOICE_B.
+A plain object without an emulator, so that the Raspberry Pi's fake bus can use it too. Not modelled: filters
+(the world's signal is used unfiltered), self-test, offset registers, wake on motion, cycle mode, the
+auxiliary I2C bus and the magnetometer on it, and the separate rate of an accelerometer with ACCEL_FCHOICE_B.
 """
 
 from collections.abc import Callable
@@ -13,25 +13,30 @@ from tools.due_emulator.mpu9250_scaling import OUTPUT_BYTES, output_bytes
 from tools.due_emulator.noise import Motion, World
 
 QUIET_NS = 11 * MS_NS
-"""No acknowledge after power-up: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
+"""Time after power-up without acknowledge: the typical start-up time (PS-MPU-9250A-01, 3.4.2)."""
 READY_NS = 95 * MS_NS
-"""From power-up on, until then settings are lost. The limit in 3.4.2 is 100 ms; a little less, for a driver
-may count its 100 ms from an earlier moment."""
+"""Time after power-up in which settings are lost.
+
+The limit in 3.4.2 is 100 ms. It is a little less here, because a driver may count its 100 ms from an earlier
+moment.
+"""
 RESET_NS = READY_NS
-"""The same after H_RESET, which no document gives a time for: the vendor's own driver waits 100 ms. The chip
-answers meanwhile, with H_RESET set."""
+"""Time after H_RESET in which settings are lost.
+
+No document gives this time; the vendor's driver waits 100 ms. The chip acknowledges meanwhile, with H_RESET
+set.
+"""
 PULSE_NS = 50_000
-"""INT pulse without LATCH_INT_EN (PS-MPU-9250A-01, 3.4.2)."""
+"""Length of the INT pulse without LATCH_INT_EN (PS-MPU-9250A-01, 3.4.2)."""
 
 _CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
 _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
 
 
 class Mpu9250(Chip):
-    """An MPU-9250, or a relative of it.
+    """An MPU-9250, or a related chip, powered since long before time 0.
 
-    world: where motion comes from. on_int(level, at_ns): called when the INT pin changes. It has been powered
-    for long at time 0.
+    `world`: source of the motion. `on_int(level, at_ns)`: called when the INT pin changes.
     """
 
     fifo_register = reg.FIFO_R_W
@@ -58,7 +63,7 @@ class Mpu9250(Chip):
     # Time
 
     def advance(self, now_ns: int) -> None:
-        """Let time run up to `now_ns`.
+        """Advance time to `now_ns`.
 
         Raises:
             ValueError: time would run backwards.
@@ -72,14 +77,14 @@ class Mpu9250(Chip):
         self._skip_updates()
 
     def next_event_ns(self) -> int | None:
-        """Moment at which the INT pin can change next by itself; None if it cannot."""
+        """Return the moment of the next change of the INT pin without an access; None if there is none."""
         latched = self._active and bool(self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN)
         update_ns = self._next_update_ns() if self._interrupts() and not latched else None
         return _first(self._pulse_end_ns, update_ns)
 
     @property
     def clock_ppm(self) -> float:
-        """How much faster its clock runs than it should [ppm]; may be set at any time."""
+        """Error of the chip's clock, positive if the clock is too fast [ppm]; may be set at any time."""
         return self._clock_ppm
 
     @clock_ppm.setter
@@ -88,12 +93,12 @@ class Mpu9250(Chip):
         phase_ps = self._now_ns * PS_PER_NS - self._anchor_ps - self._updates * old_ps
         self._clock_ppm = ppm
         self._start_clock()
-        if old_ps and self._period_ps:  # the divider goes on from where it is
+        if old_ps and self._period_ps:  # the divider keeps its phase
             self._anchor_ps -= phase_ps * self._period_ps // old_ps
 
     @property
     def output_hz(self) -> float:
-        """Nominal rate at which the output registers change; 0 when it stands still (registers 25 and 26)."""
+        """Nominal rate of the output registers; 0 when the chip does not convert (registers 25 and 26)."""
         power = self._registers[reg.PWR_MGMT_1]
         if not self.powered or self._ready_at_ns is not None or power & reg.SLEEP:
             return 0.0
@@ -108,31 +113,31 @@ class Mpu9250(Chip):
         return 1000.0 / divider
 
     def register(self, register: int) -> int:
-        """What a register holds, without the bus."""
+        """Return the contents of a register without the bus."""
         return self._registers[register]
 
     def spoil(self, register: int, value: int) -> None:
-        """Change a register behind the driver's back."""
+        """Change a register without the driver's knowledge."""
         self._store(register, value)
 
     # Power
 
     def power_on(self, who_am_i: int | None = None) -> None:
-        """Power it up, or another chip in its place."""
+        """Power up the chip, or another chip in its place."""
         if who_am_i is not None:
             self.variant = reg.variant_of(who_am_i)
         self.powered = True
         self._begin(QUIET_NS, READY_NS)
 
     def become(self, who_am_i: int) -> None:
-        """Have been another chip all along: call it before anything else."""
+        """Become another chip from the beginning; call this before anything else."""
         self.variant = reg.variant_of(who_am_i)
         self._restore()
 
     # Bus
 
     def start(self, address: int, read: bool) -> bool:
-        """Take a START or repeated START with an address; return whether it acknowledges.
+        """Receive a START or repeated START with an address; return whether the chip acknowledges.
 
         From here to the STOP, the output registers show one instant: the user-facing set follows the internal
         one only while the bus is idle (RM-MPU-6000A-00, 4.17).
@@ -149,7 +154,6 @@ class Mpu9250(Chip):
         return True
 
     def stop(self) -> None:
-        """Take a STOP."""
         super().stop()
         self._busy = False
 
@@ -187,7 +191,7 @@ class Mpu9250(Chip):
             self._push_fifo(bytes([value]))
             return
         if register in _SCALING:
-            self._refresh_output()  # what was measured so far keeps its scale
+            self._refresh_output()  # data measured so far keeps its scale
         before = self.output_hz
         self._registers[register] = value & self.variant.writable.get(register, 0)
         if register == reg.USER_CTRL and value & reg.FIFO_RST:
@@ -201,7 +205,7 @@ class Mpu9250(Chip):
     # Reset
 
     def _restore(self) -> None:
-        """Reset values, and the clock started again if they let it run."""
+        """Restore reset values, and restart the clock if these values let it run."""
         self._ready_at_ns, self._quiet_until_ns, self._resetting = None, 0, False
         self._registers = bytearray(128)
         for register, value in self.variant.reset.items():
@@ -219,7 +223,7 @@ class Mpu9250(Chip):
     # Conversions
 
     def _next_internal_ns(self) -> int | None:
-        """The next moment that has to be gone through one by one; updates only if somebody follows each."""
+        """Return the next moment to process; an update counts only if the FIFO or an interrupt needs it."""
         is_followed = self._interrupts() or self._fills_fifo()
         update_ns = self._next_update_ns() if is_followed else None
         return _first(_first(self._pulse_end_ns, self._ready_at_ns), update_ns)
@@ -235,7 +239,7 @@ class Mpu9250(Chip):
             self._update(at_ns)
 
     def _skip_updates(self) -> None:
-        """Catch up with updates that nobody followed."""
+        """Catch up with updates that neither FIFO nor interrupt needed."""
         if self._period_ps is None:
             return
         updates = (self._now_ns * PS_PER_NS - self._anchor_ps) // self._period_ps
@@ -278,7 +282,7 @@ class Mpu9250(Chip):
             self._output = self._measure(self.world.at(self._output_ns))
 
     def _measure(self, motion: Motion) -> bytes:
-        """Counts of a motion at the configured ranges; axes switched off keep theirs (register 108)."""
+        """Return the counts of a motion at the configured ranges; disabled axes keep theirs (register 108)."""
         gyro_fs = self._registers[reg.GYRO_CONFIG] >> 3 & 3
         accel_fs = self._registers[reg.ACCEL_CONFIG] >> 3 & 3
         off = self._registers[reg.PWR_MGMT_2] & 0x3F
@@ -299,7 +303,7 @@ class Mpu9250(Chip):
         self._settle_pin()
 
     def _settle_pin(self) -> None:
-        """After a change of status or settings: a latched pin is active as long as an enabled flag is set."""
+        """Set the pin after a change; a latched pin is active while an enabled status flag is set."""
         if self._registers[reg.INT_PIN_CFG] & reg.LATCH_INT_EN:
             self._pulse_end_ns = None
             self._set_pin(bool(self._status & self._registers[reg.INT_ENABLE]))
@@ -315,7 +319,7 @@ class Mpu9250(Chip):
 
 
 def _first(one_ns: int | None, other_ns: int | None) -> int | None:
-    """The earlier of two moments that may never come."""
+    """Return the earlier of two moments that may be None."""
     if one_ns is None or (other_ns is not None and other_ns < one_ns):
         return other_ns
     return one_ns

@@ -1,4 +1,4 @@
-"""Register map of the MPU-9250 family, as the chip model needs it.
+"""Register map of the MPU-9250 family, as far as the chip model needs it.
 
 Sources: RM-MPU-9250A-00 revision 1.4 (section 3 and the descriptions by register number) and, for the
 MPU-6050, RM-MPU-6000A-00 revision 4.2. Register numbers are decimal there: 0x19 is register 25.
@@ -37,9 +37,9 @@ USER_FIFO_EN, I2C_IF_DIS, FIFO_RST = 0x40, 0x10, 0x04
 H_RESET, SLEEP, CLKSEL, CLKSEL_STOP = 0x80, 0x40, 0x07, 0x07
 
 FIFO_SOURCES = ((0x08, 0, 6), (0x80, 6, 8), (0x40, 8, 10), (0x20, 10, 12), (0x10, 12, 14))
-"""Bit of FIFO_EN (register 35), and the slice of the 14 output bytes; in the order of register numbers."""
+"""Bit of FIFO_EN (register 35) and slice of the 14 output bytes, in the order of register numbers."""
 
-# Bits that keep what is written. Registers that are absent here are read-only or reserved.
+# Writable bits of each register. Registers that are absent here are read-only or reserved.
 _WRITABLE = {
     **dict.fromkeys([0x00, 0x01, 0x02, 0x0D, 0x0E, 0x0F], 0xFF),  # self-test
     **dict.fromkeys(range(0x13, 0x19), 0xFF),  # gyro offsets
@@ -65,11 +65,11 @@ _WRITABLE = {
 
 
 class Variant(NamedTuple):
-    """What differs between the relatives.
+    """Differences between the related chips.
 
-    reset: registers that are not 0 after a reset. has_fchoice: GYRO_CONFIG selects 32 kHz; without it
-    SMPLRT_DIV divides 8 kHz too. fifo_reset_needs_off: FIFO_RST works only while USER_CTRL's FIFO_EN is 0.
-    fifo_bytes: what the FIFO holds (PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17).
+    `reset`: registers that are not 0 after a reset. `has_fchoice`: GYRO_CONFIG selects 32 kHz; without it
+    SMPLRT_DIV divides 8 kHz too. `fifo_reset_needs_off`: FIFO_RST works only while FIFO_EN in USER_CTRL is 0.
+    `fifo_bytes`: capacity of the FIFO (PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17).
     """
 
     who_am_i: int
@@ -81,9 +81,10 @@ class Variant(NamedTuple):
 
 
 def variant_of(who_am_i: int) -> Variant:
-    """Variant with this WHO_AM_I; an unknown id behaves like an MPU-9250 but for its name."""
+    """Return the variant with this WHO_AM_I; an unknown id differs from an MPU-9250 only in that id."""
     if who_am_i == 0x68:
-        # Without FIFO_MODE its FIFO always makes room for the newest (RM-MPU-6000A-00, registers 26 and 116).
+        # Without FIFO_MODE its FIFO always makes room for the newest bytes (RM-MPU-6000A-00, registers 26 and
+        # 116).
         writable = _WRITABLE | {CONFIG: 0x3F, GYRO_CONFIG: 0xF8, INT_ENABLE: 0x19, PWR_MGMT_2: 0xFF}
         del writable[ACCEL_CONFIG_2]  # reserved on the MPU-6050
         return Variant(who_am_i, {PWR_MGMT_1: 0x40}, writable, False, True, fifo_bytes=1024)

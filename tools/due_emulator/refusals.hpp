@@ -1,7 +1,7 @@
-// What a Cortex-M3 refuses of single instructions, and Unicorn's does not (ARMv7-M, A5 for the encodings).
-// The exact processor asks before each instruction (`need_of`). For the fast one a block is looked through
-// once: which registers have to hold multiples of 4 when the block begins, or that this cannot be told
-// (`AddressNeeds`).
+// Instructions that a Cortex-M3 refuses and Unicorn does not (ARMv7-M; A5 for the encodings). The exact
+// processor checks each instruction (`need_of`). For the fast one each block is examined once: `AddressNeeds`
+// finds which registers have to hold multiples of 4 at the beginning of the block, or that this cannot be
+// decided.
 #pragma once
 #include <cstdint>
 #include <cstring>
@@ -20,7 +20,7 @@ enum Refusal : uint64_t {
 constexpr unsigned kSp = 13;
 constexpr unsigned kPc = 15;
 
-// What the instruction is refused for, depending on a register.
+// Why an instruction may be refused, depending on the value of a register.
 struct Need {
     Refusal refusal;
     unsigned on;  // number of the register
@@ -36,7 +36,7 @@ inline Need need_of_narrow(uint16_t h) {
     return {kNotRefused, 0};
 }
 
-// Loads and stores of several words, and of one alone (A5.3.5, A5.3.6; alignment: A3.2.1).
+// Loads and stores of several words, and exclusive ones of a single word (A5.3.5, A5.3.6; alignment: A3.2.1).
 inline Need need_of_several(uint16_t h1, uint16_t h2) {
     const unsigned base = h1 & 15u;
     const bool several = !(h1 & 0x40);
@@ -52,13 +52,13 @@ inline Need need_of_several(uint16_t h1, uint16_t h2) {
     }
 }
 
-// Before an instruction; h2 counts if it is wide.
+// The condition under which an instruction is refused. `h2` matters only for a wide instruction.
 inline Need need_of(uint16_t h1, uint16_t h2) {
     if (!is_wide(h1)) return need_of_narrow(h1);
     if (h1 >> 9 == 0x74) return need_of_several(h1, h2);
     const unsigned high = h1 >> 4;
-    // Of processors with instructions for signals: SXTAH to UXTAB, which add; SSAT16, USAT16; what multiplies
-    // halves, several at once, or the upper halves alone.
+    // Instructions of processors with the DSP extension: SXTAH to UXTAB, which add; SSAT16, USAT16;
+    // multiplications of halfwords, of several values at once, or with only the upper half of the result.
     if (high >= 0xFA0 && high <= 0xFA5 && (h2 & 0xF080) == 0xF080 && (h1 & 15) != kPc) return {kNotOfM3, 0};
     if ((high == 0xF32 || high == 0xF3A) && !(h2 & 0xF0C0)) return {kNotOfM3, 0};
     if (high > 0xFB0 && high < 0xFB8) return {kNotOfM3, 0};
@@ -67,8 +67,8 @@ inline Need need_of(uint16_t h1, uint16_t h2) {
     return {kNotRefused, 0};
 }
 
-// Which registers hold, all through a block, another register's value of its beginning, changed by a multiple
-// of 4, or such a multiple itself.
+// Follows through a block which registers hold a multiple of 4, or the value that a register had at the
+// block's beginning, changed by a multiple of 4.
 class AddressNeeds {
   public:
     AddressNeeds(const uint8_t* flash, uint64_t base, uint64_t bytes)
@@ -76,7 +76,7 @@ class AddressNeeds {
         for (unsigned i = 0; i < 16; ++i) from_[i] = i;
     }
 
-    // Look at the next instruction.
+    // Follow the next instruction.
     void follow(uint64_t address, uint16_t h1, uint16_t h2) {
         const Need need = need_of(h1, h2);
         if (need.refusal == kNotOfM3) unknown_ = true;
@@ -89,13 +89,13 @@ class AddressNeeds {
             follow_narrow(address, h1);
     }
 
-    // Bit i: register i has to hold a multiple of 4 at the beginning of the block.
+    // Bit i: register i must hold a multiple of 4 at the beginning of the block.
     uint16_t aligned() const { return aligned_; }
-    // Whether an address may be of another origin, or an instruction is none of a Cortex-M3.
+    // Whether an address may have another origin, or an instruction is unknown to a Cortex-M3.
     bool unknown() const { return unknown_; }
 
   private:
-    static constexpr unsigned kMultiple = kPc;  // what PC is taken for where it is a base
+    static constexpr unsigned kMultiple = kPc;  // as a base, PC counts as a multiple of 4
     static constexpr unsigned kElsewhere = 16;
 
     void require(unsigned origin) {
@@ -116,7 +116,7 @@ class AddressNeeds {
             if (list >> i & 1) lose(i);
     }
 
-    // A register becomes another one plus so much, or minus.
+    // `to` becomes `other` plus or minus a number of bytes.
     void add(unsigned to, unsigned other, uint32_t bytes) { set(to, bytes & 3 ? kElsewhere : from_[other]); }
 
     void become(unsigned to, uint32_t value) { set(to, value & 3 ? kElsewhere : kMultiple); }
@@ -191,7 +191,7 @@ class AddressNeeds {
             case 0x7B:
                 if (h2 >> 15) {
                     lose(to);
-                    if (h1 >> 5 == 0x79C) lose(kSp);  // MSR may set it
+                    if (h1 >> 5 == 0x79C) lose(kSp);  // MSR may set SP
                 } else
                     follow_immediate(h1, h2, base, to);
                 break;
@@ -200,7 +200,7 @@ class AddressNeeds {
         }
     }
 
-    // What is written back differs by a multiple of 4.
+    // A base register that is written back changes by a multiple of 4.
     void follow_several(uint16_t h1, uint16_t h2) {
         const bool loads = h1 & 0x10;
         if (!(h1 & 0x40)) {
@@ -215,7 +215,7 @@ class AddressNeeds {
         if (exclusive) lose(h2 & 15u);
     }
 
-    // A register that is shifted by a number (A5.3.11): copies, multiples, and the addresses in a table.
+    // Shifts of a register by a constant (A5.3.11): copies, multiples, and addresses in a table.
     void follow_shifted(uint16_t h1, uint16_t h2) {
         const unsigned to = h2 >> 8 & 15u, base = h1 & 15u;
         const unsigned shift = (h2 >> 10 & 0x1Cu) | (h2 >> 6 & 3u);
@@ -241,7 +241,7 @@ class AddressNeeds {
         if (loads) lose(to);
     }
 
-    // ADD, SUB, MOV and their like with a number (A5.3.1, A5.3.3).
+    // ADD, SUB, MOV and the like with a constant (A5.3.1, A5.3.3).
     void follow_immediate(uint16_t h1, uint16_t h2, unsigned base, unsigned to) {
         const bool plain = h1 & 0x200;
         const unsigned what = h1 >> 4 & 31u;
@@ -254,7 +254,7 @@ class AddressNeeds {
             add(to, base, number);
         else if (plain && what == 4)
             become(to, number);
-        else if (!(plain && what == 12))  // MOVT leaves the lower half
+        else if (!(plain && what == 12))  // MOVT leaves the lower half unchanged
             lose(to);
     }
 

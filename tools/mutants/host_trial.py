@@ -48,7 +48,7 @@ class HostCopy:
         """Return the test that fails repeatedly for `change` but not without it; None if there is none.
 
         Raises:
-           Invalid: pytest itself fails.
+            Invalid: pytest itself fails.
         """
         source = self.root / change.file
         text = source.read_text(encoding="utf-8")

@@ -1,6 +1,4 @@
-"""Applies single bugs of a list to private copies of the firmware, builds the copies and runs the judges on
-them.
-"""
+"""Applies listed single bugs to private copies of the firmware, and builds and judges the copies."""
 
 import os
 import shutil
@@ -57,7 +55,7 @@ class Mutant(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Return the source with the bug.
 
         Raises:
-           ValueError: `old` does not occur exactly once in `text`, or `new` equals `old`.
+            ValueError: `old` does not occur exactly once in `text`, or `new` equals `old`.
         """
         if text.count(self.old) != 1 or self.old == self.new:
             raise ValueError(
@@ -116,7 +114,7 @@ def judge(root: Path, file: str, *, everyone: bool = False) -> list[Verdict]:
     `everyone`: go on after a judge has noticed the bug.
 
     Raises:
-       Invalid: the copy does not build.
+        Invalid: the copy does not build.
     """
     verdicts = []
     for name, ask in _judges(file):
@@ -171,7 +169,7 @@ def by_doctest(root: Path) -> str | None:
 
 
 def by_spectrum(root: Path) -> str | None:
-    """Build and run the C++ tests of the device's spectrum and fit; return the first case that fails, or None."""
+    """Build and run the C++ tests of the device's spectrum and fit; return the first failing case or None."""
     program = root / NATIVE / "board_tests"
     flags = "FLAGS=-std=gnu++11 -O1 -ffp-contract=off"
     here = root / "tests/native"
