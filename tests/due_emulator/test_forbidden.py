@@ -51,7 +51,7 @@ def play(board, steps):
         # Master clock
         (UNLOCKED, "PMC", "MCKR", 0x12, "not ready"),
         ([wait_states, plla], "PMC", "MCKR", 0x12, "CSS and PRES at once"),
-        ([wait_states, plla, HALVED], "PMC", "MCKR", 0x12, "before the change before it is done"),
+        ([wait_states, plla, HALVED], "PMC", "MCKR", 0x12, "before its last change is done"),
         ([wait_states, crystal, PLLA_90, 2.0, HALVED, 1.0], "PMC", "MCKR", 0x12, "90 MHz: at most 84"),
         *(
             (

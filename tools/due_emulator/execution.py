@@ -40,9 +40,10 @@ POLL_NEAR_PS = 25_000_000
 POLL_STEP_PS = 10_000_000
 """Rules of polls: a read that waits, so that time may be skipped.
 
-A read is a poll if the same instruction was among the last few reads, nothing was written since, and the value
-is the same. After a poll, time jumps to the next event if the event is near, within about the time of a byte on a wire.
-Otherwise time advances by 10 us. So waiting is cheap to emulate, and no event on a wire is delayed.
+A read is a poll if the same instruction was among the last few reads, nothing was written since, and the
+value is the same. After a poll, time jumps to the next event if the event is near, within about the time of a
+byte on a wire. Otherwise time advances by 10 us. So waiting is cheap to emulate, and no event on a wire is
+delayed.
 
 A loop that counts its turns is no poll, because its count would then stand for more time. Its registers
 change from turn to turn, although no value that it has read did.

@@ -25,9 +25,9 @@ class Burst(NamedTuple):
 class Boot:
     """One run of the program from reset to reset, as the emulator sees it.
 
-    `ended_ps`: moment of the next reset, or of the end of the run. `first_ps`: moment of the first read of the
-    sensor. `heard`: numbers of the first and the last sample that the host could use. `bursts`: filled only by
-    users that need them.
+    `ended_ps`: moment of the next reset, or of the end of the run. `first_ps`: moment of the first read of
+    the sensor. `heard`: numbers of the first and the last sample that the host could use. `bursts`: filled
+    only by users that need them.
     """
 
     cause: ResetType

@@ -223,7 +223,7 @@ class Mpu9250(Chip):
     # Conversions
 
     def _next_internal_ns(self) -> int | None:
-        """Return the next moment to process; an update counts only if the FIFO or an interrupt needs it."""
+        """Return the next moment to process; updates count only if the FIFO or an interrupt needs them."""
         is_followed = self._interrupts() or self._fills_fifo()
         update_ns = self._next_update_ns() if is_followed else None
         return _first(_first(self._pulse_end_ns, self._ready_at_ns), update_ns)
@@ -282,7 +282,7 @@ class Mpu9250(Chip):
             self._output = self._measure(self.world.at(self._output_ns))
 
     def _measure(self, motion: Motion) -> bytes:
-        """Return the counts of a motion at the configured ranges; disabled axes keep theirs (register 108)."""
+        """Return the counts of a motion at the configured ranges; axes switched off keep theirs (108)."""
         gyro_fs = self._registers[reg.GYRO_CONFIG] >> 3 & 3
         accel_fs = self._registers[reg.ACCEL_CONFIG] >> 3 & 3
         off = self._registers[reg.PWR_MGMT_2] & 0x3F

@@ -1,7 +1,8 @@
-"""The world that the sensor sits in: what rate, acceleration and temperature there is at a moment.
+"""The motion that the sensor measures: rate, acceleration and temperature at a given moment.
 
-The rate is piecewise constant. Value k holds from half a period before k periods to half a period after, so
-that a program that polls once a period, at multiples of it, meets each value exactly once.
+The rate is piecewise constant. Value k holds from half a period before k periods to half a period after k
+periods, so that a program that polls once a period, at multiples of the period, reads each value exactly
+once.
 """
 
 from pathlib import Path
@@ -21,14 +22,14 @@ from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 Vector = tuple[float, float, float]
 
 ACCEL_STD_G = 0.004
-"""300 ug/sqrt(Hz) over 184 Hz (PS-MPU-9250A-01, 3.2)."""
+"""Standard deviation of the accelerometer's noise [g]: 300 ug/sqrt(Hz) over 184 Hz (PS-MPU-9250A-01, 3.2)."""
 ACCEL_PERIOD_NS = 1_000_000
 ACCEL_ROWS = 4099
-"""A prime, so that its repetition falls on no rate of sampling."""
+"""Number of rows of accelerometer noise; a prime, so that their repetition matches no sampling rate."""
 CELSIUS = 25.0
 NS_PER_S = 1_000_000_000
 RATES_HZ = (1e-3, 1e5)
-"""Rates at which the world may change."""
+"""Lowest and highest rate at which the motion may change."""
 WITHOUT_MEANING = {
     "n": "the emulated board has no last sample",
     "lsb_per_dps": "the emulated sensor quantises by the range that the program has set",
@@ -38,7 +39,7 @@ WITHOUT_MEANING = {
 
 
 class Motion(NamedTuple):
-    """What the sensor feels: rate [deg/s], specific force [g], temperature [°C]."""
+    """What the sensor measures: rate [deg/s], specific force [g], temperature [°C]."""
 
     rate_dps: Vector
     accel_g: Vector
@@ -46,14 +47,17 @@ class Motion(NamedTuple):
 
 
 class World(Protocol):
-    """Where a chip takes its motion from."""
+    """Source of a chip's motion."""
 
     def at(self, now_ns: int) -> Motion:
-        """Motion at a moment; moments never run backwards. Equal motions of one value are the same object."""
+        """Return the motion at a moment.
+
+        Moments never run backwards. The same value is returned as the same object.
+        """
 
 
 class Constant:
-    """A world that never changes, for tests."""
+    """A motion that never changes, for tests."""
 
     def __init__(
         self,
@@ -64,15 +68,15 @@ class Constant:
         self.motion = Motion(rate_dps, accel_g, celsius)
 
     def at(self, now_ns: int) -> Motion:
-        """The same motion at any moment."""
+        """Return the same motion at any moment."""
         return self.motion
 
 
 class Stepped:
-    """A resting sensor whose rate takes the values of `next_rate`, one a period.
+    """A resting sensor whose rate takes the values of `next_rate`, one per period.
 
-    The accelerometer feels 1 g along z and white noise, new every ms: two conversions are never equal by
-    chance, as they would be if only the rate changed. Equal seeds give equal worlds.
+    The accelerometer measures 1 g along z and white noise, new every ms. Without this noise two conversions
+    would often be equal. Equal seeds give equal motions.
     """
 
     def __init__(self, rate_hz: float, seed: int) -> None:
@@ -85,10 +89,10 @@ class Stepped:
         self._motion = Motion((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), CELSIUS)
 
     def at(self, now_ns: int) -> Motion:
-        """Motion at a moment.
+        """Return the motion at a moment.
 
         Raises:
-            ValueError: the moment lies before the value that was given last.
+            ValueError: the moment lies before the value that was last returned.
         """
         k = (2 * now_ns + self._period_ns) // (2 * self._period_ns)
         if k < self._k:
@@ -104,27 +108,28 @@ class Stepped:
         return self._motion
 
     def next_rate(self, k: int) -> Vector:
-        """Rate of value k; asked for in order, once each [deg/s]."""
+        """Return rate number `k` [deg/s]; called once for each `k`, in order."""
         raise NotImplementedError
 
 
 class Fractional(Stepped):
-    """Noise of known order: exactly the values that `fltea.sources.synthetic` gives, before quantisation."""
+    """Noise of known order: exactly the values of `fltea.sources.synthetic`, before quantisation."""
 
     def __init__(self, settings: NoiseSettings) -> None:
         super().__init__(settings.rate_hz, settings.seed)
         self._noise = NoiseGenerator(msgspec.structs.replace(settings, lsb_per_dps=0.0))
 
     def next_rate(self, k: int) -> Vector:
-        """The next value of the noise; FlteaError once it is no longer finite."""
+        """Return the next value of the noise. FlteaError: the noise is no longer finite."""
         x, y, z = self._noise.step()
         return x, y, z
 
 
 class Replayed(Stepped):
-    """A recording, one row a period whatever its own rate was; at its end it begins again.
+    """A recording, replayed at one row per period whatever its own rate; it repeats at its end.
 
-    Axes that it lacks are 0. Its accelerometer is not used: recordings do not state its scale.
+    Missing axes are 0. Its accelerometer is not used, because recordings do not state the accelerometer's
+    scale.
     """
 
     def __init__(self, recording: Recording, rate_hz: float = 100.0, seed: int = 1) -> None:
@@ -133,20 +138,20 @@ class Replayed(Stepped):
         self._rate_dps = np.pad(rate, ((0, 0), (0, len(AXES) - rate.shape[1])))
         self.rows = len(rate)
         self.laps = 0
-        """How often it has been gone through to its end."""
+        """Number of times that the recording has been replayed completely."""
 
     def next_rate(self, k: int) -> Vector:
-        """Row k of the recording, counted round."""
+        """Return row `k` of the recording, modulo its length."""
         self.laps = k // self.rows
         x, y, z = (float(v) for v in self._rate_dps[k % self.rows])
         return x, y, z
 
 
 def fractional_world(query: str) -> Fractional:
-    """World from the text behind `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
+    """Return the motion for the text after `synthetic:`, such as `alpha=0.3&f=-1.5&seed=7`.
 
     Raises:
-        UsageError: names the key that is unknown, has an impossible value, or no meaning on this board.
+        UsageError: a key is unknown, has an impossible value, or does not apply to this board.
     """
     settings = parse_noise(query)
     for key in dict(parse_qsl(query.removeprefix("?"), keep_blank_values=True)):
@@ -159,10 +164,10 @@ def fractional_world(query: str) -> Fractional:
 
 
 def recorded_world(path: Path, rate_hz: float = 100.0, seed: int = 1) -> Replayed:
-    """World from a recording that `fltea run --source replay:…` reads (.npz or .csv).
+    """Return the motion of a recording that `fltea run --source replay:…` can read (.npz or .csv).
 
     Raises:
-        UsageError: not such a file.
+        UsageError: the file is no such recording.
     """
     stored = open_npz(path) if path.suffix.lower() == ".npz" else open_csv(path, How(rate_hz=rate_hz))
     return Replayed(stored.whole(), rate_hz, seed)

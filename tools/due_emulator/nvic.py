@@ -1,21 +1,21 @@
-"""Interrupts as the Cortex-M3 orders them: NVIC and the exceptions of the system (ARMv7-M, B1.5 and B3.4)."""
+"""The Cortex-M3's interrupts and priorities: NVIC and system exceptions (ARMv7-M, B1.5 and B3.4)."""
 
 from tools.due_emulator.machine import Machine
 
 SVCALL, PENDSV, SYSTICK = 11, 14, 15
 FIRST_IRQ = 16
 IRQS = 45
-"""Interrupt lines of the ATSAM3X8E (datasheet 9.1)."""
+"""Number of interrupt lines of the ATSAM3X8E (datasheet 9.1)."""
 PRIORITY_MASK = 0xF0
 """The chip implements four bits of priority."""
 LOWEST = 0x100
 
 
 class Nvic:
-    """Which exceptions are pending, active and enabled, by exception number (16 + interrupt number).
+    """Pending, active and enabled exceptions, by exception number (16 + interrupt number).
 
-    A level-sensitive line pends its interrupt when it rises, and again if it is still up when the handler
-    returns.
+    A level-sensitive line makes its interrupt pending when it rises, and again if it is still high when the
+    handler returns.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -23,7 +23,7 @@ class Nvic:
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip."""
+        """Return to the state after a reset of the chip."""
         self.pending = 0
         self.enabled = 1 << PENDSV | 1 << SYSTICK
         self.active: list[int] = []
@@ -43,7 +43,7 @@ class Nvic:
         self.pending |= 1 << exception
 
     def unpend(self, exception: int) -> None:
-        """Take back a pending exception; a line that is still up pends it at once again."""
+        """Clear a pending exception; a line that is still high makes it pending again."""
         self.pending &= ~(1 << exception) | self._lines
 
     def group(self, exception: int) -> int:
@@ -51,9 +51,9 @@ class Nvic:
         return self.priority[exception] & -(2 << self.priority_group)
 
     def urgent(self, base_priority: int = 0) -> int | None:
-        """Return the pending exception that would be taken now were it not for PRIMASK.
+        """Return the pending exception that would be entered now if PRIMASK were clear.
 
-        base_priority: BASEPRI, 0 for none.
+        `base_priority`: BASEPRI, 0 for none.
         """
         waiting = self.pending & self.enabled
         if not waiting:
@@ -69,17 +69,17 @@ class Nvic:
         return best if self.group(best) < running else None
 
     def enter(self, exception: int) -> None:
-        """Note that its handler begins."""
+        """Note that the exception's handler begins."""
         self.pending &= ~(1 << exception)
         self.active.append(exception)
 
     def leave(self) -> int:
-        """Note that the handler that runs returns, and say which it was."""
+        """Note that the running handler returns; return its exception number."""
         exception = self.active.pop()
         self.pending |= self._lines & 1 << exception
         return exception
 
 
 def describe_exception(exception: int) -> str:
-    """Name an exception for a person."""
+    """Return the name of an exception for people."""
     return f"interrupt {exception - FIRST_IRQ}" if exception >= FIRST_IRQ else f"exception {exception}"

@@ -1,18 +1,21 @@
-"""A peripheral as its registers: strict about which exist, how they may be accessed, and its clock."""
+"""A peripheral with its registers.
+
+It is strict about which registers exist, how they are accessed, and the clock.
+"""
 
 from tools.due_emulator.machine import Machine
 from tools.due_emulator.register_table import Register, bit_registers, peripherals
 
 FIRST_CLOCKED_ID = 8
-"""Peripheral identifiers below belong to the system controller, which always runs (datasheet 9.1)."""
+"""Smallest peripheral identifier with a clock; lower ones are in the system controller (datasheet 9.1)."""
 
 
 class Peripheral:
-    """A register file by the SVD; what the registers do is up to `on_read` and `on_write`.
+    """A register file according to the SVD; `on_read` and `on_write` define what the registers do.
 
-    Programs come in through `read` and `write`, by the register's name. A register that does not exist, one
-    accessed against its mode, and a peripheral without its clock end the run. status: the register whose
-    flags, where IMR has them too, raise the interrupt line; empty if they do not.
+    Programs use `read` and `write` with the register's name. The run ends at a register that does not exist,
+    an access that its mode forbids, or an access without the peripheral's clock. `status`: name of the
+    register whose flags raise the interrupt line if IMR enables them; empty if there is none.
     """
 
     status = ""
@@ -25,19 +28,21 @@ class Peripheral:
         self._bits = bit_registers(name)
         self._by_offset: dict[int, Register] = {}
         for register in self.table.registers.values():
-            self._by_offset.setdefault(register.offset, register)  # later ones are other views of the first
+            self._by_offset.setdefault(
+                register.offset, register
+            )  # later registers at the same offset are other views of the first
         self._store_reset_values()
 
     def reset(self) -> None:
-        """Back to the state after a reset of the chip; a subclass calls this and resets what it adds."""
+        """Return to the state after a reset of the chip; a subclass calls this and resets what it adds."""
         self._store_reset_values()
 
     def on_read(self, register: str) -> int:
-        """Return what the program reads; the stored value unless overridden."""
+        """Return the value that the program reads: the stored value unless overridden."""
         return self.registers[register]
 
     def on_write(self, register: str, value: int) -> None:
-        """Take what the program writes: stored, or set or cleared in another register, unless overridden."""
+        """Handle a write: store the value, or set or clear bits in another register, unless overridden."""
         if register in self._bits:
             shown, sets = self._bits[register]
             self.flag(shown, value, sets)
@@ -45,34 +50,34 @@ class Peripheral:
             self.registers[register] = value
 
     def flag(self, register: str, mask: int, on: bool) -> None:
-        """Set or clear bits of a register, and bring the interrupt line up to date."""
+        """Set or clear bits of a register, and update the interrupt line."""
         old = self.registers[register]
         self.registers[register] = old | mask if on else old & ~mask
         self.settle_irq()
 
     def settle_irq(self) -> None:
-        """Let the interrupt line be up while an enabled flag is."""
+        """Raise the interrupt line while an enabled flag is set."""
         if self.status and self.table.irq is not None:
             flags = self.registers[self.status] & self.registers["IMR"]
             self.machine.set_irq(self.table.irq, bool(flags))
 
     def clock_id(self, register: str) -> int | None:
-        """Identifier whose clock an access to `register` needs; None if it needs none."""
+        """Return the identifier whose clock an access to `register` needs; None if it needs none."""
         irq = self.table.irq
         return irq if irq is not None and irq >= FIRST_CLOCKED_ID else None
 
     def read(self, register: str) -> int:
-        """Read as a program does, with all checks."""
+        """Read a register as a program does, with all checks."""
         self.check_access(self.table.registers[register], "read")
         return self.on_read(register)
 
     def write(self, register: str, value: int) -> None:
-        """Write as a program does, with all checks."""
+        """Write a register as a program does, with all checks."""
         self.check_access(self.table.registers[register], "write")
         self.on_write(register, value)
 
     def register_at(self, offset: int, size: int, verb: str) -> Register:
-        """Return the register at an offset from the base; anything else ends the run."""
+        """Return the register at an offset from the base; ends the run if there is none."""
         register = self._by_offset.get(offset)
         if register is None:
             self.machine.fault(f"{verb} of an unknown register of {self.name}: offset 0x{offset:X}")
@@ -86,7 +91,7 @@ class Peripheral:
         return self.registers[register] >> lsb & ((1 << width) - 1)
 
     def mask(self, register: str, field: str) -> int:
-        """Return the mask of a field in place."""
+        """Return the mask of a field, shifted to the field's bits."""
         lsb, width = self.table.registers[register].fields[field]
         return ((1 << width) - 1) << lsb
 

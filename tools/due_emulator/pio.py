@@ -1,6 +1,6 @@
-"""PIOA to PIOD: pins as outputs, inputs with interrupts, or handed to a peripheral.
+"""PIOA to PIOD: pins as outputs, as inputs with interrupts, or assigned to a peripheral.
 
-Sources: SAM3X datasheet, chapter 31. Not modelled: input filters (a glitch never happens here) and drive of
+Source: SAM3X datasheet, chapter 31. Not modelled: input filters (there are no glitches here) and the drive of
 unconnected pins.
 """
 
@@ -18,29 +18,29 @@ PROTECTED = {
     *("PER", "PDR", "OER", "ODR", "IFER", "IFDR", "MDER", "MDDR"),
     *("PUDR", "PUER", "ABSR", "OWER", "OWDR"),
 }
-"""Closed by WPMR (31.5.16)."""
+"""Registers that WPMR protects (31.5.16)."""
 
 NEEDS_CLOCK = {"PDSR", "ISR", "IER"}
-"""Levels and edges of inputs are sampled; everything else works without a clock (31.4.3)."""
+"""Registers of sampled input levels and edges, which need the clock; all others work without it (31.4.3)."""
 
 
 class Pio(Peripheral):
-    """One controller of 32 pins; `connect` puts a pin on a wire."""
+    """A controller of 32 pins; `connect` connects a pin to a wire."""
 
     status = "ISR"
 
     def __init__(self, machine: Machine, name: str) -> None:
         super().__init__(machine, name)
         self.on_mux_change: list[Callable[[], None]] = []
-        """Called when pins change hands between this controller and the peripherals."""
+        """Called when pins are reassigned between this controller and the peripherals."""
         self.on_output: Callable[[int, bool], None] = lambda bit, level: None
-        """Called as on_output(bit, level) when a pin that is an output changes."""
+        """Called as on_output(bit, level) when the level of an output pin changes."""
         self._wires: dict[int, Wire] = {}
         self._shown = 0
         self._power_up()
 
     def reset(self) -> None:
-        """All pins are inputs with pull-ups, under this controller (31.7: PSR, PUSR)."""
+        """Make all pins inputs with pull-ups under this controller (31.7: PSR, PUSR)."""
         super().reset()
         self._power_up()
 
@@ -50,19 +50,19 @@ class Pio(Peripheral):
         self.settle_irq()
 
     def connect(self, bit: int, wire: Wire) -> None:
-        """Solder a pin to a wire."""
+        """Connect a pin to a wire."""
         self._wires[bit] = wire
         wire.listen(partial(self._on_wire, bit))
         self._follow(1 << bit)
 
     def peripheral(self, bit: int) -> str | None:
-        """'A' or 'B', the peripheral that has the pin, or None while this controller has it."""
+        """Return 'A' or 'B', the peripheral to which the pin is assigned; None if this controller has it."""
         if self.registers["PSR"] >> bit & 1:
             return None
         return "B" if self.registers["ABSR"] >> bit & 1 else "A"
 
     def output(self, bit: int) -> bool | None:
-        """Level that the pin drives; None if it does not drive, as an open drain at 1 does not."""
+        """Return the level that the pin drives; None if it does not drive, like an open drain at 1."""
         registers = self.registers
         if not (registers["PSR"] & registers["OSR"]) >> bit & 1:
             return None
@@ -70,7 +70,7 @@ class Pio(Peripheral):
         return None if high and registers["MDSR"] >> bit & 1 else high
 
     def level(self, bit: int) -> bool:
-        """Level at the pin."""
+        """Return the level at the pin."""
         wire = self._wires.get(bit)
         if wire is not None:
             return wire.level
@@ -78,11 +78,11 @@ class Pio(Peripheral):
         return driven if driven is not None else not self.registers["PUSR"] >> bit & 1
 
     def clock_id(self, register: str) -> int | None:
-        """Only what samples inputs needs the clock."""
+        """Return the clock's identifier for registers of sampled inputs only."""
         return super().clock_id(register) if register in NEEDS_CLOCK else None
 
     def on_read(self, register: str) -> int:
-        """Levels are live; reading ISR clears it."""
+        """Return the present levels for PDSR; a read of ISR clears ISR."""
         if register == "PDSR":
             return sum(1 << bit for bit in range(32) if self.level(bit))
         value = self.registers[register]
@@ -92,7 +92,7 @@ class Pio(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Set or clear bits; what drives or selects takes effect at once."""
+        """Set or clear bits; changes of outputs and assignments take effect immediately."""
         if register in PROTECTED and self.registers["WPMR"] & WPEN:
             self.machine.fault(f"write of 0x{value:X} to {self.name}_{register}, which WPMR protects")
         if register == "WPMR":
@@ -105,7 +105,7 @@ class Pio(Peripheral):
         if register in self._bits:
             shown, sets = self._bits[register]
             if not value & (~self.registers[shown] if sets else self.registers[shown]):
-                return  # as it is already
+                return  # no change
         changed = value
         if register == "ODSR":
             changed = self.registers["OWSR"]
@@ -120,7 +120,7 @@ class Pio(Peripheral):
                 tell()
 
     def _follow(self, bits: int) -> None:
-        """Bring the wires of these pins, and whoever watches outputs, to the registers."""
+        """Update the wires of these pins and the callbacks of outputs from the registers."""
         for bit, wire in self._wires.items():
             if bits >> bit & 1:
                 who = f"P{self.name[-1]}{bit}"
@@ -141,7 +141,10 @@ class Pio(Peripheral):
             self.settle_irq()
 
     def _is_event(self, bit: int, level: bool) -> bool:
-        """Any edge, unless the additional modes choose one (31.5.10); a level counts as the edge to it."""
+        """Return whether an edge is an event: any edge, unless the additional modes choose one (31.5.10).
+
+        A chosen level counts as the edge to that level.
+        """
         if not self.registers["AIMMR"] >> bit & 1:
             return True
         return level == bool(self.registers["FRLHSR"] >> bit & 1)

@@ -1,4 +1,4 @@
-"""The Power Management Controller: oscillators, PLLs, the master clock, clocks of peripherals (datasheet 28).
+"""The Power Management Controller: oscillators, PLLs, the master clock, peripheral clocks (datasheet 28).
 
 The main oscillator has the board's 12 MHz crystal.
 """
@@ -11,28 +11,30 @@ from tools.due_emulator.peripheral import Peripheral
 CRYSTAL_HZ = 12_000_000
 RC_HZ = (4_000_000, 8_000_000, 12_000_000)
 CRYSTAL_COUNT, PLLA_COUNT = 8, 0x3F
-"""Start-up times that the vendor gives the board's crystal and the PLL (system_sam3xa.c), in 8 periods of the
-slow clock and in single ones; how soon they are ready in truth differs from board to board."""
+"""Start-up times of the board's crystal and of the PLL in the vendor's code (system_sam3xa.c).
+
+They are in 8 periods of the slow clock, and in single periods. The true times differ from board to board.
+"""
 MCK_MAX_HZ = 84_000_000
 PLLA_OUTPUT_HZ = (96_000_000, 192_000_000)
-"""Allowed range of the PLL's output (datasheet 45.5, read second hand)."""
+"""Allowed range of the PLL's output (datasheet 45.5, taken from a secondary source)."""
 UPLL_HZ = 480_000_000
 KEY, WP_KEY = 0x37, 0x50_4D43
 CLOCKED_IDS = (1 << 45) - (1 << 8)
-"""Peripherals whose clock can be switched: 8 to 44 (datasheet 9.1, read second hand)."""
+"""Peripherals whose clock can be switched: 8 to 44 (datasheet 9.1, taken from a secondary source)."""
 CSS_SLOW, CSS_MAIN, CSS_PLLA, CSS_UPLL = range(4)
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))
 PCKRDY = 0x700
 SELECT_PS = 2_000_000
-"""Time that a change of a selector takes; a round number, the datasheet states none."""
+"""Duration of a change of a selector; a round number, since the datasheet gives none."""
 PLLAR_ONE = 1 << 29
 
 
 class Pmc(Peripheral):
-    """Clocks as the program sets them up, with the times that they take to become ready.
+    """Clocks as the program sets them up, with the times until they are ready.
 
-    check_flash: called with the new master clock just before it is taken; ends the run if the flash is too
-    slow for it.
+    `check_flash`: called with the new master clock just before the clock changes; ends the run if the flash
+    is too slow.
     """
 
     status = "SR"
@@ -44,7 +46,7 @@ class Pmc(Peripheral):
         self.reset()
 
     def reset(self) -> None:
-        """The fast RC oscillator at 4 MHz, all peripheral clocks off."""
+        """Select the fast RC oscillator at 4 MHz, and switch all peripheral clocks off."""
         for event in self._events.values():
             event.cancel()
         self._events.clear()
@@ -55,7 +57,7 @@ class Pmc(Peripheral):
         self.machine.set_mck(RC_HZ[0])
 
     def on_write(self, register: str, value: int) -> None:
-        """Keys, order and readiness are checked."""
+        """Write a register after a check of keys, order and readiness."""
         r = self.registers
         match register:
             case "PCER0" | "PCER1" | "PCDR0" | "PCDR1":
@@ -88,7 +90,7 @@ class Pmc(Peripheral):
                 super().on_write(register, value)
 
     def on_read(self, register: str) -> int:
-        """Stored values; the measured main clock is always ready."""
+        """Return stored values; the measured main clock is always ready."""
         if register == "CKGR_MCFR":
             return 1 << 16 | self._main_hz() * 16 // SLOW_CLOCK_HZ
         return self.registers[register]
@@ -150,9 +152,7 @@ class Pmc(Peripheral):
     def _set_master_clock(self, value: int) -> None:
         r = self.registers
         if not r["SR"] & MCKRDY:
-            self.machine.fault(
-                "PMC_MCKR is written before the change before it is done: wait for PMC_SR.MCKRDY"
-            )
+            self.machine.fault("PMC_MCKR is written before its last change is done: wait for PMC_SR.MCKRDY")
         css, pres = self.mask("MCKR", "CSS"), self.mask("MCKR", "PRES")
         changed = value ^ r["MCKR"]
         if changed & css and changed & pres:

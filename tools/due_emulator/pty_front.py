@@ -1,7 +1,7 @@
-"""The programming port as a pseudo-terminal: the board in real time, reset whenever a program opens it.
+"""The programming port as a pseudo-terminal: the board in real time, reset whenever a program opens the port.
 
-The kernel tells whether the port is open, not that it was opened: closing and opening it again within one
-look, some 5 to 20 ms, goes unseen and resets nothing.
+The kernel reports whether the port is open, not that it was opened. A port that is closed and opened again
+between two checks, some 5 to 20 ms apart, is not noticed and does not reset the board.
 """
 
 import math
@@ -15,15 +15,15 @@ from tools.pty_port import PtyPort
 CHUNK_S = 0.005
 ERASE_BAUD = 1200
 BEHIND_S = 0.5
-"""A lag behind real time that is worth a warning: at half the speed it takes a second to grow."""
+"""Smallest lag behind real time that gives a warning; at half the speed it takes a second to grow."""
 AGAIN_S = 60.0
-"""The shortest time between two warnings."""
+"""Shortest time between two warnings."""
 WINDOW_S = 1.0
 """Time over which the speed is measured."""
 
 
 class Pace:
-    """Follows one run from its beginning; `look` with moments that never run backwards."""
+    """Measures how far a run lags behind real time; call `look` with rising times."""
 
     def __init__(self) -> None:
         self.worst_lag_s = 0.0
@@ -32,9 +32,9 @@ class Pace:
         self._warned_s = -math.inf
 
     def look(self, real_s: float, board_s: float) -> str | None:
-        """Return the warning that is due now, if one is.
+        """Return the warning that is due now, or None.
 
-        real_s, board_s: time since the beginning, and how much of it the board has lived [s].
+        `real_s`: real time since the beginning [s]. `board_s`: the board's virtual time since then [s].
         """
         lag_s = real_s - board_s
         self.worst_lag_s = max(self.worst_lag_s, lag_s)
@@ -42,7 +42,7 @@ class Pace:
         if real_s - before_s >= WINDOW_S:
             self._speed = (board_s - board_before_s) / (real_s - before_s)
             self._mark = (real_s, board_s)
-        # A lag that shrinks is being made good.
+        # A shrinking lag needs no warning.
         if lag_s <= BEHIND_S or real_s - self._warned_s < AGAIN_S or self._speed is None or self._speed >= 1:
             return None
         self._warned_s = real_s
@@ -55,7 +55,7 @@ class Pace:
 class Front:
     """Runs the board while the port is open; without a client the board stands still.
 
-    Warnings go to standard error.
+    Warnings are printed to standard error.
     """
 
     def __init__(self, board: Board, port: PtyPort) -> None:
@@ -66,17 +66,17 @@ class Front:
 
     @property
     def notes(self) -> list[str]:
-        """What a person should know of the run."""
+        """Remarks on the run for the report."""
         notes = [f"the port was opened {self.openings} time(s)"]
         if self.worst_lag_s > BEHIND_S:
             notes.append(f"this machine is too slow: up to {self.worst_lag_s:.1f} s behind real time")
         return notes
 
     def serve(self) -> NoReturn:
-        """Serve one client after the other, until interrupted.
+        """Serve one client after another, until interrupted.
 
         Raises:
-            EmulationFault: the program did what is not forgiven.
+            EmulationFault: the program did what the real board does not tolerate.
         """
         while True:
             while not self._port.is_open:
@@ -101,7 +101,7 @@ class Front:
                 if (warning := pace.look(due_s, done_s)) is not None:
                     print(f"due_emulator: {warning}", file=sys.stderr, flush=True)
                 self.worst_lag_s = max(self.worst_lag_s, pace.worst_lag_s)
-                # A piece of fixed length, so that a board that lags still looks at its port.
+                # Run a piece of limited length, so that a board that lags still checks its port.
                 board.run_until(board_begin_s + min(due_s, done_s + 4 * CHUNK_S) + CHUNK_S)
             board.bridge.flush()
             port.flush()

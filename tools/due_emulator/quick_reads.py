@@ -1,7 +1,6 @@
-"""Registers that programs poll, laid out for `execution.cpp`: it reads them without Python.
+"""Registers that programs poll, stored so that `execution.cpp` can read them without Python.
 
-Only reads that do nothing are made there. A peripheral keeps its entries true whenever they change; nobody
-has to look at them.
+Only reads without side effects are done there. Each peripheral updates its entries whenever they change.
 """
 
 import ctypes
@@ -13,8 +12,8 @@ NONE, WORD, COUNTER = range(3)
 class QuickRegister(ctypes.Structure):
     """A register that holds a value, or counts.
 
-    Holding: value; while it has one of the bits `cleared`, reading it does something and is left to Python.
-    Counting: `from_cycles` and the cycles of hz / divider since from_ps, taken back to 0 at each `period`.
+    Holding: `value`; while it has one of the bits `cleared`, a read has a side effect and is left to Python.
+    Counting: `from_cycles` plus the cycles of hz / divider since `from_ps`, modulo `period`.
     """
 
     _fields_ = tuple(
@@ -26,18 +25,18 @@ class QuickRegister(ctypes.Structure):
     )
 
     def hold(self, value: int, cleared: int) -> None:
-        """Hold a value."""
+        """Let the register hold a value."""
         self._value, self._cleared, self._kind = value, cleared, WORD
 
     def count(self, from_ps: int, from_cycles: int, rate_hz: tuple[int, int], period: int) -> None:
-        """Count."""
+        """Let the register count."""
         self._from_ps, self._from_cycles, self._period = from_ps, from_cycles, period
         self._hz, self._divider = rate_hz
         self._kind = COUNTER
 
 
 class QuickReads(ctypes.Structure):
-    """All such registers of a machine. clocked: as `Machine.clocked`."""
+    """All such registers of a machine. `clocked`: as `Machine.clocked`."""
 
     _fields_ = (
         ("clocked", ctypes.c_uint64),
@@ -46,7 +45,7 @@ class QuickReads(ctypes.Structure):
     )
 
     def add(self, address: int, clock: int | None) -> QuickRegister:
-        """Lay out a register; clock: identifier of the peripheral whose clock it needs, if it needs one."""
+        """Add a register. `clock`: identifier of the peripheral whose clock it needs, or None."""
         register: QuickRegister = self._registers[self._count]
         self._count += 1
         register.address, register._clock = address, 0 if clock is None else 1 << clock

@@ -1,4 +1,4 @@
-"""Peripherals of which only the registers exist: enough for the start-up of the Arduino core to pass by."""
+"""Peripherals that consist of registers only: enough for the start-up of the Arduino core."""
 
 from tools.due_emulator.peripheral import Peripheral
 
@@ -6,7 +6,7 @@ PLAIN = (
     *("HSMCI", "SSC", "SPI0", "PWM", "EMAC", "CAN0", "CAN1", "ADC", "DMAC", "DACC", "SMC", "MATRIX"),
     *("SUPC", "RTT", "RTC", "GPBR", "CHIPID", "UOTGHS"),
 )
-"""What nothing but a register file stands for."""
+"""Peripherals that are only a register file."""
 
 RESET_VALUES = {
     ("CHIPID", "CIDR"): 0x285E_0A60,  # SAM3X8E (datasheet 9.2.3 as used by flash tools)
@@ -17,13 +17,13 @@ REFUSED = {
     ("DMAC", "EN"): 0x01,
     ("EMAC", "NCR"): 0x0C,
 }
-"""Bits that would start what is not modelled."""
+"""Bits that would start functions that are not modelled."""
 SUPC_KEY, SUPC_KEYED = 0xA5, ("CR", "MR")
 USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14
 
 
 class RegisterFile(Peripheral):
-    """Keeps what is written; set, clear and status registers belong together; work is refused."""
+    """Stores written values. Set, clear and status registers work; a write that starts a function is a fault."""
 
     def _store_reset_values(self) -> None:
         super()._store_reset_values()
@@ -32,7 +32,7 @@ class RegisterFile(Peripheral):
                 self.registers[register] = value
 
     def on_write(self, register: str, value: int) -> None:
-        """Keep the value, or set or clear bits."""
+        """Store the value, or set or clear bits."""
         if value & REFUSED.get((self.name, register), 0):
             self.machine.fault(f"{self.name} is put to work by {register} = 0x{value:X}: it is not modelled")
         if self.name == "SUPC" and register in SUPC_KEYED:

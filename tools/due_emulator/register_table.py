@@ -21,13 +21,13 @@ TRIPLES = (
         ("LSR", "ESR", "ELSR"),
     ),
     *(("REHLSR", "FELLSR", "FRLHSR"), ("DIFSR", "SCIFSR", "IFDGSR")),
-    ("PUDR", "PUER", "PUSR"),  # a 1 in PUSR says that the pull-up is off
+    ("PUDR", "PUER", "PUSR"),  # a 1 in PUSR means that the pull-up is off
 )
-"""Registers that set bits, clear bits, and show them."""
+"""Triples of registers that set bits, clear bits, and show the bits."""
 
 
 class Register(NamedTuple):
-    """One register of a peripheral; fields: name to (lowest bit, width)."""
+    """One register of a peripheral. `fields`: name to (lowest bit, width)."""
 
     name: str
     offset: int
@@ -38,7 +38,7 @@ class Register(NamedTuple):
 
 
 class PeripheralTable(NamedTuple):
-    """One peripheral; irq is its identifier in NVIC and PMC alike, None for those without."""
+    """One peripheral. `irq`: its identifier in NVIC and PMC; None if it has none."""
 
     name: str
     base: int
@@ -68,7 +68,7 @@ def peripherals() -> dict[str, PeripheralTable]:
 
 @functools.cache
 def bit_registers(name: str) -> dict[str, tuple[str, bool]]:
-    """Registers of a peripheral that set or clear bits of another one: which, and whether they set them."""
+    """Return the registers that set or clear another register's bits: its name, and whether bits are set."""
     registers = peripherals()[name].registers
     found: dict[str, tuple[str, bool]] = {}
     for names in TRIPLES:

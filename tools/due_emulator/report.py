@@ -1,4 +1,4 @@
-"""What a run gave: one JSON object, or lines for a person (tools/due_emulator/README.md lists the fields)."""
+"""Reports a run as a JSON object, or as lines for people (tools/due_emulator/README.md lists the fields)."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,9 +17,10 @@ def make_report(
     error: str | None,
     notes: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Gather everything.
+    """Return the report of a run.
 
-    wall_s: how long it took; None if it was paced. error: why the run ended early; None if it did not.
+    `wall_s`: real duration of the run; None if it ran in real time. `error`: why the run ended early; None if
+    it did not.
     """
     host.stop()
     machine, counts, bridge, due = board.machine, host.counts, board.bridge, host.due

@@ -1,4 +1,4 @@
-"""The Reset Controller: why the board started, and reset by the program (datasheet 12)."""
+"""The Reset Controller: causes of a start, and resets by the program (datasheet 12)."""
 
 from collections.abc import Callable
 from enum import IntEnum
@@ -12,7 +12,7 @@ NRSTL = 1 << 16
 
 
 class ResetType(IntEnum):
-    """RSTC_SR.RSTTYP."""
+    """Values of RSTC_SR.RSTTYP."""
 
     POWER_UP = 0
     BACKUP = 1
@@ -22,7 +22,7 @@ class ResetType(IntEnum):
 
 
 class ResetController(Peripheral):
-    """Says why the chip started; `request` is called when the program asks for a reset."""
+    """Reports why the chip started; calls `request` when the program asks for a reset."""
 
     def __init__(self, machine: Machine, request: Callable[[], None]) -> None:
         super().__init__(machine, "RSTC")
@@ -35,14 +35,14 @@ class ResetController(Peripheral):
         self.registers["SR"] = cause << 8 | NRSTL | (cause is ResetType.USER)
 
     def on_read(self, register: str) -> int:
-        """Reading SR clears URSTS."""
+        """Read a register; a read of SR clears URSTS."""
         value = self.registers[register]
         if register == "SR":
             self.registers["SR"] &= ~1
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Both registers have a key."""
+        """Write a register; both registers need the key."""
         if value >> 24 != KEY:
             self.machine.fault(f"RSTC_{register} = 0x{value:08X} without its key 0xA5: the chip ignores it")
         if register == "MR":

@@ -1,4 +1,4 @@
-"""Where the sensor is plugged in: its supply, its INT pin, and the clock that it lives by."""
+"""The socket of the sensor: its supply, its INT pin, and its clock."""
 
 from tools.due_emulator.machine import Alarm, Machine
 from tools.due_emulator.mpu9250 import Mpu9250
@@ -8,9 +8,9 @@ PS_PER_NS = 1000
 
 
 class SensorSocket:
-    """A chip in virtual time, with the faults that a loose plug or a bad contact makes.
+    """A chip in virtual time, with the faults of a loose plug or a bad contact.
 
-    Buses call `start`, `write`, `read` and `stop` as they would the chip itself.
+    Buses call `start`, `write`, `read` and `stop` as they would call the chip's own.
     """
 
     def __init__(self, machine: Machine, chip: Mpu9250) -> None:
@@ -18,57 +18,60 @@ class SensorSocket:
         self.chip = chip
         self.int_wire = Wire(machine, "the sensor's INT pin")
         self.nacks_left = 0
-        """So many bytes from now on are not acknowledged."""
+        """Number of bytes from now on that are not acknowledged."""
         self.nack_until_ps = 0
-        """Until then nothing is acknowledged [ps]."""
+        """Time until which no byte is acknowledged [ps]."""
         self._alarm = Alarm(machine, self._on_event)
         chip.on_int = lambda level, at_ns: self.int_wire.drive("sensor", level)
         self.int_wire.drive("sensor", False)
         self.settle()
 
     def start(self, address: int, read: bool) -> bool:
-        """START and address; the answer is the acknowledge."""
+        """Send START and address; return whether the sensor acknowledges."""
         self._catch_up()
         ack = self.chip.start(address, read) and not self._refuses()
         self.settle()
         return ack
 
     def write(self, byte: int) -> bool:
-        """Write a byte; the answer is the acknowledge. A byte that is refused does not arrive."""
+        """Write a byte; return whether the sensor acknowledges.
+
+        A byte without acknowledge does not arrive.
+        """
         self._catch_up()
         ack = not self._refuses() and self.chip.write(byte)
         self.settle()
         return ack
 
     def read(self, ack: bool) -> int:
-        """Read a byte; 0xFF, the idle line, where nobody answers."""
+        """Read a byte; 0xFF, the idle level, if no chip answers."""
         self._catch_up()
         value = self.chip.read(ack)
         self.settle()
         return value
 
     def stop(self) -> None:
-        """STOP."""
+        """Send STOP."""
         self._catch_up()
         self.chip.stop()
         self.settle()
 
     def unplug(self) -> None:
-        """Pull the sensor's plug."""
+        """Unplug the sensor."""
         self._catch_up()
         self.chip.power_off()
         self.int_wire.drive("sensor", None)
         self.settle()
 
     def plug(self, who_am_i: int | None = None) -> None:
-        """Plug the sensor in, or another one: it powers up."""
+        """Plug in the sensor, or another one, which powers up."""
         self._catch_up()
         self.int_wire.drive("sensor", False)
         self.chip.power_on(who_am_i)
         self.settle()
 
     def become(self, who_am_i: int) -> None:
-        """Let it have been another sensor since long before the start."""
+        """Make the sensor another one from long before the start."""
         self.chip.become(who_am_i)
         self.settle()
 
@@ -85,7 +88,7 @@ class SensorSocket:
         self.settle()
 
     def settle(self) -> None:
-        """Wake up again when the INT pin can change next."""
+        """Set the alarm for the next moment at which the INT pin can change."""
         self._alarm.cancel()
         at_ns = self.chip.next_event_ns()
         if at_ns is not None:

@@ -1,4 +1,4 @@
-"""The System Control Space at 0xE000E000: SysTick, NVIC and SCB as registers (ARMv7-M, B3)."""
+"""The System Control Space at 0xE000E000: registers of SysTick, NVIC and SCB (ARMv7-M, B3)."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -19,7 +19,7 @@ SEVONPEND, SLEEPDEEP, SLEEPONEXIT = 1 << 4, 1 << 2, 1 << 1
 
 
 class Word(NamedTuple):
-    """One register: how it is read and written; None where it cannot be."""
+    """One register with its functions for reads and writes; None if it cannot be read or written."""
 
     name: str
     read: Callable[[], int] | None
@@ -27,7 +27,7 @@ class Word(NamedTuple):
 
 
 class SystemControl:
-    """Strict: what is not listed here ends the run, MPU and fault handlers among it."""
+    """The system registers. All registers that are not listed here end the run, such as those of the MPU."""
 
     def __init__(self, machine: Machine, nvic: Nvic, system_reset: Callable[[], None]) -> None:
         self._machine = machine
@@ -38,7 +38,7 @@ class SystemControl:
         self._words = self._timer() | self._interrupts() | self._control_block()
 
     def reset(self) -> None:
-        """As after a reset of the chip."""
+        """Return to the state after a reset of the chip."""
         self.vector_table = 0
         self._scr = 0
         self._ccr = CCR_STKALIGN
@@ -81,7 +81,7 @@ class SystemControl:
         return address - BASE - 0x400 + FIRST_IRQ if address < BASE + 0xD00 else address - BASE - 0xD18 + 4
 
     def _priority_bytes(self, address: int, size: int) -> bytes | None:
-        """Priorities are the only registers that are accessed by bytes."""
+        """Return bytes of priorities, the only registers accessible by bytes; None for other registers."""
         offset = address - BASE
         if 0xD18 <= offset < 0xD24 or 0x400 <= offset < 0x400 + IRQS // 4 * 4 + 4:
             first = self._exception_at(address)

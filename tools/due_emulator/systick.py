@@ -27,7 +27,7 @@ class SysTick:
         self.reset()
 
     def reset(self) -> None:
-        """As after a reset of the chip."""
+        """Return to the state after a reset of the chip."""
         self._control = 0
         self._load = 0
         self._stopped_at = 0
@@ -44,35 +44,35 @@ class SysTick:
         return bool(self._control & ENABLE) and self._load > 0
 
     def read_control(self) -> int:
-        """SYST_CSR; reading clears COUNTFLAG."""
+        """Read SYST_CSR, which clears COUNTFLAG."""
         self._settle()
         flag, self._flag = self._flag, False
         return self._control | COUNTFLAG * flag
 
     def write_control(self, value: int) -> None:
-        """SYST_CSR."""
+        """Write SYST_CSR."""
         count = self.read_value()
         self._control = value & (ENABLE | TICKINT | CLKSOURCE)
         self._go_on_from(count)
 
     def read_load(self) -> int:
-        """SYST_RVR."""
+        """Read SYST_RVR."""
         return self._load
 
     def write_load(self, value: int) -> None:
-        """SYST_RVR; the count under way goes on, and the new value is taken at the next 0."""
+        """Write SYST_RVR; the present count continues, and the new value takes effect at the next 0."""
         count = self.read_value()
         self._load = value & 0xFF_FFFF
         self._go_on_from(min(count, self._load))
 
     def read_value(self) -> int:
-        """SYST_CVR: the count at present."""
+        """Read SYST_CVR, the present count."""
         if not self._running:
             return self._stopped_at
         return -self._counter.cycles % (self._load + 1)
 
     def write_value(self, _: int) -> None:
-        """SYST_CVR; whatever is written, the count and COUNTFLAG become 0."""
+        """Write SYST_CVR: any value sets the count and COUNTFLAG to 0."""
         self._go_on_from(0)
         self._flag = False
 

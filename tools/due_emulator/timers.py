@@ -1,7 +1,7 @@
 """TC0 to TC2: three 32-bit counters each (datasheet 36).
 
 Modelled: counting up, to the end or to RC; the RC compare and its interrupt. Other modes, inputs, RA and RB
-end the run when they are asked for.
+end the run when a program uses them.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ FULL = 1 << 32
 
 
 class Channel:
-    """One counter; its registers are in the timer's file, with the channel's number behind their names."""
+    """One counter; its registers are in the timer's file, and their names end with the channel's number."""
 
     def __init__(self, timer: "Timer", number: int) -> None:
         self._timer = timer
@@ -41,7 +41,7 @@ class Channel:
         timer.machine.on_clock_change.append(self._on_clock_change)
 
     def reset(self) -> None:
-        """Stopped at 0."""
+        """Stop at 0."""
         self._alarm.cancel()
         self._running = False
         self._counter.restart()
@@ -51,7 +51,7 @@ class Channel:
 
     @property
     def value(self) -> int:
-        """CV."""
+        """The register CV."""
         cycles = self._counter.cycles if self._running else 0
         return cycles % self._period
 
@@ -74,7 +74,7 @@ class Channel:
         return self._machine.mck_hz, DIVIDERS[source] if source < SLOW_CLOCK else 1
 
     def command(self, value: int) -> None:
-        """CCR."""
+        """Write CCR."""
         if value & CLKDIS:
             self._running = False
             self._alarm.cancel()
@@ -90,7 +90,7 @@ class Channel:
         self._lay_out()
 
     def configure(self, value: int) -> None:
-        """CMR."""
+        """Write CMR."""
         unsupported = value & 0x3F & ~7 or value & 7 > SLOW_CLOCK
         if value & WAVE:
             unsupported = unsupported or value & (CPCSTOP | CPCDIS) or value >> 13 & 3 not in (UP, UP_TO_RC)
@@ -100,15 +100,15 @@ class Channel:
         self.compare_changed()
 
     def compare_changed(self) -> None:
-        """RC or the mode has changed; the count goes on."""
-        if self._counter.cycles >= self._period:  # a restart loses the part of a cycle that has passed
+        """Apply a change of RC or of the mode; the count continues."""
+        if self._counter.cycles >= self._period:  # a restart loses the fraction of a cycle that has passed
             self._counter.restart(self._counter.cycles % self._period)
         self._seen = self._counter.cycles
         self._schedule()
         self._lay_out()
 
     def read_status(self) -> int:
-        """SR; what happened since the last reading is cleared by it."""
+        """Read SR, which clears its events."""
         self._settle()
         value = self._timer.registers[f"SR{self._n}"]
         self._timer.registers[f"SR{self._n}"] = value & ~EVENTS
@@ -116,7 +116,7 @@ class Channel:
         return value
 
     def settle_irq(self) -> None:
-        """Bring the interrupt line up to date."""
+        """Update the interrupt line."""
         r = self._timer.registers
         self._machine.set_irq(self.irq, bool(r[f"SR{self._n}"] & r[f"IMR{self._n}"]))
 
@@ -126,7 +126,7 @@ class Channel:
             self._alarm.set(self._counter.ps_until(self._next_mark()))
 
     def _next_mark(self) -> int:
-        """Count, never taken back to 0, at which the counter next comes to RC or to its end."""
+        """Return the total count (not modulo the period) at which the counter next reaches RC or its end."""
         cycles, period = self._counter.cycles, self._period
         lap = cycles // period * period
         rc = self._timer.registers[f"RC{self._n}"]
@@ -158,7 +158,7 @@ class Channel:
         self._lay_out()
 
     def _lay_out(self) -> None:
-        """Keep what is read in C++ as `value` is."""
+        """Keep the value that C++ reads equal to `value`."""
         if self._running:
             self._counter.lay_out(self._quick_value, self._period)
         else:
@@ -166,7 +166,7 @@ class Channel:
 
 
 class Timer(Peripheral):
-    """A block of three channels. Each has an identifier and a clock of its own."""
+    """A block of three channels. Each channel has an identifier and a clock of its own."""
 
     def __init__(self, machine: Machine, name: str) -> None:
         super().__init__(machine, name)
@@ -183,18 +183,18 @@ class Timer(Peripheral):
             }
 
     def reset(self) -> None:
-        """All channels stopped at 0."""
+        """Stop all channels at 0."""
         super().reset()
         for channel in self.channels:
             channel.reset()
 
     def clock_id(self, register: str) -> int | None:
-        """Each channel has its own; the registers of the block need that of the first."""
+        """Return the clock's identifier: the channel's own, or the first channel's for block registers."""
         assert self.table.irq is not None
         return self.table.irq + (int(register[-1]) if register[-1].isdigit() else 0)
 
     def on_read(self, register: str) -> int:
-        """CV counts; SR is cleared by reading."""
+        """Read a register: CV counts; a read of SR clears its events."""
         channel = self.channels[int(register[-1])] if register[-1].isdigit() else None
         if channel is not None and register.startswith("CV"):
             return channel.value
@@ -203,7 +203,7 @@ class Timer(Peripheral):
         return self.registers[register]
 
     def on_write(self, register: str, value: int) -> None:
-        """Commands, modes and compare values."""
+        """Write commands, modes and compare values."""
         action = self._actions.get(register)
         if action is not None:
             action(value)

@@ -7,12 +7,12 @@ from tools.due_emulator.peripheral import Peripheral
 
 KEY = 0x52_4E47
 CYCLES = 84
-"""A new word every 84 cycles of its clock (datasheet 41.1)."""
+"""Number of clock cycles for a new word (datasheet 41.1)."""
 DATRDY = 1
 
 
 class Trng(Peripheral):
-    """Gives words from a generator that goes on over resets: each boot meets other ones."""
+    """Gives words of a generator that continues over resets, so that each boot gets other words."""
 
     status = "ISR"
 
@@ -22,13 +22,13 @@ class Trng(Peripheral):
         self._alarm = Alarm(machine, self._ready)
 
     def reset(self) -> None:
-        """Off."""
+        """Switch the generator off."""
         self._alarm.cancel()
         super().reset()
         self.settle_irq()
 
     def on_read(self, register: str) -> int:
-        """Reading ISR clears DATRDY; a word may be read once that was seen."""
+        """Read a register: a read of ISR clears DATRDY; a word may be read after DATRDY was seen."""
         value = self.registers[register]
         if register == "ISR":
             self.registers["ISR"] = 0
@@ -42,7 +42,7 @@ class Trng(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """CR has a key."""
+        """Write a register; CR needs the key."""
         if register == "CR":
             if value >> 8 != KEY:
                 self.machine.fault(f"TRNG_CR = 0x{value:08X} without its key 0x524E47: the chip ignores it")
@@ -56,8 +56,8 @@ class Trng(Peripheral):
         self._alarm.set(CYCLES * PS_PER_S // self.machine.mck_hz)
 
     def _ready(self) -> None:
-        # Never 0, so that "no word yet" can be distinguished from a word; the real one may give it.
+        # Never 0, so that 0 means "no word yet"; the real generator may give 0.
         self.registers["ODATA"] = int(self._rng.integers(1, 1 << 32))
         self.registers["ISR"] = DATRDY
         self.settle_irq()
-        # The real one replaces a word that nobody fetched; here the next one is made when one is fetched.
+        # The real generator replaces a word that was not read; here the next word is made when one is read.

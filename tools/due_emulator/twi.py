@@ -1,9 +1,9 @@
-"""TWI0 and TWI1 as bus masters: whole bytes, at the times that they take on the wires.
+"""TWI0 and TWI1 as bus masters: whole bytes, with the times that they take on the wires.
 
-Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers); that SCL waits on the last bit until
-RHR is read is told for the same controller in the SAM4CP datasheet, 34.7.3.5. A byte of a write that nobody
-acknowledged stays in THR, and the next write sends it first: later controllers of the family (SAMA5D2) have a
-command to throw it away, THRCLR; here only SWRST does. Not modelled, and refused: slave mode, quick command,
+Sources: SAM3X datasheet, chapter 33 (33.8 master mode, 33.11 registers). The SAM4CP datasheet, 34.7.3.5, says
+of the same controller that SCL waits in the last bit until RHR is read. A byte of a write that was not
+acknowledged stays in THR, and the next write sends it first. Later controllers of the family (SAMA5D2) have a
+command that discards it, THRCLR; here only SWRST does. Not modelled, and refused: slave mode, quick command,
 transfers by PDC.
 """
 
@@ -17,25 +17,25 @@ from tools.due_emulator.pio import Pio
 START, STOP, MSEN, MSDIS, SVEN, SVDIS, QUICK, SWRST = (1 << bit for bit in range(8))
 TXCOMP, RXRDY, TXRDY, NACK = 0x001, 0x002, 0x004, 0x100
 CLEARED_BY_READ = 0x370
-"""GACC, OVRE, NACK and ARBLST (33.11.6)."""
+"""GACC, OVRE, NACK and ARBLST (33.11.6), which a read of SR clears."""
 PDC_ENABLES = 0x101
 
 IDLE_LINE = 0xFF
 
 LAST_BIT = 7.5
-"""SCL waits there while RHR is full; from RHR's read on, half a bit is left to set STOP."""
+"""Bit position where SCL waits while RHR is full; after RHR is read, half a bit is left to set STOP."""
 BYTE_BITS = 9
 
 Transfer = Generator[float | None, None, None]
-"""Yields how many bits the next thing takes, or None to wait until the program does something."""
+"""Yields the number of bits that the next step takes, or None to wait until the program acts."""
 Addressing = Generator[float | None, None, bool]
 
 
 class Twi(Peripheral):
-    """One controller on its lines.
+    """One controller on its bus.
 
-    lines: what TWD and TWCK are soldered to. pio, pins: the controller and bits of the pins, which have to be
-    given to peripheral A.
+    `lines`: the bus to which TWD and TWCK are connected. `pio`, `pins`: the controller and bits of the pins,
+    which have to be assigned to peripheral A.
     """
 
     status = "SR"
@@ -47,31 +47,31 @@ class Twi(Peripheral):
         self._pio = pio
         self._pins = pins
         self.busy_ps = 0
-        """Time for which transfers have held the bus, ever [ps]."""
+        """Total time for which transfers have held the bus [ps]."""
         self.transfers = 0
         self.stale_reads = 0
-        """After so many of the next reads one byte too many stays in RHR, as if STOP had come too late."""
+        """In this number of further reads an extra byte stays in RHR, as if STOP had come too late."""
         self._quick_status = machine.quick_reads.add(
             self.table.base + self.table.registers["SR"].offset, self.clock_id("SR")
         )
         self._alarm = Alarm(machine, self._resume)
         self._thr: int | None = None
         self._remains: int | None = None
-        """What a write that nobody acknowledged left in THR."""
+        """The byte that a write without acknowledge left in THR."""
         self._on_line: tuple[bool, int, int] | None = None
-        """Whether the sensor sends it, the byte on the wires, and since when; None when there is none."""
+        """The byte on the wires: whether the sensor sends it, its value, its start [ps]; None without one."""
         self._transfer: Transfer | None = None
         self._waiting = self._stalled = False
         self._begun_ps = 0
         self._stop_ps = NEVER_PS
-        """When STOP was asked for."""
+        """Moment at which STOP was requested."""
         self._bit_ps = 1.0
         self._idle()
         pio.on_mux_change.append(self._on_mux_change)
         lines.scl.listen(self._on_scl)
 
     def reset(self) -> None:
-        """Reset of the chip, or SWRST: a transfer is cut off wherever it is."""
+        """Reset by the chip, or by SWRST: a transfer is cut off."""
         self._abort()
         super().reset()
         self._idle()
@@ -79,7 +79,7 @@ class Twi(Peripheral):
 
     @property
     def half_bits_s(self) -> tuple[float, float]:
-        """How long SCL is low and how long high in a bit, as CWGR sets it (33.11.5) [s]."""
+        """Times for which SCL is low and high in a bit, as CWGR sets them (33.11.5) [s]."""
         ckdiv, mck_hz = self.field("CWGR", "CKDIV"), self.machine.mck_hz
         low, high = (((self.field("CWGR", name) << ckdiv) + 4) / mck_hz for name in ("CLDIV", "CHDIV"))
         return low, high
@@ -91,12 +91,12 @@ class Twi(Peripheral):
 
     @property
     def load_ps(self) -> int:
-        """`busy_ps` with the transfer that is under way."""
+        """`busy_ps` including the present transfer."""
         running = self.machine.now_ps - self._begun_ps if self._transfer is not None else 0
         return self.busy_ps + running
 
     def on_read(self, register: str) -> int:
-        """Reading SR clears its events; reading RHR lets the next byte end."""
+        """Read a register: a read of SR clears its events; a read of RHR lets the next byte end."""
         value = self.registers[register]
         if register == "SR":
             self.flag("SR", CLEARED_BY_READ, False)
@@ -106,7 +106,7 @@ class Twi(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """Commands, data, and settings that may change only between transfers."""
+        """Write commands, data, and settings, which may change only between transfers."""
         match register:
             case "CR":
                 self._command(value)
@@ -186,7 +186,7 @@ class Twi(Peripheral):
     # Transfers
 
     def _open(self, read: bool) -> Addressing:
-        """START, addresses, and the repeated START that a read after an internal address needs (33.8.6)."""
+        """Send START and addresses; a read after an internal address needs a repeated START (33.8.6)."""
         self._lines.take(self.name)
         address = self.field("MMR", "DADR")
         inner = self.field("MMR", "IADRSZ")
@@ -237,7 +237,7 @@ class Twi(Peripheral):
         yield from self._close()
 
     def _anticipate(self) -> Transfer:
-        """Once the last byte is fetched, the idle line comes in as one more; Linux drains RHR for that."""
+        """After the last byte is read, receive the idle level as one more byte, for which Linux drains RHR."""
         while self.registers["SR"] & RXRDY:
             yield None
         self.stale_reads -= 1
@@ -288,7 +288,7 @@ class Twi(Peripheral):
         if self._transfer is None or self._stalled:
             return
         if not self._lines.scl.level:
-            return  # stretched: `_on_scl` goes on
+            return  # SCL is stretched: `_on_scl` continues the transfer
         if not self._lines.sda.level:
             self._stalled = True  # no START and no data: only SWRST or MSDIS ends this
             return
@@ -296,7 +296,7 @@ class Twi(Peripheral):
             bits = next(self._transfer)
         except StopIteration:
             return
-        # Of these, the program can bring the end forward.
+        # The program can end these two waits early.
         self._waiting = bits in (None, LAST_BIT)
         if bits is not None:
             self._alarm.set(self._ps(bits))
@@ -319,7 +319,7 @@ class Twi(Peripheral):
         self._on_line = None
 
     def _abort(self) -> None:
-        """Let the bus go at once; the sensor is left in mid-byte if it was in one."""
+        """Release the bus immediately; a sensor within a byte stays there."""
         if self._transfer is None:
             return
         self._alarm.cancel()
@@ -335,7 +335,7 @@ class Twi(Peripheral):
     def _on_mux_change(self) -> None:
         if self._transfer is not None and any(self._pio.peripheral(bit) != "A" for bit in self._pins):
             transfer = self._transfer
-            self._abort()  # the wires are gone, but the controller does not know it
+            self._abort()  # the wires are disconnected, but the controller does not notice
             self._transfer, self._begun_ps, self._stalled = transfer, self.machine.now_ps, True
 
     def _idle(self) -> None:
@@ -344,6 +344,6 @@ class Twi(Peripheral):
         self._on_line = None
 
     def settle_irq(self) -> None:
-        """Bring the interrupt line up to date, and what is read in C++."""
+        """Update the interrupt line, and the status that C++ reads."""
         self._quick_status.hold(self.registers["SR"], CLEARED_BY_READ)
         super().settle_irq()

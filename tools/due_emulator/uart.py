@@ -14,15 +14,15 @@ TXRDY, ENDTX, TXEMPTY, TXBUFE = 1 << 1, 1 << 4, 1 << 9, 1 << 11
 PDC_TXTEN, PDC_TXTDIS, PDC_RXTEN, PDC_RXTDIS = 1 << 8, 1 << 9, 1 << 0, 1 << 1
 NO_PARITY = 4
 BITS_PER_BYTE = 10
-"""Start, eight data, stop: the only format that is modelled."""
+"""Start bit, eight data bits, stop bit: the only format that is modelled."""
 OVERSAMPLING = 16
 
 
 class Line(Protocol):
-    """Where transmitted bytes go."""
+    """Destination of transmitted bytes."""
 
     def send(self, byte: int, at_ps: int, baud: float) -> None:
-        """Take a byte whose stop bit has ended, at a moment and with the true baud rate."""
+        """Receive a byte at the end of its stop bit, with that moment and the true baud rate."""
 
 
 class Transmitter(Peripheral):
@@ -35,7 +35,7 @@ class Transmitter(Peripheral):
         self._line = line
         self.bytes_sent = 0
         self.busy_ps = 0
-        """Time for which the line was not idle [ps]."""
+        """Time for which the wire was not idle [ps]."""
         self._alarm, self._quiet_alarm = Alarm(machine, self._sent), Alarm(machine, self._sent)
         self._timing_of: tuple[int, int, int] | None = None
         self._baud = 0.0
@@ -49,7 +49,7 @@ class Transmitter(Peripheral):
         self.registers[self.status] = ENDTX | TXBUFE
 
     def reset(self) -> None:
-        """Off; a byte on the line is cut off and lost."""
+        """Switch off; a byte on the wire is cut off and lost."""
         self._cancel()
         super().reset()
         self._clear()
@@ -61,7 +61,7 @@ class Transmitter(Peripheral):
 
     @property
     def baud(self) -> float:
-        """Baud rate as BRGR sets it (datasheet 34.5.1) [baud]."""
+        """Baud rate that BRGR sets (datasheet 34.5.1) [baud]."""
         divider = self.field("BRGR", "CD")
         if not divider:
             self.machine.fault(f"{self.name} sends while BRGR.CD is 0: it has no clock")
@@ -71,7 +71,7 @@ class Transmitter(Peripheral):
         return self.machine.mck_hz / (oversampling * (divider + self.field("BRGR", "FP") / 8))
 
     def on_write(self, register: str, value: int) -> None:
-        """Commands, bytes, interrupts, the PDC, and settings."""
+        """Write commands, bytes, interrupts, the PDC, and settings."""
         r = self.registers
         match register:
             case "CR":
@@ -82,7 +82,7 @@ class Transmitter(Peripheral):
                 self._control_pdc(value)
             case "TCR" | "TNCR":
                 if register == "TNCR" and value and not r["TCR"]:
-                    # The datasheet does not say whether the next block is then taken at once.
+                    # The datasheet does not say whether the next block then starts immediately.
                     self.machine.fault(f"{self.name}_TNCR is written while TCR is 0: write TPR and TCR first")
                 r[register] = value & 0xFFFF
                 if r[register]:
@@ -99,7 +99,7 @@ class Transmitter(Peripheral):
             self._holding = self._shifting = None
             self._enabled = False
         if value & TXDIS:
-            # A byte under way is finished (34.6.1).
+            # A byte on the wire is completed (34.6.1).
             self._enabled = False
         elif value & TXEN:
             self._check_format()
@@ -132,7 +132,7 @@ class Transmitter(Peripheral):
         self._feed()
 
     def _feed(self) -> None:
-        """Move bytes on: from memory to the holding register, from there to the line."""
+        """Move bytes from memory to the holding register, and from there to the wire."""
         if self._holding is None:
             self._fetch()
         if self._shifting is None and self._holding is not None and self._enabled:
@@ -145,7 +145,7 @@ class Transmitter(Peripheral):
         self._settle()
 
     def _await_end(self) -> None:
-        """Be there when this byte ends; and if that changes nothing, when one does that changes a flag."""
+        """Set alarms for the end of this byte, and for the next end of a byte that changes a flag."""
         left_ps, more = self._end_ps - self.machine.now_ps, 0
         if self._is_amid_a_block():
             self._quiet_alarm.set(left_ps, quiet=True)
@@ -153,7 +153,7 @@ class Transmitter(Peripheral):
         self._alarm.set(left_ps + more * self._byte_ps)
 
     def _settle_timing(self) -> None:
-        """Bring the time of a byte up to date; settings cannot change while one is on the line."""
+        """Update the duration of a byte; settings cannot change while a byte is on the wire."""
         settings = self.machine.mck_hz, self.registers["BRGR"], self.registers["MR"]
         if settings != self._timing_of:
             self._check_format()
@@ -198,7 +198,7 @@ class Transmitter(Peripheral):
             self._feed()
 
     def _is_amid_a_block(self) -> bool:
-        """Whether the end of this byte changes no flag."""
+        """Return whether the end of this byte changes no flag."""
         r = self.registers
         return self._holding is not None and self._enabled and r["TCR"] > 1 and r["PTSR"] & PDC_TXTEN != 0
 

@@ -1,4 +1,4 @@
-"""The watchdog: on after reset, 16 s long, and its mode can be written once (datasheet 15)."""
+"""The watchdog: on after reset, with a time-out of 16 s, and its mode can be written once (datasheet 15)."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ WDUNF, WDERR = 1, 2
 
 
 class Watchdog(Peripheral):
-    """Bites when it was not fed: calls `bite`, which resets the board.
+    """Calls `bite`, which resets the board, when the program has not fed the watchdog in time.
 
     It stands still while the processor sleeps if WDIDLEHLT is set, as it is after reset.
     """
@@ -26,7 +26,7 @@ class Watchdog(Peripheral):
         self._feed()
 
     def reset(self) -> None:
-        """On, with the longest time-out."""
+        """Switch on, with the longest time-out."""
         super().reset()
         self._written = False
         self.machine.set_irq(IRQ, False)
@@ -34,11 +34,11 @@ class Watchdog(Peripheral):
 
     @property
     def period_ps(self) -> int:
-        """Time within which it must be fed [ps]."""
+        """Time within which the watchdog must be fed [ps]."""
         return self.field("MR", "WDV") * DIVIDER * PS_PER_S // SLOW_CLOCK_HZ
 
     def on_read(self, register: str) -> int:
-        """SR is cleared by reading."""
+        """Read a register; a read of SR clears it."""
         value = self.registers[register]
         if register == "SR":
             self.registers["SR"] = 0
@@ -46,7 +46,7 @@ class Watchdog(Peripheral):
         return value
 
     def on_write(self, register: str, value: int) -> None:
-        """CR feeds; MR may be written once."""
+        """Write a register: CR feeds the watchdog; MR may be written once."""
         if register == "CR":
             if value >> 24 != KEY or not value & 1:
                 self.machine.fault(f"WDT_CR = 0x{value:08X}: to feed the watchdog write 0xA5000001")
@@ -70,7 +70,7 @@ class Watchdog(Peripheral):
             self._fail(WDERR)
         else:
             self._fed_ps = self._clock_ps()
-            if not self._alarm.is_set:  # one that comes too early looks again
+            if not self._alarm.is_set:  # an alarm that comes too early is set again
                 self._wait()
 
     def _feed(self) -> None:

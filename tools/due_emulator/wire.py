@@ -1,4 +1,4 @@
-"""A wire on the board: who drives it, who pulls it up, and who listens."""
+"""A wire on the board: its drivers, pull-ups and listeners."""
 
 from collections.abc import Callable
 
@@ -6,9 +6,9 @@ from tools.due_emulator.machine import Machine
 
 
 class Wire:
-    """One net. A driver holds it low (False), drives it high (True) or lets go (None); pull-ups do the rest.
+    """One net. A driver holds it low (False), drives it high (True) or releases it (None); pull-ups act then.
 
-    Driving high what another holds low is a short circuit and ends the run.
+    The run ends at a short circuit: one driver drives high while another holds low.
     """
 
     def __init__(self, machine: Machine, name: str) -> None:
@@ -18,14 +18,14 @@ class Wire:
         self._pull_ups: set[str] = set()
         self._listeners: list[Callable[[bool], None]] = []
         self.level = False
-        """Whether it is high; without any driver or pull-up it reads as low."""
+        """Whether the wire is high; without any driver or pull-up it reads as low."""
 
     def listen(self, listener: Callable[[bool], None]) -> None:
         """Call `listener(level)` at every change from now on."""
         self._listeners.append(listener)
 
     def drive(self, who: str, level: bool | None) -> None:
-        """Let one driver pull it low, drive it high, or let go."""
+        """Let one driver hold the wire low, drive it high, or release it."""
         if level is None:
             self._drivers.pop(who, None)
         else:

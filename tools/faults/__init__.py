@@ -1,1 +1,1 @@
-"""Every fault of every part, in one report: `make faults`."""
+"""Plays every fault of every part, and reports the results in one table: `make faults`."""

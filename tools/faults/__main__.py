@@ -1,12 +1,12 @@
-"""Every fault of every part, played on the real programs: what was reported, and where each record went.
+"""Plays every fault of every part on the real programs, and reports the errors and what became of each record.
 
-    make faults                                 all parts, in build/faults.md: some minutes
-    make faults ARGS='ingest cluster'           only these parts
-    make faults ARGS='--only disk --only clock' only faults with one of these words in their names
-    make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
+     make faults                                 all parts, in build/faults.md: some minutes
+     make faults ARGS='ingest cluster'           only these parts
+     make faults ARGS='--only disk --only clock' only faults with one of these words in their names
+     make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
 
-Exit code 1: something is not accounted for, or is wrong in another way. What cannot be played on this machine
-says why: a row without records.
+Exit code 1: some records are not accounted for, or something else is wrong. The row of a fault that cannot be
+played on this machine says why, and has no records.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from tools.faults.program import Skip
 
 
 class Part(NamedTuple):
-    """Faults that are played in the same way; at_once: so many at a time."""
+    """Faults that are played in the same way. `at_once`: number of faults played at the same time."""
 
     cases: tuple[Case, ...]
     at_once: int = 2
@@ -38,18 +38,24 @@ OUT = Path("build/faults.md")
 
 
 def main() -> int:
-    """Run the command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.faults",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"any of {', '.join(PARTS)}; default: all")
     parser.add_argument(
-        "parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; all if none is named"
+        "--only",
+        action="append",
+        default=[],
+        metavar="WORD",
+        help="only faults with this word in their names",
     )
-    parser.add_argument("--only", action="append", default=[], metavar="WORD", help="in the fault's name")
     parser.add_argument("--long", action="store_true", help="minutes in place of seconds, where that differs")
-    parser.add_argument("--image", type=Path, help="raw binary for the Due, for `board` (default: ours)")
+    parser.add_argument(
+        "--image", type=Path, help="raw binary for the Due, for `board` (default: the committed image)"
+    )
     parser.add_argument("--out", type=Path, default=OUT, help=f"the report (default {OUT})")
     given = parser.parse_args()
     unknown = [part for part in given.parts if part not in PARTS]
@@ -71,14 +77,16 @@ def main() -> int:
 def played(
     parts: list[str], words: list[str], *, short: bool, image: Path | None
 ) -> Iterator[tuple[str, str, Outcome]]:
-    """Part, name and outcome of those faults whose names hold one of the words; of all if there are none."""
+    """Yield part, name and outcome of the faults whose names contain one of the words; of all faults without
+    words.
+    """
     for part in parts:
         cases = [one for one in PARTS[part].cases if not words or any(word in one.name for word in words)]
         playing = play_all(cases, at_once=PARTS[part].at_once, short=short, image=image)
         for case in cases:
             try:
                 yield part, case.name, playing[case.name].result()
-            except Skip as why:  # others need less
+            except Skip as why:  # the other faults may need less
                 yield part, case.name, Outcome([], 0, {}, more=f"{NOT_PLAYED}: {why}")
 
 

@@ -1,4 +1,4 @@
-"""What became of every sample: it was delivered, or counted as lost, or nobody can know."""
+"""Accounts for every sample: it was delivered, it was counted as lost, or no program can know of it."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Sequence
@@ -7,14 +7,15 @@ from typing import Any, NamedTuple
 from tools.faults.program import Program
 
 Sample = tuple[Any, int]
-"""Whose sample it is, such as the name of a board, and its number there."""
+"""Source of a sample, such as a board's name, and the sample's number there."""
 Record = dict[str, Any]
 
 
 class Heard(NamedTuple):
-    """What one program reported: how often it delivered each sample, and how often it counted it as lost.
+    """What one program reported: how often it delivered each sample, and how often it counted the sample as
+    lost.
 
-    dropped: records for which its standard output had no room, as its last counts have it.
+    `dropped`: number of records for which its standard output had no room, by its last counts.
     """
 
     delivered: Counter[Sample]
@@ -23,7 +24,7 @@ class Heard(NamedTuple):
 
 
 class Account(NamedTuple):
-    """Where so many samples are, by name of the place; wrong: what cannot be."""
+    """Numbers of samples by what became of them. `wrong`: contradictions."""
 
     due: int
     where: dict[str, int]
@@ -31,7 +32,10 @@ class Account(NamedTuple):
 
 
 def heard(records: Sequence[Record], sample: Callable[[Record], Sample]) -> Heard:
-    """Read a program's records. sample: which one a `sample` is, or the first that a `gap` misses."""
+    """Evaluate a program's records.
+
+    `sample`: returns the sample of a `sample` record, or the first missing sample of a `gap` record.
+    """
     delivered, lost, dropped = Counter[Sample](), Counter[Sample](), 0
     for record in records:
         if record["class"] == "sample":
@@ -52,10 +56,10 @@ def account(
     *,
     once: bool = False,
 ) -> Account:
-    """Hold what the programs reported together against the samples that were due.
+    """Compare what the programs reported with the samples that were due.
 
-    excused: due samples of which nobody can know, if they were not delivered; excuse: why. once: each may be
-    delivered once only, and counted as lost once.
+    `excused`: due samples of which no program can know, if they were not delivered. `excuse`: the reason.
+    `once`: each sample may be delivered only once, and counted as lost only once.
     """
     delivered, lost = Counter[Sample](), Counter[Sample]()
     for program in programs:
@@ -80,7 +84,7 @@ def account(
 
 
 def shown(samples: set[Sample]) -> str:
-    """How many there are of each source, and from which number on."""
+    """Return the number of samples of each source, and the smallest sample number."""
     counts = Counter(whose for whose, _ in samples)
     return ", ".join(
         f"{count} of {whose} from {min(number for one, number in samples if one == whose)}"
@@ -89,7 +93,7 @@ def shown(samples: set[Sample]) -> str:
 
 
 def wrong_ends(program: Program) -> list[str]:
-    """What is wrong about the end of a program that nobody killed, and about its outputs' last counts."""
+    """Return what is wrong about a program's end and about its outputs' last counts; nothing if it was killed."""
     if program.code is None or program.code < 0:
         return []
     found = [f"exit code {program.code}: {program.stderr[-500:]}"] if program.code else []
@@ -98,9 +102,9 @@ def wrong_ends(program: Program) -> list[str]:
 
 
 def wrong_sums(records: Sequence[Record]) -> list[str]:
-    """Outputs that have not written, dropped or queued as much as was published before the last counts.
+    """Return the outputs whose written, dropped and queued records are not the number published before.
 
-    An error that another thread reported meanwhile may be too much.
+    An error that another thread reported meanwhile may be counted in addition.
     """
     last = max((k for k, record in enumerate(records) if record["class"] == "stats"), default=None)
     outputs = {} if last is None else records[last].get("outputs", {})
@@ -112,5 +116,6 @@ def wrong_sums(records: Sequence[Record]) -> list[str]:
     return [
         f"{name} accounts for {count} of {published} records"
         for name, count in sums.items()
-        if name != "record" and not 0 <= published - count <= errors  # which takes the wire, too
+        if name != "record"
+        and not 0 <= published - count <= errors  # the recording contains the bytes of the wire, too
     ]

@@ -1,6 +1,6 @@
-"""Every kind of fault of sensor, bus, line and board on the emulated Due, one run each.
+"""Plays every kind of fault of sensor, bus, wires and board on the emulated Due, one run each.
 
-Times are virtual: two reports of one image are equal.
+Times are virtual, so two reports of one image are equal.
 """
 
 from functools import partial
@@ -51,13 +51,13 @@ DUE_CASES = (
 
 
 class Measured(NamedTuple):
-    """What one run gave.
+    """Results of one run.
 
-    due: sampling instants by the emulator's own clock, from the first reading of the sensor on, of all boots.
-    delivered, lost: as the host counts them. unheard: due at the end of a boot that a reset ended, so that no
-    later sample could tell of them. recovery_s: from the last good sample before to the first after the
-    longest interruption, at the host [virtual s]. epochs: reasons of new ones. status: of the last boot.
-    wrong: None, or what does not add up.
+    `due`: number of sampling instants of all boots by the emulator's own clock, since the first read of the
+    sensor. `delivered`, `lost`: the host's counts. `unheard`: instants at the end of a boot that a reset
+    ended, so that no later sample could show that they were missing. `recovery_s`: longest interruption at
+    the host, from the last good sample before to the first after [virtual s]. `epochs`: reasons of new
+    epochs. `status`: of the last boot. `wrong`: what does not add up, or None.
     """
 
     due: int
@@ -74,7 +74,7 @@ class Measured(NamedTuple):
 
     @property
     def outcome(self) -> Outcome:
-        """The same for the report."""
+        """The results in the form of the report."""
         counts = [f"{name} {n}" for name, n in self.status.items() if n and name != "reset_cause"]
         if self.resets:
             counts.insert(0, f"reset_cause {self.status['reset_cause']}")
@@ -99,7 +99,7 @@ def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
     arrivals = [sample.at_ps for sample in run.of(wire.Sample)]
     samples = run.stats.sample_counts
     status = run.status._asdict()
-    del status["cpu_share"], status["longest_step"]  # not counts
+    del status["cpu_share"], status["longest_step"]  # these fields are not counts
     status["reset_cause"] = wire.ResetCause(run.status.reset_cause).name.lower()
     return run, Measured(
         due=sum(boot.due for boot in run.boots),

@@ -1,4 +1,4 @@
-"""A fault, what it led to, how faults are played, and their outcomes as a table in Markdown."""
+"""A fault and its outcome, functions that play faults, and the table of outcomes in Markdown."""
 
 import itertools
 import tempfile
@@ -18,11 +18,11 @@ NOT_PLAYED = "not played"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a fault led to, and where each record went.
+    """What a fault led to, and what became of each record.
 
-    reported: kinds of errors and alerts, and reasons of new epochs. due: how many records there were; where:
-    what became of how many of them; of: what they are. more, figures: what else there is to say, as text and
-    as numbers. wrong: what should not be.
+    `reported`: kinds of errors and alerts, and reasons of new epochs. `due`: number of records. `where`:
+    number of records by what became of them. `of`: name of the records, such as samples. `more`, `figures`:
+    further results as text and as numbers. `wrong`: what must not be.
     """
 
     reported: list[str]
@@ -35,31 +35,31 @@ class Outcome:
 
     @property
     def uncounted(self) -> int:
-        """Those of which nobody knows; 0 if all adds up."""
+        """Number of records that are not accounted for; 0 if all are."""
         return self.due - sum(self.where.values())
 
     @property
     def is_right(self) -> bool:
-        """Whether all is accounted for, and nothing else is wrong."""
+        """Whether all records are accounted for, and nothing else is wrong."""
         return not self.wrong and self.uncounted == 0
 
 
 class Case(NamedTuple):
-    """A fault: its name in the report, and how it is played."""
+    """A fault: its name in the report, and the function that plays it."""
 
     name: str
     play: Callable[[Stage], Outcome]
 
 
 def play(case: Case, **how: Any) -> Outcome:
-    """Play a fault in a folder of its own; what breaks is a wrong outcome, not an exception.
+    """Play a fault in a folder of its own. An exception becomes a wrong outcome.
 
-    how: see `Stage`.
+    `how`: see `Stage`.
 
     Raises:
         Skip: something is missing on this machine.
     """
-    # A killed browser's last child may still write into the folder when it goes.
+    # The last child of a killed browser may still write into the folder while it is removed.
     with tempfile.TemporaryDirectory(prefix="fault-", ignore_cleanup_errors=True) as folder:
         try:
             with Stage(Path(folder), **how) as stage:
@@ -73,7 +73,7 @@ def play(case: Case, **how: Any) -> Outcome:
 
 
 def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "Future[Outcome]"]:
-    """Play several, some at once, since most of the time they wait; by their names."""
+    """Play several faults, `at_once` at a time, since they mostly wait; return the outcomes by name."""
     pool = ThreadPoolExecutor(at_once)
     found = {case.name: pool.submit(play, case, **how) for case in cases}
     pool.shutdown(wait=False)
@@ -81,12 +81,12 @@ def play_all(cases: Sequence[Case], *, at_once: int, **how: Any) -> dict[str, "F
 
 
 def line(cells: tuple[str, ...]) -> str:
-    """Cells as a line of a table."""
+    """Return the cells as a row of a table."""
     return f"| {' | '.join(cell.replace('|', '/').replace(chr(10), ' ') for cell in cells)} |"
 
 
 def cells(name: str, one: Outcome) -> tuple[str, ...]:
-    """What stands in a row, but for the part."""
+    """Return the cells of a row, without the part."""
     parts = " + ".join(f"{count} {where}" for where, count in one.where.items() if count) or "0"
     figures = (f"{what} {_number(value)}" for what, value in one.figures.items())
     wrong = f" **{'; '.join(one.wrong)}**" if one.wrong else ""
@@ -100,7 +100,7 @@ def cells(name: str, one: Outcome) -> tuple[str, ...]:
 
 
 def report(rows: list[tuple[str, str, Outcome]]) -> str:
-    """The table of parts, names and outcomes, and what it comes to."""
+    """Return the table of parts, names and outcomes, and a summary."""
     lines = [line(HEADS), "|---" * len(HEADS) + "|"]
     lines += [line((part, *cells(name, one))) for part, name, one in rows]
     wrong = sum(not one.is_right for _, _, one in rows)

@@ -1,4 +1,4 @@
-"""Faults of `fltea identify --dask --out`: a worker killed in mid-file, the scheduler killed."""
+"""Faults of `fltea identify --dask --out`: a worker or the scheduler is killed within a file."""
 
 import contextlib
 import logging
@@ -32,7 +32,7 @@ ASK = Ask(
     block_bytes=8 * SAMPLES // PIECES + 256,
 )
 DONE = 3
-"""Files after which the scheduler is killed."""
+"""Number of files after which the scheduler is killed."""
 
 
 CLUSTER = """
@@ -58,20 +58,20 @@ class Cluster:
             self.address = stdout.readline().strip()
 
     def close(self) -> None:
-        """Kill it, by `kill -9`."""
+        """Kill the process with SIGKILL."""
         self._process.kill()
         self._process.wait()
 
     kill = close
 
     def pause(self) -> None:
-        """Let it stand still, and its lines stay open."""
+        """Stop the process; its connections stay open."""
         self._process.send_signal(signal.SIGSTOP)
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Dask says at length what was done to it."""
+    """Silence Dask's long log of the kills."""
     logging.disable(logging.ERROR)
     try:
         yield
@@ -81,18 +81,18 @@ def _quiet() -> Iterator[None]:
 
 @_quiet()
 def worker_killed(stage: Stage) -> Outcome:
-    """One of two, while a large file is summed in pieces."""
+    """Kill one of two workers while a large file is summed in pieces."""
     from distributed import LocalCluster
     from fltea.identification.dask_workers import DaskWorkers
 
     files = _make(stage.folder)
     killed: list[int] = []
-    start: Any = LocalCluster  # it has no types
+    start: Any = LocalCluster  # distributed has no type hints
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what Dask says of its own ports and files
+        warnings.simplefilter("ignore")  # Dask warns about its own ports and files
         with start(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
             for nanny in cluster.workers.values():
-                nanny.close_gracefully()  # says that it shall not start another
+                nanny.close_gracefully()  # tells the nanny not to start a new worker
             workers = DaskWorkers(cluster.scheduler_address)
             pids = list(workers._client.run(os.getpid).values())
 
@@ -108,7 +108,7 @@ def worker_killed(stage: Stage) -> Outcome:
 
 @_quiet()
 def scheduler_killed(stage: Stage) -> Outcome:
-    """And the same again with another one."""
+    """Kill the scheduler, and give the same command again with another scheduler."""
     from fltea.identification.dask_workers import DaskWorkers
 
     files, reported, out = _make(stage.folder), [], stage.folder / "v.parquet"
@@ -133,7 +133,7 @@ def scheduler_killed(stage: Stage) -> Outcome:
 
 
 def _make(folder: Path) -> Path:
-    """A file that is summed in pieces, and small ones."""
+    """Write a file that is summed in pieces, and small files."""
     files = folder / "in"
     files.mkdir()
     noise = np.random.default_rng(17).normal(0, 0.05, SAMPLES)
@@ -161,7 +161,7 @@ def _verdicts(out: Path) -> dict[str, dict[str, Any]]:
 
 
 def _outcome(folder: Path, reported: list[str], more: str, wrong: list[str]) -> Outcome:
-    """Hold the table against one that was made without a cluster."""
+    """Compare the table with one that was made without a cluster."""
     from pyarrow import parquet
 
     _identify(folder / "in", folder / "here.parquet", Here())

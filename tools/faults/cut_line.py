@@ -1,4 +1,4 @@
-"""A line to a server that can be cut in the middle: both ends stand, and nothing gets through."""
+"""A connection to a server that can be cut: both ends stay open, and no data passes."""
 
 import contextlib
 import socket
@@ -24,15 +24,15 @@ class CutLine:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def cut(self) -> None:
-        """Let nothing through."""
+        """Let no data pass."""
         self._whole.clear()
 
     def heal(self) -> None:
-        """Let through what has waited, and go on."""
+        """Pass the waiting data, and continue."""
         self._whole.set()
 
     def close(self) -> None:
-        """End it, and all connections."""
+        """Close the port and all connections."""
         self._whole.set()
         for one in self._sockets:
             with contextlib.suppress(OSError):
@@ -40,7 +40,7 @@ class CutLine:
             one.close()
 
     def _accept(self) -> None:
-        with contextlib.suppress(OSError):  # closed
+        with contextlib.suppress(OSError):  # the port was closed
             while True:
                 near, _ = self._listener.accept()
                 threading.Thread(target=self._connect, args=(near,), daemon=True).start()
@@ -50,7 +50,7 @@ class CutLine:
         self._whole.wait()
         try:
             far = socket.create_connection(("127.0.0.1", self._to))
-        except OSError:  # the server is away
+        except OSError:  # the server does not run
             near.close()
             return
         self._sockets.append(far)

@@ -1,4 +1,4 @@
-"""The daemon on a board's port: what the board sent is held against all that the daemon gave out."""
+"""The daemon on a board's port: compares what the board sent with all that the daemon wrote."""
 
 import contextlib
 import time
@@ -21,15 +21,16 @@ from tools.faults.stage import Stage
 
 RECORDING = "recording"
 BEFORE = AFTER = 150
-"""Samples before and after the trouble."""
+"""Number of samples before and after the fault."""
 UNINTERRUPTED_S = 0.45
 
 
 class Scene:
-    """A board on a port, and the daemon that records what it sends.
+    """A board on a port, and the daemon that records what the board sends.
 
-    settings: flags of `fltea run`. board: one that is there. source: where the daemon listens, if not at the
-    board's link. boot: see `Board.boot`. how: see `Program`.
+    `settings`: flags of `fltea run`. `board`: an existing board. `source`: flags of the source, if not the
+    board's link.
+    `boot`: see `Board.boot`. `how`: see `Program`.
     """
 
     def __init__(
@@ -46,19 +47,19 @@ class Scene:
         self.recording = stage.folder / RECORDING
         self._ended_ns = 0
         self.programs: list[Program] = []
-        """Those that listened to the board, one after the other."""
+        """Programs that listened to the board, one after another."""
         if source is None:
             source = ("--source", f"serial:{self.board.link}")
         self.program = self.listen(*source, "--record", self.recording, *settings, **how)
         self.introduce(**(boot or {}))
 
     def listen(self, *arguments: str | Path, **how: Any) -> Program:
-        """Another daemon."""
+        """Start another daemon."""
         self.programs.append(self.stage.daemon(*arguments, **how))
         return self.programs[-1]
 
     def introduce(self, **how: int) -> None:
-        """Boot the board until the daemon has heard of it."""
+        """Boot the board until the daemon has received its HELLO."""
         boot_id, program = len(self.board.boots) + 1, self.program
 
         def heard() -> bool:
@@ -72,17 +73,17 @@ class Scene:
 
     @contextlib.contextmanager
     def fault(self, *, before: int = BEFORE) -> Iterator[Board]:
-        """What happens after so many quiet samples; notes when the trouble ends."""
+        """Send `before` quiet samples, let the caller play the fault, and note when the fault ends."""
         self.board.send(before)
         yield self.board
         self._ended_ns = time.monotonic_ns()
 
     def send_until_error(self, kind: str) -> None:
-        """Let the board go on until the daemon has reported such an error."""
+        """Let the board send until the daemon has reported this kind of error."""
         self.board.send_until(lambda: kind in self.programs[-1].errors(), kind)
 
     def finish(self, *, after: int = AFTER) -> None:
-        """Let the newest program have some more samples and the last one, and end it."""
+        """Send `after` more samples until the newest program has the last one, and end the program."""
         self.board.send(after)
         i, k = max(self.board.arrived())
         boot, program = self.board.boots[i], self.programs[-1]
@@ -100,10 +101,12 @@ class Scene:
         line_is_known: bool = True,
         recording_is_whole: bool = True,
     ) -> Outcome:
-        """Finish, if nobody has, and sum up what became of samples, recording and estimates.
+        """Finish, if not done yet, and sum up what became of samples, recording and estimates.
 
-        others: what other outputs lost, if not what the last counts say of all `but` one. excuse,
-        line_is_known: see `samples_of`. recording_is_whole: whether it has to hold all that was sent.
+        `others`: text on the losses of other outputs; default: the last counts of all outputs except `but`.
+        `excuse`,
+        `line_is_known`: see `samples_of`. `recording_is_whole`: whether the recording has to hold all that
+        was sent.
         """
         if self.programs[-1].code is None:
             self.finish()
@@ -139,11 +142,11 @@ class Scene:
 def samples_of(
     board: Board, programs: Sequence[Sequence[Record]], *, excuse: str = "", line_is_known: bool = True
 ) -> Account:
-    """What became of each sampling instant of a board: all are due, and each has its number in its boot.
+    """Account for each sampling instant of a board; all are due, and each has its number in its boot.
 
-    programs: the records of those that listened, one after the other. excuse: why no program can know of
-    samples before the first of a boot that it used, or after the last; if it is empty, there must be none.
-    line_is_known: false if somebody else took bytes from the line.
+    `programs`: the records of the programs that listened, one after another. `excuse`: why no program can
+    know of samples before the first or after the last one of a boot that it used; if empty, there must be
+    none. `line_is_known`: False if another program took bytes from the port.
     """
     boots = {boot.boot_id: number for number, boot in enumerate(board.boots)}
     due = {(i, k) for i, boot in enumerate(board.boots) for k in range(boot.due)}
@@ -179,7 +182,7 @@ def samples_of(
 
 
 def check_totals(records: Sequence[Record]) -> list[str]:
-    """What in a program's last `stats` is not the sum of its records."""
+    """Return which counts of a program's last `stats` are not the sums of its records."""
     stats = [record for record in records if record["class"] == "stats"][-1]["sample_counts"]
     gaps = [record["missing"] for record in records if record["class"] == "gap"]
     samples = sum(record["class"] == "sample" for record in records)
@@ -192,17 +195,17 @@ def check_totals(records: Sequence[Record]) -> list[str]:
 
 
 def faults_of(programs: Sequence[Program], board: Board) -> list[str]:
-    """Kinds of the errors that programs reported; not that the board was silent, if it was."""
+    """Return the kinds of errors that programs reported, without `silent` if the board really was silent."""
     was_silent = board.longest_silence_s > SILENCE_S - 1
     kinds = (kind for program in programs for kind in program.errors())
     return [kind for kind in kinds if not (kind == "silent" and was_silent)]
 
 
 class Recorded(NamedTuple):
-    """What a recording holds.
+    """Contents of a recording.
 
-    wire: all bytes. gaps: where the recorder missed something. steps_ns: Unix time less the recording's own
-    time, wherever it changed.
+    `wire`: all bytes. `gaps`: where the recorder missed something. `steps_ns`: Unix time minus the
+    recording's own time, at the beginning and after each change.
     """
 
     wire: bytes
@@ -211,7 +214,7 @@ class Recorded(NamedTuple):
 
 
 def read_recording(folder: Path) -> Recorded:
-    """Read the wire of the one recording in a folder."""
+    """Read the wire of the only recording in a folder."""
     wire = bytearray()
     gaps: list[LinkMessage] = []
     steps_ns: list[int] = []
@@ -229,9 +232,9 @@ def read_recording(folder: Path) -> Recorded:
 
 
 def missing_in_recording(folder: Path, board: Board) -> list[str]:
-    """What was put on the line after each introduction has to be in the recording, byte by byte.
+    """Return whether the recording lacks bytes that the board sent after an introduction.
 
-    But for the half frame with which a board may have been unplugged.
+    The half frame with which a board may have been unplugged does not count.
     """
     wire, at = read_recording(folder).wire, 0
     for number, stream in enumerate(board.streams):
@@ -245,14 +248,14 @@ def missing_in_recording(folder: Path, board: Board) -> list[str]:
 
 
 def dropped(program: Program, but: str = "") -> str:
-    """Which outputs lost something, as their last counts have it."""
+    """Return which outputs lost records, by their last counts."""
     outputs = program.of("stats")[-1]["outputs"]
     lost = {name: one["dropped"] for name, one in outputs.items() if one["dropped"] and name != but}
     return ", ".join(f"{name} lost {n}" for name, n in lost.items()) or "unaffected"
 
 
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
-    """Spread of host time about a straight line in device time: the largest of these epochs [ms]."""
+    """Return the spread of host time about a straight line in device time: the largest of these epochs [ms]."""
     spreads = []
     for epoch in epochs:
         samples = [record for record in program.of("sample") if record["epoch"] == epoch]
@@ -262,5 +265,5 @@ def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
 
 
 def bad_frames(program: Program) -> dict[str, float]:
-    """Frames that did not pass its checks."""
+    """Return the number of frames that did not pass the program's checks."""
     return {"bad frames": sum(program.of("stats")[-1]["link"]["bad_frames"].values())}

@@ -1,4 +1,4 @@
-"""Faults of the board and of the line to it."""
+"""Faults of the board and of its port."""
 
 import contextlib
 import json
@@ -22,14 +22,14 @@ DUE = "USB VID:PID=2341:003D SER=75230303 LOCATION=1-1"
 
 
 def replug(stage: Stage) -> Outcome:
-    """The link, as udev makes it, points to another port afterwards."""
+    """Unplug and plug the board: the link, as made by udev, then points to another port."""
     scene = Scene(stage)
     _unplug_and_plug(scene)
     return scene.outcome(excuse=CUT)
 
 
 def replug_found_by_usb_id(stage: Stage) -> Outcome:
-    """Without --source: the daemon looks for a Due, whatever its port is called."""
+    """Do the same without --source: the daemon searches for a Due, whatever its port's name."""
     ports = stage.folder / "ports.json"
 
     def show(*devices: str) -> None:
@@ -47,12 +47,15 @@ def replug_found_by_usb_id(stage: Stage) -> Outcome:
 
 
 def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: None) -> None:
-    """In mid-frame. show: makes ports of these names known."""
+    """Unplug the board within a frame, and plug it in.
+
+    `show`: makes ports of these names known to the daemon.
+    """
     with scene.fault() as board:
-        # The line has room for more.
+        # Wait, since the port's buffer may hold more.
         scene.program.wait_for_sample(board.boots[-1].boot_id, board.boots[-1].due - 1)
         board.begin_frame()
-        show()  # before: the system gives its name to the next port that anybody makes
+        show()  # before unplugging, since the system gives the name to the next port that any program makes
         board.unplug()
         scene.program.wait_for(lambda: "no_port" in scene.program.errors(), "the loss")
         board.plug()
@@ -61,7 +64,7 @@ def _unplug_and_plug(scene: Scene, show: Callable[..., None] = lambda *devices: 
 
 
 def reset_in_mid_frame(stage: Stage) -> Outcome:
-    """Half a frame, then the boot's 0x00 and HELLO."""
+    """Send half a frame, then the boot's 0x00 and HELLO."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.begin_frame()
@@ -71,7 +74,7 @@ def reset_in_mid_frame(stage: Stage) -> Outcome:
 
 
 def modem_manager_writes(stage: Stage) -> Outcome:
-    """Another program opens the port and writes; the board does not listen, the line has no echo."""
+    """Another program opens the port and writes; the board does not listen, and the port has no echo."""
     scene = Scene(stage)
     with scene.fault() as board:
         for _ in range(3):
@@ -83,7 +86,7 @@ def modem_manager_writes(stage: Stage) -> Outcome:
 
 
 def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
-    """As a board or an adapter with echo would send them back: between frames, and inside one."""
+    """Send the bytes that a board or an adapter with echo would return: between frames, and inside one."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.inject(MODEM)
@@ -96,7 +99,7 @@ def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
 
 
 def another_reader(stage: Stage) -> Outcome:
-    """Another program reads the port too, as ModemManager does for some seconds: it takes what it gets."""
+    """Another program reads the port too, as ModemManager does for some seconds, and takes part of the bytes."""
     scene = Scene(stage)
     thief = os.open(scene.board.link, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
     stop = threading.Event()
@@ -105,14 +108,14 @@ def another_reader(stage: Stage) -> Outcome:
     def steal() -> None:
         nonlocal stolen
         while not stop.is_set():
-            select.select([thief], [], [], 0.01)  # it is woken with the daemon, and not later
+            select.select([thief], [], [], 0.01)  # it wakes up at the same time as the daemon
             with contextlib.suppress(BlockingIOError):
                 stolen += len(os.read(thief, 64))
 
     thread = threading.Thread(target=steal)
     with scene.fault() as board:
         thread.start()
-        board.send(80)  # fewer than `link.max_gap`, whoever gets them
+        board.send(80)  # fewer than `link.max_gap`, whichever program gets them
         stop.set()
         thread.join()
         os.close(thief)
@@ -120,7 +123,7 @@ def another_reader(stage: Stage) -> Outcome:
 
 
 def flipped_frames(stage: Stage) -> Outcome:
-    """One bit in 1 % of the frames."""
+    """Flip one bit in 1 % of the frames."""
     rng = random.Random(4)
 
     def damage(data: bytes) -> bytes:
@@ -131,7 +134,7 @@ def flipped_frames(stage: Stage) -> Outcome:
 
 
 def flipped_bytes(stage: Stage) -> Outcome:
-    """One bit in 1 % of the bytes: every fourth frame."""
+    """Flip one bit in 1 % of the bytes, which damages every fourth frame."""
     rng = random.Random(5)
 
     def damage(data: bytes) -> bytes:
@@ -141,12 +144,12 @@ def flipped_bytes(stage: Stage) -> Outcome:
 
 
 def stall_of_the_line(stage: Stage) -> Outcome:
-    """Half a second of frames comes late and at once."""
+    """Send the frames of half a second late and together."""
     return _stalled(stage, lambda scene: scene.board.stall(RATE_HZ // 2))
 
 
 def stall_of_the_program(stage: Stage) -> Outcome:
-    """The machine is busy, or asleep: the daemon does not run for half a second."""
+    """Stop the daemon for half a second, as on a busy or sleeping machine."""
 
     def stop(scene: Scene) -> None:
         scene.program.process.send_signal(signal.SIGSTOP)
@@ -165,7 +168,7 @@ def _stalled(stage: Stage, stall: Callable[[Scene], None]) -> Outcome:
 
 
 def long_stall_of_the_program(stage: Stage) -> Outcome:
-    """For longer than the line can hold: the board drops whole frames, and the daemon sees the gap."""
+    """Stop the daemon for longer than the port can buffer: the board drops frames, and the daemon sees the gap."""
     scene = Scene(stage)
     with scene.fault() as board:
         scene.program.process.send_signal(signal.SIGSTOP)
@@ -178,7 +181,7 @@ def long_stall_of_the_program(stage: Stage) -> Outcome:
 
 
 def wraps(stage: Stage) -> Outcome:
-    """Sequence at 65536 and device time at 2^32 us, and twenty samples lost across each."""
+    """Let the sequence wrap at 65536 and device time at 2^32 us, with twenty samples lost across each."""
     scene = Scene(stage, boot={"sequence": (1 << 16) - 110, "device_us": (1 << 32) - 2_100_000})
     with scene.fault(before=100) as board:
         board.lose(20)
@@ -192,7 +195,7 @@ def wraps(stage: Stage) -> Outcome:
 
 
 def wrong_version(stage: Stage) -> Outcome:
-    """The board comes back with firmware of another protocol, then with the right one."""
+    """Boot the board with firmware of another protocol version, then with the right one."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.boot(protocol_major=9)
@@ -205,7 +208,7 @@ def wrong_version(stage: Stage) -> Outcome:
 
 
 def contradicting_rate(stage: Stage) -> Outcome:
-    """The board comes back with a firmware whose HELLO states twice its rate, then with the right one."""
+    """Boot the board with firmware whose HELLO states twice its rate, then with the right one."""
     scene = Scene(stage)
     with scene.fault() as board:
         board.boot(stated_hz=2 * RATE_HZ)
@@ -240,7 +243,7 @@ def _flip(data: bytes, rng: random.Random) -> bytes:
 
 
 def _write_to(path: Path, data: bytes) -> None:
-    """As ModemManager does it: open, set the line up, write."""
+    """Write as ModemManager does: open, configure the port, write."""
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
         termios.tcsetattr(fd, termios.TCSANOW, termios.tcgetattr(fd))

@@ -1,4 +1,4 @@
-"""Faults of the outputs: each may lose its own records, counted, and no other may notice."""
+"""Faults of the outputs: an output may lose its own records if it counts them; no other output may suffer."""
 
 import re
 import shutil
@@ -17,12 +17,12 @@ from tools.faults.stage import Stage
 
 PAGES = 3
 MOST_MB = 10.0
-"""What a program that runs grows by at its begin, and little more."""
+"""Largest growth of memory [MB]: a running program still grows a little after its start."""
 PAGE = ("--dashboard", "127.0.0.1:0")
 
 
 def broker_down(stage: Stage) -> Outcome:
-    """The broker is killed, and comes back on the same port."""
+    """Kill the broker, and start it again on the same port."""
     broker = stage.broker()
     settings = ("--mqtt", f"127.0.0.1:{broker.port}", "--set", "mqtt.estimate_every=1")
     scene = Scene(stage, *settings, *PAGE)
@@ -46,7 +46,7 @@ def broker_down(stage: Stage) -> Outcome:
 
 
 def browser_killed(stage: Stage) -> Outcome:
-    """Chromium on the live page is killed while it is drawing."""
+    """Kill a Chromium on the live page while it draws."""
     scene = Scene(stage, *PAGE)
     url, port = _page_of(scene.program)
     pid, browser = scene.program.process.pid, Browser(url, stage.folder / "chromium")
@@ -59,7 +59,7 @@ def browser_killed(stage: Stage) -> Outcome:
 
 
 def page_that_does_not_read(stage: Stage) -> Outcome:
-    """Three pages are open, and none takes what it is sent."""
+    """Open three pages that read nothing of what they are sent."""
     scene = Scene(stage, *PAGE)
     url, _ = _page_of(scene.program)
     pages: list[socket.socket] = []
@@ -78,7 +78,7 @@ def page_that_does_not_read(stage: Stage) -> Outcome:
 
 
 def disk_full(stage: Stage) -> Outcome:
-    """The recording's file system fills up; later there is room again."""
+    """Fill the recording's file system; later make room again."""
     disk = stage.disk(RECORDING)
     scene = Scene(stage, *PAGE, "--set", "record.resume_mb=0.5", before=disk.before)
     disk.attach(scene.program.process.pid)
@@ -92,12 +92,12 @@ def disk_full(stage: Stage) -> Outcome:
 
 
 def file_deleted(stage: Stage) -> Outcome:
-    """The file that is being recorded is deleted."""
+    """Delete the file that is being recorded."""
     return _taken_away(stage, lambda scene: next(scene.recording.glob("*.mcap")).unlink())
 
 
 def folder_deleted(stage: Stage) -> Outcome:
-    """The folder that is being recorded to is deleted, with the file."""
+    """Delete the folder of the recording, with the file."""
     return _taken_away(stage, lambda scene: shutil.rmtree(scene.recording))
 
 
@@ -113,7 +113,7 @@ def _taken_away(stage: Stage, take: Callable[[Scene], None]) -> Outcome:
 
 
 def _recorded_or_counted(scene: Scene, folder: Path) -> Outcome:
-    """Finish; each byte of the wire has to be recorded or counted, and each item that is lost, too."""
+    """Finish; each byte of the wire and each lost item has to be recorded or counted."""
     scene.finish()
     recorded, last = read_recording(folder), scene.program.of("stats")[-1]
     of_link, missing = last["link"]["bytes"], sum(gap.bytes for gap in recorded.gaps)
@@ -133,7 +133,7 @@ def _recorded_or_counted(scene: Scene, folder: Path) -> Outcome:
 
 
 def _page_of(program: Program) -> tuple[str, int]:
-    """Address and port of the live page."""
+    """Return the address and the port of the live page."""
     wait_until(lambda: "live page at " in program.stderr, "the page's address")
     match = re.search(r"live page at (http://\S+:(\d+)/)", program.stderr)
     assert match is not None

@@ -1,4 +1,4 @@
-"""Faults of the program and of the machine it runs on."""
+"""Faults of the program, and of the machine that runs it."""
 
 import signal
 import time
@@ -9,11 +9,11 @@ from tools.faults.stage import Stage
 
 HOUR_NS = 3600 * 10**9
 FLUSHED_S = 1.0
-"""A kill may cost what was recorded in the last second."""
+"""Longest time [s] before a kill whose bytes the recording may lack."""
 
 
 def kill_9(stage: Stage) -> Outcome:
-    """The daemon is killed while it records, and started again; the board goes on meanwhile."""
+    """Kill the daemon while it records, and start another; the board sends on meanwhile."""
     state = ("--state", stage.folder / "state", "--set", "state.period_s=0.5")
     scene = Scene(stage, *state)
     scene.board.send_until((stage.folder / "state").exists, "a snapshot")
@@ -41,7 +41,7 @@ def kill_9(stage: Stage) -> Outcome:
 
 
 def two_daemons(stage: Stage) -> Outcome:
-    """A second daemon wants the port, waits, and gets it when the first ends."""
+    """Start a second daemon on the port; it waits, and gets the port when the first one ends."""
     scene = Scene(stage)
     with scene.fault() as board:
         second = scene.listen("--source", f"serial:{board.link}")
@@ -61,7 +61,7 @@ def two_daemons(stage: Stage) -> Outcome:
 
 
 def clock_step(stage: Stage) -> Outcome:
-    """The machine's date is set an hour forward, then two hours back; then the board is reset."""
+    """Set the machine's date an hour forward, then two hours back; then reset the board."""
     scene = Scene(stage, clock=stage.clock)
     with scene.fault() as board:
         stage.set_clock(HOUR_NS)

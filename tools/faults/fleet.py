@@ -1,4 +1,4 @@
-"""Faults of a fleet of daemons and its program: its broker, its network, its disk, its clock, its sensors."""
+"""Faults of `fltea fleet` and its daemons: broker, network, disk, clock and sensors."""
 
 import time
 from functools import partial
@@ -13,10 +13,10 @@ FIT_EVERY_S = 10.0
 
 
 def broker_killed(stage: Stage) -> Outcome:
-    """`kill -9`, and started again."""
+    """Kill the broker with SIGKILL, and start it again."""
     scene = FleetScene(stage)
     scene.publish(2)
-    time.sleep(1.5)  # it saves once a second
+    time.sleep(1.5)  # the broker saves once a second
     scene.broker.kill()
     scene.until(lambda: not scene.is_connected(), "the loss")
     scene.broker.start()
@@ -31,7 +31,10 @@ def broker_killed(stage: Stage) -> Outcome:
 
 
 def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
-    """The broker stands still, and so do all lines to it. lasts: at least until the fleet has reported it."""
+    """Stop the broker process, and so all its connections.
+
+    `lasts`: at least until the fleet has reported the loss.
+    """
     scene = FleetScene(stage)
     scene.publish(1)
     scene.broker.pause()
@@ -53,9 +56,9 @@ def split(stage: Stage, *, seconds: float, lasts: bool) -> Outcome:
 
 
 def cut_off(stage: Stage) -> Outcome:
-    """Of all that speak to the broker the fleet alone is cut off, until it has reported it.
+    """Cut off only the fleet from the broker, until it has reported the loss.
 
-    That is after one to two keepalives of 15 s.
+    The report comes after one to two keepalive periods of 15 s.
     """
     scene = FleetScene(stage, behind_line=True)
     scene.publish(1)
@@ -69,7 +72,7 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
-    """What was held up has to come, or the newest fit, which the broker retains."""
+    """Check that the delayed fits arrive, or at least the newest, which the broker retains."""
     scene.until_up_to_date()
     found = scene.summary()
     replaced, outages = scene.fits - found["fits"], found["outages"]
@@ -77,7 +80,8 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
         f"{scene.newest()} of {SENSORS * AXES} axes have their newest fit",
         *wrong,
         (("the broker is back." in scene.fleet.stderr) != bool(outages), "its return"),
-        # Those of the first round were taken before, and nothing replaces any while the fleet is connected.
+        # The fits of the first round were received before, and no fit is replaced while the fleet is
+        # connected.
         (
             not 0 <= replaced <= (scene.fits - SENSORS if outages else 0),
             f"{found['fits']} of {scene.fits} fits",
@@ -87,7 +91,7 @@ def _after_split(scene: FleetScene, *wrong: tuple[bool, str]) -> Outcome:
 
 
 def disk_full(stage: Stage) -> Outcome:
-    """The history's disk, and room again."""
+    """Fill the disk of the history, and make room again."""
     disk = stage.disk("disk")
     scene = FleetScene(stage, history=disk.folder, disk=disk)
     disk.attach(scene.fleet.process.pid)
@@ -106,7 +110,7 @@ def disk_full(stage: Stage) -> Outcome:
 
 
 def fleet_killed(stage: Stage) -> Outcome:
-    """`kill -9` while it writes its history, and started again."""
+    """Kill the fleet while it writes its history, and start it again."""
     scene = FleetScene(stage, history=stage.folder)
     scene.publish(3)
     scene.until(lambda: scene.rows() > 0, "rows")
@@ -128,7 +132,7 @@ def fleet_killed(stage: Stage) -> Outcome:
 
 
 def clock_jumps(stage: Stage) -> Outcome:
-    """The wall clock two days forward, and back."""
+    """Set the wall clock two days forward, and back."""
     scene = FleetScene(stage, "--keep", "1h", history=stage.folder)
     scene.publish(1, arrive=False)
     scene.until(lambda: scene.rows() == SENSORS * AXES, "rows")
@@ -146,7 +150,7 @@ def clock_jumps(stage: Stage) -> Outcome:
 
 
 def twins(stage: Stage) -> Outcome:
-    """Two programs publish under one name."""
+    """Let two programs publish under one name."""
     scene = FleetScene(stage)
     one = scene.sensors[7]
     for turn in range(5):
@@ -163,7 +167,7 @@ def twins(stage: Stage) -> Outcome:
 
 
 def flood(stage: Stage) -> Outcome:
-    """10,000 messages, each of another device."""
+    """Send 10,000 messages, each from another device."""
     sent, most = 10_000, 500
     scene = FleetScene(stage, "--max-sensors", str(most))
     scene.publish(1)
@@ -191,7 +195,7 @@ def flood(stage: Stage) -> Outcome:
 
 
 def _all_messages(scene: FleetScene) -> int:
-    """How many the fleet has heard, once no more come."""
+    """Return the number of messages that the fleet has received, once no more arrive."""
     before = -1
     while before != (before := scene.summary()["messages"]):
         time.sleep(0.5)

@@ -17,14 +17,15 @@ from tools.fleet_load import Publisher, sensor
 SENSORS, AXES = 40, 3
 HISTORY = "fleet.db"
 EVERY_S = 0.05
-"""From question to question to the fleet's page."""
+"""Time between two requests to the fleet's page."""
 
 
 class FleetScene:
     """A broker, a fleet and its sensors.
 
-    flags: of `fltea fleet`. history: the folder of its history, if it keeps one. disk: that it has.
-    behind_line: it reaches the broker by `line`, which can be cut.
+    `flags`: of `fltea fleet`. `history`: folder of its history, if it keeps one. `disk`: the disk of the
+    history.
+    `behind_line`: the fleet reaches the broker through `line`, which can be cut.
 
     Raises:
         Skip: mosquitto is not installed.
@@ -55,7 +56,7 @@ class FleetScene:
         self.start_fleet()
 
     def start_fleet(self) -> None:
-        """Start it, or start it again."""
+        """Start the fleet, or start it again."""
         before = () if self._disk is None else self._disk.before
         self.fleet = self._stage.program("fleet", *self._flags, clock=self._stage.clock, before=before)
         self.until(lambda: "the fleet is at" in self.fleet.stderr, "the fleet")
@@ -63,18 +64,18 @@ class FleetScene:
         self.until(self.is_connected, "the connection")
 
     def summary(self) -> dict[str, Any]:
-        """The fleet in numbers."""
+        """Return the fleet's summary."""
         found: dict[str, Any] = self._ask("summary")
         return found
 
     def is_connected(self) -> bool:
-        """Whether the fleet says that it is connected to the broker."""
+        """Return whether the fleet says that it is connected to the broker."""
         return bool(self.summary()["connected"])
 
     def publish(self, rounds: int, *, arrive: bool = True) -> None:
-        """Let each sensor publish so many fits; comes back when the broker has them all.
+        """Let each sensor publish `rounds` fits; return when the broker has acknowledged all.
 
-        arrive: the newest fit of every axis has to be there, too.
+        `arrive`: wait also until the fleet has the newest fit of every axis.
         """
         for _ in range(rounds):
             self.send()
@@ -83,41 +84,41 @@ class FleetScene:
             self.until_up_to_date()
 
     def send(self) -> None:
-        """Let each sensor publish a fit, and wait for nothing."""
+        """Let each sensor publish a fit, without waiting."""
         self.turn += 1
         for one in self.sensors:
             self.publisher.send(one.device_id, "fit", str(self.turn).encode().join(one.fit))
             self.fits += 1
 
     def until_acknowledged(self) -> None:
-        """Wait until the broker has all that was sent."""
+        """Wait until the broker has acknowledged all messages."""
         wait_until(lambda: self.publisher.acknowledged >= self.publisher.published, "acknowledgements")
 
     def newest(self) -> int:
-        """Axes of which the newest fit is there."""
+        """Return the number of axes whose newest fit the fleet has."""
         return sum(row["samples"] == self.turn for row in self._ask("table?count=500")["rows"])
 
     def rows(self) -> int:
-        """How many its history has; none before it is made."""
+        """Return the number of rows of the history; 0 before its file is made."""
         assert self._folder is not None
         with contextlib.closing(sqlite3.connect(self._folder / HISTORY, timeout=5)) as database:
             return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
 
     def shown(self) -> int:
-        """How many rows of history the page shows, whoever may see the file."""
+        """Return the number of rows of history that the page shows; works even if the file cannot be seen here."""
         return sum(len(self._ask(f"sensor?device={one.device_id}")["history"]) for one in self.sensors)
 
     def until_up_to_date(self) -> None:
-        """Wait until the newest fit of every axis is there."""
+        """Wait until the fleet has the newest fit of every axis."""
         self.until(lambda: self.newest() == SENSORS * AXES, "the newest fits")
 
     def kinds(self) -> list[str]:
-        """What the fleet's program has reported since it was started, in order."""
+        """Return the kinds that the fleet's program has reported since its start, in order."""
         lines = [line.partition(": ")[0] for line in self.fleet.stderr.splitlines() if ": " in line]
         return [kind for kind in lines if kind.isidentifier()]
 
     def until(self, condition: Callable[[], bool], what: str) -> None:
-        """Wait for something that a living fleet does; see `Program.wait_for`."""
+        """Wait for something that a running fleet does; see `Program.wait_for`."""
         self.fleet.wait_for(condition, what, every_s=EVERY_S)
 
     def outcome(
@@ -128,7 +129,10 @@ class FleetScene:
         due: int | None = None,
         where: dict[str, int] | None = None,
     ) -> Outcome:
-        """What came of it. wrong: what must not be, and its name. where: of all `due`, else of the fits."""
+        """Return the outcome.
+
+        `wrong`: pairs of a bad condition and its name. `where`: of `due`, else of the fits.
+        """
         return Outcome(
             self.kinds(),
             self.fits if due is None else due,

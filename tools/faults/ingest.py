@@ -1,7 +1,7 @@
-"""Faults of who walks samples of many boards, and of the server in between.
+"""Faults of programs that track many boards' samples, and of the server between boards and programs.
 
-A worker of NATS is killed, stopped, cut off, and has a clock that jumps; the NATS server that two workers
-share, or the MQTT broker of one program, is killed, away, cut off, or full.
+A worker of NATS is killed, stopped or cut off, or its clock jumps. The NATS server that two workers share, or
+the MQTT broker of one program, is killed, away or full, or its network is cut.
 """
 
 import os
@@ -22,11 +22,11 @@ from tools.frames_load import RATE_HZ
 PAST_LEASE_S = AWAY_S = 8.0
 DAY_NS = 86_400 * 10**9
 DISK, STORE = "160m", "96MB"
-"""The server's limit is less than the disk, and has room for what workers ask for."""
+"""The server's limit is smaller than the disk, and leaves room for what workers request."""
 
 
 def nats_scene(stage: Stage, **how: Any) -> Scene:
-    """Two workers of NATS."""
+    """Return a scene with two workers of NATS."""
     return Scene(stage, NatsServer(stage.folder, PARTITIONS), **how)
 
 
@@ -34,12 +34,12 @@ def nats_scene(stage: Stage, **how: Any) -> Scene:
 
 
 def worker_killed(stage: Stage) -> Outcome:
-    """By `kill -9`."""
+    """Kill a worker with SIGKILL."""
     return _killed(nats_scene(stage))
 
 
 def worker_stands_still(stage: Stage) -> Outcome:
-    """Stopped for longer than a lease, and let go on."""
+    """Stop a worker for longer than a lease, and let it continue."""
     scene = nats_scene(stage)
     first, second = scene.workers
     before, published = len(first.records), scene.boards.samples
@@ -50,12 +50,12 @@ def worker_stands_still(stage: Stage) -> Outcome:
         os.kill(first.process.pid, signal.SIGCONT)
     _share_again(scene, first)
     early = _walked_without_a_lease(first.records[before:], published + 2 * RATE_HZ)
-    wrong = [f"it walked {early} samples that were the other's"] if early else []
+    wrong = [f"it processed {early} samples of the other worker's partitions"] if early else []
     return scene.outcome("both share again", wrong)
 
 
 def worker_cut_off(stage: Stage) -> Outcome:
-    """The network between it and the server is split until the other has all, and then is whole again."""
+    """Split the network between a worker and the server until the other worker has all boards; then heal it."""
     scene = nats_scene(stage)
     first, second = scene.workers
     scene.line.cut()
@@ -67,19 +67,19 @@ def worker_cut_off(stage: Stage) -> Outcome:
     late = len(first.of("sample")) - walked
     scene.line.heal()
     _share_again(scene, first)
-    wrong = [f"the one that was cut off walked {late} samples more"] if late else []
+    wrong = [f"the worker that was cut off processed {late} more samples"] if late else []
     return scene.outcome(f"taken over after {taken_s:.0f} s; both share again", wrong)
 
 
 def clock_jumps(stage: Stage, *days: int) -> Outcome:
-    """A worker's clock goes so many days ahead, in this order; then it is killed."""
+    """Set a worker's clock ahead by each of these numbers of days in turn; then kill the worker."""
     scene, wrong = nats_scene(stage), []
     for ahead in days:
         before = _reported(scene.workers)
         stage.set_clock(ahead * DAY_NS)
         time.sleep(PAST_LEASE_S)
         since = _reported(scene.workers) - before
-        if since["partition_taken"] and not since["nats_lost"]:  # which moves some, too
+        if since["partition_taken"] and not since["nats_lost"]:  # losing NATS moves some partitions, too
             wrong.append(f"{since['partition_taken']} partitions were taken when the clock was set")
     return _killed(scene, wrong)
 
@@ -89,7 +89,7 @@ def _reported(workers: list[Program]) -> Counter[str]:
 
 
 def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
-    """Kill the first worker, and let the second take all. wrong: before."""
+    """Kill the first worker, and let the second one take over all boards. `wrong`: faults found before."""
     first, second = scene.workers
     before = walked_by(second)
     epochs = len(second.of("epoch"))
@@ -104,7 +104,7 @@ def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
 
 
 def _walked_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
-    """Samples of these numbers or later before it took a partition; earlier ones were on their way."""
+    """Count the samples with number `since` or later before a partition was taken; earlier ones were under way."""
     lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
     return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
 
@@ -119,7 +119,7 @@ def _share_again(scene: Scene, worker: Program) -> None:
 
 
 def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> Outcome:
-    """It is killed, and started again after some seconds. qos: 0 if boards keep nothing."""
+    """Kill the server, and start it again after `away_s`. `qos`: 0 if boards do not repeat messages."""
     scene = nats_scene(stage, qos=qos) if nats else Scene(stage, stage.broker())
     scene.server.kill()
     time.sleep(away_s)
@@ -128,7 +128,7 @@ def server_killed(stage: Stage, *, nats: bool, away_s: float, qos: int = 1) -> O
 
 
 def cut_off(stage: Stage) -> Outcome:
-    """The network between program and broker is split until that is reported; boards go on."""
+    """Split the network between program and broker until the program has reported it; boards go on."""
     scene = Scene(stage, stage.broker())
     (program,) = scene.workers
     scene.line.cut()
@@ -141,7 +141,7 @@ def cut_off(stage: Stage) -> Outcome:
 
 
 def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
-    """A stream of somebody else fills the server's store up to its limit; it is deleted."""
+    """Let another program's stream fill the server's store up to its limit; then delete the stream."""
     server, _ = _server_on_small_disk(stage)
     scene = Scene(stage, server, qos)
     server.fill_store()
@@ -151,7 +151,7 @@ def store_full(stage: Stage, *, qos: int = 1) -> Outcome:
 
 
 def disk_full(stage: Stage) -> Outcome:
-    """Files of somebody else fill the server's disk; they are deleted, and the server is started again."""
+    """Let other files fill the server's disk; then delete the files, and start the server again."""
     server, disk = _server_on_small_disk(stage)
     scene = Scene(stage, server)
     disk.fill()
@@ -163,7 +163,7 @@ def disk_full(stage: Stage) -> Outcome:
 
 
 def _server_on_small_disk(stage: Stage) -> tuple[NatsServer, SmallDisk]:
-    """A server that may be killed and started again; the disk stays."""
+    """Return a server that may be killed and started again on the same small disk."""
     disk = stage.disk("js", size=DISK)
     if not disk.is_mounted:
         raise Skip("no small disk can be made here (unshare, mount)")
@@ -171,7 +171,7 @@ def _server_on_small_disk(stage: Stage) -> tuple[NatsServer, SmallDisk]:
 
 
 def _wait_until_lost(scene: Scene) -> None:
-    """Until all workers have reported it, and for some seconds more."""
+    """Wait until all workers have reported the loss, and for AWAY_S more."""
     for worker in scene.workers:
         worker.wait_for(lambda worker=worker: "nats_lost" in worker.errors(), "word of it")  # type: ignore[misc]
     time.sleep(AWAY_S)

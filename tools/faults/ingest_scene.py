@@ -1,4 +1,4 @@
-"""Boards that publish by MQTT, and the programs that walk their samples: workers of NATS, or one alone."""
+"""Boards that publish by MQTT, and the programs that process their samples: workers of NATS, or one alone."""
 
 import contextlib
 import threading
@@ -21,7 +21,7 @@ from tools.frames_load import RATE_HZ, Sensors
 
 DEVICES = 8
 EVERY_S = 0.5
-"""From message to message of a board. Each holds a second of samples: twice as fast as real boards."""
+"""Time between messages of a board. Each message holds a second of samples: twice as fast as real boards."""
 PARTITIONS, SNAPSHOT_S, KEPT_MB = 4, 2, 24
 OF_NATS = {
     "ingest.partitions": PARTITIONS,
@@ -32,10 +32,11 @@ OF_NATS = {
 
 
 class Boards:
-    """Publish a second of samples each, again and again, from a thread and over one connection.
+    """Boards that publish a second of samples each, repeatedly, from a thread and over one connection.
 
-    qos: with 1 what is not acknowledged is sent again, one message after the other: of several the library
-    would change the order after an outage. seconds: how many each has published.
+    `qos`: with 1, messages without acknowledgement are sent again, one after another; if several were in
+    flight, the library would change their order after an outage. `seconds`: number of seconds that each board
+    has published.
     """
 
     def __init__(self, port: int, qos: int) -> None:
@@ -56,7 +57,7 @@ class Boards:
 
     @property
     def samples(self) -> int:
-        """How many each has published."""
+        """Number of samples that each board has published."""
         return self.seconds * RATE_HZ
 
     def _run(self) -> None:
@@ -67,7 +68,7 @@ class Boards:
             self.seconds += 1
 
     def _next(self, *, acknowledged: bool = False) -> None:
-        """Send what waits: all of QoS 0, of which the library keeps none, else one."""
+        """Send waiting messages: all with QoS 0, which the library does not keep; else one."""
         with self._lock:
             self._sending = self._sending and self._qos > 0 and not acknowledged
             while self._waiting and not self._sending:
@@ -75,14 +76,14 @@ class Boards:
                 self._sending = self._qos > 0
 
     def stop(self) -> None:
-        """Publish no more; comes back when the server has all that waited."""
+        """Stop publishing; return when the server has all waiting messages."""
         self._stop.set()
         self._thread.join()
         with contextlib.suppress(TimeoutError):
             wait_until(lambda: not (self._waiting or self._sending), "acknowledgements")
 
     def close(self) -> None:
-        """Leave."""
+        """Stop publishing and disconnect."""
         self.stop()
         self._client.disconnect()
         self._client.loop_stop()
@@ -91,7 +92,7 @@ class Boards:
 class Scene:
     """A server, boards that send to it, and programs behind it: one of MQTT, or two workers of NATS.
 
-    line: between the first program, which has the stage's clock, and the server.
+    `line`: the connection between the server and the first program, which uses the stage's clock.
     """
 
     def __init__(self, stage: Stage, server: Broker | NatsServer, qos: int = 1) -> None:
@@ -107,7 +108,7 @@ class Scene:
         if self._shared:
             self.workers.append(self._walker("second", server.url))
             wait_until(lambda: bool(walked_by(self.workers[1])), "the second worker's share")
-            time.sleep(2 * SNAPSHOT_S + 1)  # snapshots
+            time.sleep(2 * SNAPSHOT_S + 1)  # time for snapshots
 
     def _walker(self, name: str, url: str) -> Program:
         chosen = {"name": name, "live.on": "false", **self._shared}
@@ -116,7 +117,7 @@ class Scene:
         return self._stage.daemon("-s", url, "--format", "ndjson", *flags, **how)
 
     def until_all_by(self, *workers: Program, since: int = 0) -> None:
-        """Wait until these have walked samples of all boards. since: of this number or later."""
+        """Wait until these workers have processed samples of all boards, with numbers from `since` on."""
         names = set(self.boards.names)
         wait_until(
             lambda: set().union(*(walked_by(one, since) for one in workers)) == names,
@@ -124,23 +125,25 @@ class Scene:
         )
 
     def until_all_again(self) -> None:
-        """Wait until samples of all boards arrive that are not published yet."""
+        """Wait until newly published samples of all boards arrive."""
         self.until_all_by(*self.workers, since=self.boards.samples)
 
     def outcome(self, more: str, wrong: Sequence[str] = ()) -> Outcome:
-        """Let all that was published arrive, end the workers, and account for it."""
+        """Let all published samples arrive, end the workers, and return the account."""
         time.sleep(1.0)
         boards = self.boards
         boards.stop()
         living = [worker for worker in self.workers if worker.code is None]
         self.until_all_by(*living, since=boards.samples - 1)
-        with ThreadPoolExecutor() as pool:  # together: else the last one takes what the others give back
+        with (
+            ThreadPoolExecutor() as pool
+        ):  # together: otherwise the last worker takes over the boards of the others
             list(pool.map(lambda worker: worker.end(), living))
         return samples_of(boards.names, boards.samples, self.workers, more, wrong)
 
 
 def walked_by(worker: Program, since: int = 0) -> set[str]:
-    """The boards of which a worker has walked samples of these numbers or later."""
+    """Return the boards of which a worker has processed samples with numbers from `since` on."""
     return {device for device, newest in worker.walked.copy().items() if newest >= since}
 
 
@@ -151,7 +154,7 @@ def samples_of(
     more: str = "",
     wrong: Sequence[str] = (),
 ) -> Outcome:
-    """What became of the samples from 0 to `published` of each board, as the workers' records have it."""
+    """Return what became of the samples 0 to `published` of each board, by the workers' records."""
 
     def sample(record: dict[str, object]) -> Sample:
         return record["device"], int(str(record["seq"]))

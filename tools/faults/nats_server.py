@@ -1,4 +1,4 @@
-"""A nats-server of our own on the loopback, as benchmarks and faults need it."""
+"""A nats-server of our own on the loopback interface, for benchmarks and faults."""
 
 import asyncio
 import json
@@ -22,12 +22,12 @@ T = TypeVar("T")
 
 
 class NatsServer(Server):
-    """With JetStream, the mapping that makes partitions, and MQTT; it may be killed and started again.
+    """A NATS server with JetStream, the mapping that makes partitions, and MQTT; it can be killed and restarted.
 
-    store: the most that its files may take, in the words of its settings. before: a command that starts it.
+    `store`: limit of its files, in the syntax of its settings. `before`: a command that starts the server.
 
     Raises:
-        Skip: it is not installed.
+        Skip: nats-server is not installed.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class NatsServer(Server):
         super().__init__(command, [port, self.mqtt_port], folder / "nats.log")
 
     def _ask(self, question: Callable[[JetStreamContext], Coroutine[Any, Any, T]]) -> T:
-        """Ask over a connection of our own; with patience, for a busy machine's disk holds up the answer."""
+        """Ask over a separate connection, with a long timeout, because a busy disk delays the answer."""
 
         async def asked() -> T:
             client = await nats.connect(self.url, allow_reconnect=False, connect_timeout=PATIENCE_S)
@@ -59,14 +59,14 @@ class NatsServer(Server):
         return asyncio.run(asked())
 
     def is_heard(self) -> bool:
-        """Whether a worker has made the stream; what is published before goes nowhere."""
+        """Return whether a worker has created the stream; messages published earlier are lost."""
         try:
             return bool(self._ask(lambda stream: stream.stream_info(STREAM)))
         except NotFoundError:
             return False
 
     def is_shared_by(self, workers: int) -> bool:
-        """Whether so many workers have all partitions, each as many."""
+        """Return whether `workers` workers have all partitions, each the same number."""
         try:
             shares = self._ask(self._shares)
         except NotFoundError:
@@ -79,7 +79,7 @@ class NatsServer(Server):
         return Counter(json.loads(entry.value or b"{}").get("owner", "") for entry in entries)
 
     def fill_store(self) -> None:
-        """Fill it with a stream of somebody else, up to the server's own limit."""
+        """Fill the store with another stream, up to the server's own limit."""
 
         async def fill(stream: JetStreamContext) -> None:
             await stream.add_stream(name=BALLAST, subjects=["ballast"])

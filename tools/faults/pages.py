@@ -1,4 +1,4 @@
-"""Readers of the live page: one that goes away in the middle, and one that stays and does not read."""
+"""Clients of the live page: a browser that can be killed, and a connection that never reads."""
 
 import os
 import shutil
@@ -11,10 +11,10 @@ from tools.faults.program import PATIENCE_S, Skip
 
 
 class Browser:
-    """Chromium on the page.
+    """Chromium on the live page.
 
     Raises:
-        Skip: it is not installed.
+        Skip: Chromium is not installed.
     """
 
     def __init__(self, url: str, folder: Path) -> None:
@@ -30,14 +30,14 @@ class Browser:
         )
 
     def kill(self) -> None:
-        """End it and all its children at once."""
+        """Kill the browser and all its children."""
         if self._process.poll() is None:
             os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait(PATIENCE_S)
 
 
 def open_page_and_read_nothing(url: str) -> socket.socket:
-    """Ask for the page's largest file again and again, as one that never takes an answer."""
+    """Request the page's largest file many times, without reading any answer."""
     host, port = url.removeprefix("http://").rstrip("/").split(":")
     client = socket.socket()
     client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -47,6 +47,6 @@ def open_page_and_read_nothing(url: str) -> socket.socket:
 
 
 def connections(pid: int, port: int) -> int:
-    """Established connections of a process to its port."""
+    """Return the number of established connections of a process at its port."""
     rows = [line.split() for line in Path(f"/proc/{pid}/net/tcp").read_text().splitlines()[1:]]
     return sum(row[1].endswith(f":{port:04X}") and row[3] == "01" for row in rows)

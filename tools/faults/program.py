@@ -1,4 +1,4 @@
-"""`fltea` as a process: its records with their time of arrival, what it says, and its end."""
+"""`fltea` as a process: its records with their times of arrival, its standard error, and its end."""
 
 import os
 import signal
@@ -14,18 +14,19 @@ import msgspec
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 180.0
-"""Long enough for a busy machine: what is waited for are events, and a first start compiles everything."""
+"""Longest wait [s] for an event; long enough for a busy machine and for a first start, which compiles all files.
+"""
 
 
 class Skip(Exception):
-    """A fault cannot be played here; the text says what is missing."""
+    """Raised when a fault cannot be played here; the text says what is missing."""
 
 
 def wait_until(condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
-    """Wait for something to happen.
+    """Wait for a condition.
 
     Raises:
-        TimeoutError: it did not happen in time.
+        TimeoutError: the condition was not met in time.
     """
     deadline_s = time.monotonic() + PATIENCE_S
     while not condition():
@@ -35,11 +36,13 @@ def wait_until(condition: Callable[[], bool], what: str, *, every_s: float = 0.0
 
 
 class Program:
-    """A command of `fltea` that runs.
+    """A running command of `fltea`.
 
-    command: the words after `fltea`. clock: file with eight bytes that are added to its Unix time [ns];
-    ports: file with the USB ports that it shall find (see `shim`). before: a command that starts it in turn.
-    program: what Python runs, if not fltea.
+    `command`: the words after `fltea`. `clock`: file with eight bytes that are added to the program's Unix
+    time [ns].
+    `ports`: file with the USB ports that the program shall find (see `shim`). `before`: a command that starts
+    the program.
+    `program`: what Python runs, if not fltea.
     """
 
     def __init__(
@@ -74,19 +77,19 @@ class Program:
             thread.start()
 
     def of(self, kind: str) -> list[dict[str, Any]]:
-        """Records of a class so far."""
+        """Return the records of a class so far."""
         return [record for record in list(self.records) if record["class"] == kind]
 
     def errors(self) -> list[str]:
-        """Kinds of the errors reported so far."""
+        """Return the kinds of the errors reported so far."""
         return [record["kind"] for record in self.of("error")]
 
     def wait_for(self, condition: Callable[[], bool], what: str, *, every_s: float = 0.01) -> None:
-        """Wait for something that only a living program does.
+        """Wait for something that only a running program does.
 
         Raises:
             RuntimeError: the program ended before.
-            TimeoutError: it did not happen in time.
+            TimeoutError: the condition was not met in time.
         """
 
         def met() -> bool:
@@ -97,7 +100,7 @@ class Program:
         wait_until(met, what, every_s=every_s)
 
     def has_hello(self, boot_id: int) -> bool:
-        """Whether it has heard of this boot."""
+        """Return whether the program has received the HELLO of this boot."""
         return any(record["boot_id"] == boot_id for record in self.of("hello"))
 
     def wait_for_sample(self, boot_id: int, sequence: int) -> None:
@@ -105,10 +108,10 @@ class Program:
         self.wait_for(lambda: self._newest == (boot_id, sequence % (1 << 16)), "the last sample")
 
     def end(self, number: signal.Signals | None = signal.SIGTERM) -> tuple[int, str]:
-        """Send a signal, if one is given, and wait for the end; `code` and `stderr` are set and returned.
+        """Send a signal, if one is given, and wait for the end; set and return `code` and `stderr`.
 
         Raises:
-            TimeoutError: it did not end in time; with the places where its threads stand.
+            TimeoutError: the program did not end in time; the text shows where its threads are.
         """
         if number is not None:
             self.process.send_signal(number)
@@ -127,7 +130,7 @@ class Program:
         return code, self.stderr
 
     def kill(self) -> None:
-        """End it by `kill -9`, if it still runs."""
+        """Kill the program with SIGKILL, if it still runs."""
         if self.code is None:
             self.end(signal.SIGKILL)
 
@@ -137,7 +140,7 @@ class Program:
         with self.process.stdout as stream:
             for line in stream:
                 now_ns = time.monotonic_ns()
-                if not line.endswith(b"\n"):  # cut by a kill
+                if not line.endswith(b"\n"):  # a kill has cut the line
                     break
                 record = msgspec.json.decode(line)
                 self.records.append(record)

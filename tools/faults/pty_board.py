@@ -1,4 +1,4 @@
-"""A device on a pseudo-terminal that remembers every bit it sent."""
+"""A device on a pseudo-terminal that remembers every byte it sent."""
 
 import contextlib
 import os
@@ -21,14 +21,14 @@ INTRODUCTION_S = 0.2
 
 Damage = Callable[[bytes], bytes]
 Instants = set[tuple[int, int]]
-"""Number of the boot (from 0), and of the sampling instant in it."""
+"""Number of the boot (from 0), and number of the sampling instant in the boot."""
 
 
 class Boot:
-    """What one boot of the board did. sequence, device_us: of its first sampling instant.
+    """One boot of the board. `sequence`, `device_us`: number and time of its first sampling instant.
 
-    protocol_major, stated_hz: what HELLO states. counts: what the gyroscope gave at each instant. frames: all
-    that were put on the line, of any kind.
+    `protocol_major`, `stated_hz`: what HELLO states. `counts`: the gyroscope's counts at each instant.
+    `frames`: number of frames of any kind that were sent.
     """
 
     def __init__(
@@ -44,16 +44,17 @@ class Boot:
 
     @property
     def due(self) -> int:
-        """Sampling instants so far."""
+        """Number of sampling instants so far."""
         return len(self.counts)
 
 
 class Board:
-    """Samples at 100 Hz of real time, with HELLO and STATUS once a second.
+    """A board that samples at 100 Hz of real time, with HELLO and STATUS once a second.
 
-    Its methods send in the caller's thread and at the pace of its clock. streams: what was put on the line,
-    for each time that it was plugged in. dropped: frames for which the line had no room. longest_silence_s:
-    while it was plugged in; on a busy machine our own process may stand still.
+    Its methods send in the caller's thread, in time with the board's clock. `streams`: bytes sent, for each
+    time that the board was plugged in. `dropped`: number of frames for which the port had no room.
+    `longest_silence_s`: longest time without sending while it was plugged in; on a busy machine this process
+    may stand still.
     """
 
     def __init__(self, link: Path, seed: int = 1) -> None:
@@ -79,28 +80,28 @@ class Board:
 
     @property
     def port(self) -> str:
-        """Name under which the system knows the port."""
+        """Name of the port in the system."""
         return self._port.name
 
     def unplug(self) -> None:
-        """Vanish, with the link; the next port will have another name."""
+        """Remove the port and the link; the next port will have another name."""
         before, self._port = self._port, PtyPort(held=True)
         before.close()
 
     def close(self) -> None:
-        """Vanish for ever."""
+        """Close the port."""
         self._port.close()
 
-    # --- what it says ---
+    # --- what it sends ---
 
     def introduce(self, heard: Callable[[], bool], **how: int) -> None:
-        """Boot, and say HELLO until somebody has heard it; see `boot`."""
+        """Boot, and send HELLO until `heard` returns True; see `boot`."""
         self._begin_boot(**how)
         deadline_s = time.monotonic() + PATIENCE_S
         while not heard():
             if time.monotonic() > deadline_s:
                 raise TimeoutError("nobody heard the board's HELLO")
-            with contextlib.suppress(BlockingIOError):  # nobody has the port open
+            with contextlib.suppress(BlockingIOError):  # no program has the port open
                 os.write(self._port.master, b"\0" + self._frame(self._hello()))
             self._note_silence()
             until_s = time.monotonic() + INTRODUCTION_S
@@ -110,21 +111,22 @@ class Board:
         self._begin_ns = time.monotonic_ns()
 
     def boot(self, **how: int) -> None:
-        """Start again in the middle of whatever is on the line.
+        """Boot again, possibly within a frame.
 
-        sequence, device_us: of the first sampling instant. protocol_major, stated_hz: what HELLO states.
+        `sequence`, `device_us`: number and time of the first sampling instant. `protocol_major`, `stated_hz`:
+        what HELLO states.
         """
         self._begin_boot(**how)
         self._write(b"\0" + self._frame(self._hello()))
 
     def send(self, instants: int, damage: Damage | None = None) -> None:
-        """Go through so many sampling instants. damage: what the line does to the bytes of each."""
+        """Send the frames of a number of sampling instants. `damage`: changes the bytes of each instant."""
         for _ in range(instants):
             data = self._tick()
             self._write(damage(data) if damage else data)
 
     def send_until(self, condition: Callable[[], bool], what: str) -> None:
-        """Go on until something has happened."""
+        """Send until a condition is met."""
         deadline_s = time.monotonic() + PATIENCE_S
         while not condition():
             if time.monotonic() > deadline_s:
@@ -132,45 +134,45 @@ class Board:
             self.send(1)
 
     def send_during(self, action: Callable[[], object]) -> None:
-        """Go on while something is done that takes its time; its exception is ours."""
+        """Send while another thread runs `action`; an exception of `action` is raised here."""
         with ThreadPoolExecutor(1) as pool:
             doing = pool.submit(action)
             self.send_until(doing.done, "something else to be done")
             doing.result()
 
     def stall(self, instants: int) -> None:
-        """The line holds up what it should carry, and then delivers it all at once."""
+        """Hold back the frames of a number of instants, and send them all together."""
         self._write(b"".join(self._tick() for _ in range(instants)))
 
     def lose(self, instants: int) -> None:
-        """Frames that never get onto the line."""
+        """Skip the frames of a number of instants."""
         for _ in range(instants):
             self._tick()
 
     def begin_frame(self) -> None:
-        """Half of the next sample's frame, and no more."""
+        """Send half of the next sample's frame, and no more."""
         self._write(self._tick()[:-14])
 
     def inject(self, data: bytes) -> None:
-        """Bytes on the line that are none of the board's."""
+        """Send bytes that are not the board's."""
         self._write(data)
 
     def fill_the_line(self) -> None:
-        """Idle bytes, which mean nothing, until there is no room: nobody reads."""
-        for _ in range(5):  # the system moves what it has from one buffer to the next
+        """Send idle bytes, which have no meaning, until the port is full, since no program reads."""
+        for _ in range(5):  # the system moves bytes from one buffer to the next
             self._port.fill()
             time.sleep(0.05)
 
     def heard(self) -> bytes:
-        """What others sent to the board, which does not listen."""
+        """Return the bytes that programs sent to the board, which does not listen."""
         return self._port.heard()
 
     def arrived(self) -> Instants:
-        """Samples whose frames are whole on the line."""
+        """Return the samples whose frames were sent completely."""
         return set().union(*(self.samples_in(bytes(stream)) for stream in self.streams))
 
     def samples_in(self, wire: bytes) -> Instants:
-        """Samples whose frames are whole in these bytes."""
+        """Return the samples whose frames are complete in these bytes."""
         return {self._blocks[block] for block in wire.split(b"\0")[:-1] if block in self._blocks}
 
     # --- inside ---
@@ -186,7 +188,7 @@ class Board:
         self._begin_ns = time.monotonic_ns()
 
     def _tick(self) -> bytes:
-        """Wait for the next sampling instant; its frames."""
+        """Wait for the next sampling instant; return its frames."""
         boot = self.boots[-1]
         k = boot.due
         left_ns = self._begin_ns + k * PERIOD_NS - time.monotonic_ns()
@@ -197,7 +199,7 @@ class Board:
             status = wire.Status(0, 0, 0, 0, self.dropped, wire.ResetCause.USER, 0, 0)
             frames = self._frame(self._hello()) + self._frame(status)
         x, y, z = (round(self._random.gauss(0, 3)) for _ in range(3))
-        # accel_x and accel_y make each frame one of a kind, whatever boot it is of.
+        # accel_x and accel_y make each frame unique, over all boots.
         sample = wire.Sample(x, y, z, boot.boot_id, self._random.randrange(1 << 15), 16384, 1335, 0)
         frame = self._frame(sample, boot.sequence + k)
         boot.counts.append((x, y, z))
@@ -224,7 +226,7 @@ class Board:
         self.longest_silence_s = max(self.longest_silence_s, self._said_s - before_s)
 
     def _write(self, data: bytes) -> None:
-        """Put bytes on the line, or drop them if there is no room."""
+        """Send bytes, or drop them if the port has no room."""
         self._note_silence()
         if self._port.send(data):
             self.streams[-1] += data

@@ -1,4 +1,4 @@
-"""Programs of others that listen at ports of this machine, and can go and come back; MQTT's broker."""
+"""Other programs' servers that listen at ports of this machine and can be stopped and started; MQTT's broker."""
 
 import os
 import re
@@ -17,23 +17,23 @@ RECEIVED = re.compile(r"Received PUBLISH from fltea-\S+ \(.*'fltea/[^/]+/(\w+)'"
 
 
 def free_port() -> int:
-    """A port of this machine that nobody has."""
+    """Return a port of this machine that no program uses."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def listens(port: int) -> bool:
-    """Whether anybody listens at a port of this machine."""
+    """Return whether a program listens at a port of this machine."""
     with socket.socket() as probe:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def installed(name: str) -> str:
-    """Where a program is.
+    """Return the path of a program.
 
     Raises:
-        Skip: it is not installed.
+        Skip: the program is not installed.
     """
     found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
     if found is None:
@@ -42,7 +42,10 @@ def installed(name: str) -> str:
 
 
 class Server:
-    """It listens at all its ports once this is made. log: of all that it says. how: it is started."""
+    """A server that listens at all its ports after construction.
+
+    `log`: its log file. `how`: options of Popen.
+    """
 
     def __init__(self, command: Sequence[str | Path], ports: Sequence[int], log: Path, **how: Any) -> None:
         self._command, self._ports, self._log, self._how = command, ports, log, how
@@ -50,7 +53,7 @@ class Server:
         self.start()
 
     def start(self) -> None:
-        """Listen (again)."""
+        """Start the server, and wait until it listens."""
         with self._log.open("ab") as log:
             self.process = subprocess.Popen(self._command, stdout=log, stderr=log, **self._how)
 
@@ -62,36 +65,36 @@ class Server:
         wait_until(listening, str(self._command[0]))
 
     def stop(self, number: signal.Signals = signal.SIGTERM) -> None:
-        """End it, if it still runs."""
+        """Send a signal, and wait for the end."""
         self.process.send_signal(number)
         self.process.wait(PATIENCE_S)
 
     def kill(self) -> None:
-        """End it at once, without a farewell."""
+        """Kill the server with SIGKILL."""
         self.stop(signal.SIGKILL)
 
     def pause(self) -> None:
-        """Stand still until `go_on`, and all lines to it with it."""
+        """Stop the process until `go_on`, and with it all its connections."""
         self.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, self.process.pid, os.WSTOPPED | os.WNOWAIT)
 
     def go_on(self) -> None:
-        """Go on after `pause`."""
+        """Continue after `pause`."""
         self.process.send_signal(signal.SIGCONT)
 
     def said(self) -> str:
-        """Its own log so far."""
+        """Return the server's log so far."""
         return self._log.read_text(errors="replace")
 
 
 class Broker(Server):
     """mosquitto on a port of its own.
 
-    persistent: it saves once a second what it retains. logs: all that it does, which `received` needs.
-    settings: more lines of its configuration.
+    `persistent`: it saves retained messages once a second. `logs`: it logs everything, which `received`
+    needs. `settings`: more lines for its configuration.
 
     Raises:
-        Skip: it is not installed.
+        Skip: mosquitto is not installed.
     """
 
     def __init__(
@@ -108,13 +111,13 @@ class Broker(Server):
 
     @property
     def mqtt_port(self) -> int:
-        """Where boards publish."""
+        """Port at which boards publish."""
         return self.port
 
     def is_heard(self) -> bool:
-        """Whether anybody has subscribed since it was first started."""
+        """Return whether any program has subscribed since the first start."""
         return "Sending SUBACK to" in self.said()
 
     def received(self) -> Counter[str]:
-        """Messages so far, by the last part of their topic."""
+        """Return the number of messages so far, by the last part of their topics."""
         return Counter(RECEIVED.findall(self.said()))

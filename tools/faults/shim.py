@@ -1,4 +1,4 @@
-"""`fltea` on a machine whose clock can be set, and whose USB ports are made up; all else is the real program.
+"""Runs `fltea` with a clock that can be set and with made-up USB ports; all else is the real program.
 
 FLTEA_SHIM_CLOCK=FILE   its eight bytes are added to Unix time [ns]
 FLTEA_SHIM_PORTS=FILE   JSON: a list of [device, description, hardware id]
@@ -18,11 +18,11 @@ from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 SHIFT_S = 0.001
-"""How often the clock of the native reader is set."""
+"""Time between two updates of the native reader's clock [s]."""
 
 
 def set_clock_by(path: Path) -> None:
-    """Let Unix time, and it alone, follow the file."""
+    """Let Unix time, and no other clock, follow the file."""
     with path.open("rb") as file:
         step = mmap.mmap(file.fileno(), 8, access=mmap.ACCESS_READ)
 
@@ -34,7 +34,9 @@ def set_clock_by(path: Path) -> None:
     time.time_ns = lambda: time_ns() + step_ns()
     time.time = lambda: time_s() + step_ns() * 1e-9
 
-    def shift() -> None:  # what reads ports asks the system itself
+    def shift() -> (
+        None
+    ):  # the native reader of ports gets the time from the system, so it is shifted separately
         while True:
             shift_unix_clock(step_ns())
             time.sleep(SHIFT_S)
@@ -44,7 +46,7 @@ def set_clock_by(path: Path) -> None:
 
 
 def list_ports_of(path: Path) -> None:
-    """Let the ports of the machine be those of the file."""
+    """Make the ports in the file the ports of the machine."""
 
     def comports(include_links: bool = False) -> list[ListPortInfo]:
         found = []

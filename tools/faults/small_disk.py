@@ -1,4 +1,4 @@
-"""A disk that is full when we say so, and has room again when we say so."""
+"""A disk that the caller can fill and free."""
 
 import os
 import resource
@@ -10,10 +10,11 @@ SIZE = "4m"
 
 
 class SmallDisk:
-    """A file system of its own that only the program sees; where that is not allowed, a limit on its files.
+    """A small file system that only the program sees; if that is not allowed, a limit on the program's files.
 
-    folder: where the program records to. size: as `mount` takes it. is_mounted: whether it is a file system.
-    kind: of the error that the program has to report. before: what starts it.
+    `folder`: where the program records to. `size`: in the syntax of `mount`. `is_mounted`: whether it is a
+    file system.
+    `kind`: kind of the error that the program has to report. `before`: command that starts the program.
     """
 
     def __init__(self, folder: Path, size: str = SIZE) -> None:
@@ -28,26 +29,26 @@ class SmallDisk:
         self._keeper: subprocess.Popen[bytes] | None = None
 
     def attach(self, pid: int) -> None:
-        """See the disk as the program does, and as long as we want."""
+        """See the disk as the program does, until it is closed here."""
         self._pid = pid
         self._fd = os.open(f"/proc/{self._pid}/root{self.folder}", os.O_RDONLY | os.O_DIRECTORY)
 
     def hold(self) -> Sequence[str]:
-        """Mount it now, and until it is closed; what starts a program that sees it, again and again."""
+        """Mount the disk now, until it is closed; return a command that starts programs that see the disk."""
         keep = ("sh", "-c", "echo; exec sleep infinity")
         self._keeper = subprocess.Popen([*self.before, *keep], stdout=subprocess.PIPE)
         assert self._keeper.stdout is not None
-        self._keeper.stdout.readline()  # it is mounted
+        self._keeper.stdout.readline()  # waits until the disk is mounted
         self.attach(self._keeper.pid)
         return "nsenter", "-t", str(self._pid), "--user", "--mount", "--preserve-credentials"
 
     @property
     def inside(self) -> Path:
-        """The folder for us; also when the program is gone."""
+        """The folder as seen from here, even after the program has ended."""
         return Path(f"/proc/self/fd/{self._fd}")
 
     def fill(self) -> None:
-        """Leave no room."""
+        """Fill the disk."""
         if not self.is_mounted:
             resource.prlimit(self._pid, resource.RLIMIT_FSIZE, (1, resource.RLIM_INFINITY))
             return
@@ -56,7 +57,7 @@ class SmallDisk:
                 while True:
                     ballast.write(bytes(4096))
         except OSError:
-            pass  # it is full
+            pass  # the disk is full
 
     def free(self) -> None:
         """Make room."""
@@ -67,7 +68,7 @@ class SmallDisk:
             resource.prlimit(self._pid, resource.RLIMIT_FSIZE, no_limit)
 
     def close(self) -> None:
-        """Let it go."""
+        """Release the disk."""
         if self._fd >= 0:
             os.close(self._fd)
         if self._keeper is not None:

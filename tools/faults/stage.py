@@ -1,4 +1,4 @@
-"""Where a fault is played: it starts boards, programs, brokers and lines, and ends what it started."""
+"""Where a fault is played: starts boards, programs, brokers and connections, and ends them all."""
 
 import contextlib
 import struct
@@ -12,7 +12,7 @@ from tools.faults.server import Broker
 from tools.faults.small_disk import SmallDisk
 
 QUICK = ("--startup", "50", "--set", "estimator.window=200")
-"""A start-up window of 0.5 s in place of 5 s."""
+"""A start-up window of 0.5 s instead of 5 s."""
 
 
 class _Ends(Protocol):
@@ -23,10 +23,10 @@ E = TypeVar("E", bound=_Ends)
 
 
 class Stage(contextlib.ExitStack):
-    """One folder, and whatever runs in it; nothing is left running. Its `callback` is for what ends the rest.
+    """A folder, and all that runs in it. Everything is ended on exit; register further ends with `callback`.
 
-    short: seconds in place of minutes. image: file for the emulated Due, if not ours. clock: the file that
-    moves the clock of the programs that are started with it.
+    `short`: seconds instead of minutes. `image`: file for the emulated Due; default: the committed one.
+    `clock`: file that shifts the clock of the programs that are started with it.
     """
 
     def __init__(self, folder: Path, *, short: bool = True, image: Path | None = None) -> None:
@@ -36,39 +36,39 @@ class Stage(contextlib.ExitStack):
         self.set_clock(0)
 
     def closing(self, made: E) -> E:
-        """Close it at the end, whatever happens."""
+        """Close `made` on exit."""
         self.callback(made.close)
         return made
 
     def program(self, *command: str | Path, **how: Any) -> Program:
-        """A command of `fltea`; see `Program`."""
+        """Start a command of `fltea`; see `Program`."""
         program = Program(command, **how)
         self.callback(program.kill)
         return program
 
     def daemon(self, *arguments: str | Path, **how: Any) -> Program:
-        """`fltea run`, which reports every sample, and estimates soon."""
+        """Start `fltea run` so that it reports every sample, and estimates soon."""
         return self.program("run", "--samples", *QUICK, *arguments, **how)
 
     def board(self, seed: int = 1) -> Board:
-        """A board on a pseudo-terminal, plugged in."""
+        """Return a board on a pseudo-terminal, plugged in."""
         return self.closing(Board(self.folder / "board", seed))
 
     def broker(self, *, persistent: bool = False, logs: bool = True) -> Broker:
-        """An MQTT broker; see `Broker`."""
+        """Start an MQTT broker; see `Broker`."""
         broker = Broker(self.folder, persistent=persistent, logs=logs)
         self.callback(broker.kill)
         return broker
 
     def line(self, port: int) -> CutLine:
-        """A line to a port, which can be cut."""
+        """Return a connection to a port that can be cut."""
         return self.closing(CutLine(port))
 
     def disk(self, name: str, **how: Any) -> SmallDisk:
-        """A disk that can be filled; see `SmallDisk`."""
+        """Return a disk that can be filled; see `SmallDisk`."""
         return self.closing(SmallDisk(self.folder / name, **how))
 
     def set_clock(self, ahead_ns: int) -> None:
-        """Set the clock so far ahead of the machine's."""
+        """Set the programs' clock ahead of the machine's by `ahead_ns`."""
         with self.clock.open("r+b" if self.clock.exists() else "wb") as file:
             file.write(struct.pack("<q", ahead_ns))
