@@ -28,9 +28,8 @@ class Peripheral:
         self._bits = bit_registers(name)
         self._by_offset: dict[int, Register] = {}
         for register in self.table.registers.values():
-            self._by_offset.setdefault(
-                register.offset, register
-            )  # later registers at the same offset are other views of the first
+            # Later registers at the same offset are other views of the first.
+            self._by_offset.setdefault(register.offset, register)
         self._store_reset_values()
 
     def reset(self) -> None:

@@ -23,7 +23,7 @@ USB_CTRL_ENABLED, USB_CTRL_FROZEN, USB_CLOCK_USABLE = 1 << 15, 1 << 14, 1 << 14
 
 
 class RegisterFile(Peripheral):
-    """Stores written values. Set, clear and status registers work; a write that starts a function is a fault."""
+    """Stores written values. Set, clear and status registers work; starting a function is a fault."""
 
     def _store_reset_values(self) -> None:
         super()._store_reset_values()

@@ -237,7 +237,7 @@ class Twi(Peripheral):
         yield from self._close()
 
     def _anticipate(self) -> Transfer:
-        """After the last byte is read, receive the idle level as one more byte, for which Linux drains RHR."""
+        """After the last byte is read, receive the idle level as one more byte; Linux drains RHR for this."""
         while self.registers["SR"] & RXRDY:
             yield None
         self.stale_reads -= 1

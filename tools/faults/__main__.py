@@ -1,4 +1,4 @@
-"""Plays every fault of every part on the real programs, and reports the errors and what became of each record.
+"""Plays every fault of every part on the real programs; reports errors and what became of each record.
 
      make faults                                 all parts, in build/faults.md: some minutes
      make faults ARGS='ingest cluster'           only these parts
@@ -77,9 +77,7 @@ def main() -> int:
 def played(
     parts: list[str], words: list[str], *, short: bool, image: Path | None
 ) -> Iterator[tuple[str, str, Outcome]]:
-    """Yield part, name and outcome of the faults whose names contain one of the words; of all faults without
-    words.
-    """
+    """Yield part, name and outcome of the faults whose names contain one of the words; all without words."""
     for part in parts:
         cases = [one for one in PARTS[part].cases if not words or any(word in one.name for word in words)]
         playing = play_all(cases, at_once=PARTS[part].at_once, short=short, image=image)

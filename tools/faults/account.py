@@ -12,9 +12,7 @@ Record = dict[str, Any]
 
 
 class Heard(NamedTuple):
-    """What one program reported: how often it delivered each sample, and how often it counted the sample as
-    lost.
-
+    """What one program reported: how often it delivered each sample, and how often it counted it as lost.
     `dropped`: number of records for which its standard output had no room, by its last counts.
     """
 
@@ -93,7 +91,7 @@ def shown(samples: set[Sample]) -> str:
 
 
 def wrong_ends(program: Program) -> list[str]:
-    """Return what is wrong about a program's end and about its outputs' last counts; nothing if it was killed."""
+    """Return what is wrong about a program's end and its outputs' last counts; nothing if it was killed."""
     if program.code is None or program.code < 0:
         return []
     found = [f"exit code {program.code}: {program.stderr[-500:]}"] if program.code else []
@@ -113,9 +111,9 @@ def wrong_sums(records: Sequence[Record]) -> list[str]:
     published = last + outputs["stdout"]["dropped"]
     errors = sum(record["class"] == "error" for record in records)
     sums = {name: one["written"] + one["dropped"] + one["queued"] for name, one in outputs.items()}
+    # The output `record` also counts the bytes of the wire.
     return [
         f"{name} accounts for {count} of {published} records"
         for name, count in sums.items()
-        if name != "record"
-        and not 0 <= published - count <= errors  # the recording contains the bytes of the wire, too
+        if name != "record" and not 0 <= published - count <= errors
     ]

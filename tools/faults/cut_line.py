@@ -8,10 +8,10 @@ CHUNK = 1 << 16
 
 
 class CutLine:
-    """A port of this machine that leads to another one.
+    """A port of this machine that forwards to another port.
 
-    While it is cut, neither end notices: what is sent waits, as packets do that are sent again and again, and
-    so do ends of connections; a new connection gets no answer. port: where it begins.
+    While the connection is cut, neither end notices: sent data waits, like packets that are sent again and
+    again, and so do ends of connections. A new connection gets no answer. `port`: the forwarding port.
     """
 
     def __init__(self, to: int) -> None:

@@ -255,7 +255,7 @@ def dropped(program: Program, but: str = "") -> str:
 
 
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:
-    """Return the spread of host time about a straight line in device time: the largest of these epochs [ms]."""
+    """Return the largest spread, over the epochs, of host time about a straight line in device time [ms]."""
     spreads = []
     for epoch in epochs:
         samples = [record for record in program.of("sample") if record["epoch"] == epoch]

@@ -99,7 +99,7 @@ def modem_bytes_in_the_stream(stage: Stage) -> Outcome:
 
 
 def another_reader(stage: Stage) -> Outcome:
-    """Another program reads the port too, as ModemManager does for some seconds, and takes part of the bytes."""
+    """Another program reads the port too, as ModemManager does for some seconds, and takes some bytes."""
     scene = Scene(stage)
     thief = os.open(scene.board.link, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
     stop = threading.Event()
@@ -168,7 +168,7 @@ def _stalled(stage: Stage, stall: Callable[[Scene], None]) -> Outcome:
 
 
 def long_stall_of_the_program(stage: Stage) -> Outcome:
-    """Stop the daemon for longer than the port can buffer: the board drops frames, and the daemon sees the gap."""
+    """Stop the daemon for longer than the port can buffer: the board drops frames, which makes a gap."""
     scene = Scene(stage)
     with scene.fault() as board:
         scene.program.process.send_signal(signal.SIGSTOP)

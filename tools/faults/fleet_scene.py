@@ -105,7 +105,7 @@ class FleetScene:
             return int(database.execute("SELECT count(*) FROM fit").fetchone()[0])
 
     def shown(self) -> int:
-        """Return the number of rows of history that the page shows; works even if the file cannot be seen here."""
+        """Return the number of rows of history that the page shows, even if the file is not visible here."""
         return sum(len(self._ask(f"sensor?device={one.device_id}")["history"]) for one in self.sensors)
 
     def until_up_to_date(self) -> None:

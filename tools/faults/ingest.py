@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from tools.faults.case import Case, Outcome
-from tools.faults.ingest_scene import DEVICES, PARTITIONS, Scene, walked_by
+from tools.faults.ingest_scene import DEVICES, PARTITIONS, Scene, boards_of
 from tools.faults.nats_server import NatsServer
 from tools.faults.program import Program, Skip, wait_until
 from tools.faults.small_disk import SmallDisk
@@ -49,22 +49,22 @@ def worker_stands_still(stage: Stage) -> Outcome:
     finally:
         os.kill(first.process.pid, signal.SIGCONT)
     _share_again(scene, first)
-    early = _walked_without_a_lease(first.records[before:], published + 2 * RATE_HZ)
+    early = _processed_without_a_lease(first.records[before:], published + 2 * RATE_HZ)
     wrong = [f"it processed {early} samples of the other worker's partitions"] if early else []
     return scene.outcome("both share again", wrong)
 
 
 def worker_cut_off(stage: Stage) -> Outcome:
-    """Split the network between a worker and the server until the other worker has all boards; then heal it."""
+    """Split the network between a worker and the server until the other worker has all boards; heal it."""
     scene = nats_scene(stage)
     first, second = scene.workers
     scene.line.cut()
     cut_s = time.monotonic()
     scene.until_all_by(second)
     taken_s = time.monotonic() - cut_s
-    walked = len(first.of("sample"))
+    processed = len(first.of("sample"))
     time.sleep(PAST_LEASE_S)
-    late = len(first.of("sample")) - walked
+    late = len(first.of("sample")) - processed
     scene.line.heal()
     _share_again(scene, first)
     wrong = [f"the worker that was cut off processed {late} more samples"] if late else []
@@ -91,7 +91,7 @@ def _reported(workers: list[Program]) -> Counter[str]:
 def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
     """Kill the first worker, and let the second one take over all boards. `wrong`: faults found before."""
     first, second = scene.workers
-    before = walked_by(second)
+    before = boards_of(second)
     epochs = len(second.of("epoch"))
     first.kill()
     killed_s = time.monotonic()
@@ -103,15 +103,15 @@ def _killed(scene: Scene, wrong: list[str] | None = None) -> Outcome:
     return scene.outcome(more, [*(wrong or []), *found])
 
 
-def _walked_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
-    """Count the samples with number `since` or later before a partition was taken; earlier ones were under way."""
+def _processed_without_a_lease(records: list[dict[str, Any]], since: int) -> int:
+    """Count the samples from number `since` on before a partition was taken; earlier ones were under way."""
     lease = next(i for i, r in enumerate(records) if r["class"] == "error" and r["kind"] == "partition_taken")
     return sum(r["class"] == "sample" and r["seq"] >= since for r in records[:lease])
 
 
 def _share_again(scene: Scene, worker: Program) -> None:
     since = scene.boards.samples
-    wait_until(lambda: bool(walked_by(worker, since)), "its share")
+    wait_until(lambda: bool(boards_of(worker, since)), "its share")
     scene.until_all_again()
 
 

@@ -100,17 +100,17 @@ class Scene:
         stage.callback(server.kill)
         self.line = stage.line(server.port)
         self._shared = OF_NATS if isinstance(server, NatsServer) else {}
-        first = self._walker("first", server.url.replace(str(server.port), str(self.line.port)))
+        first = self._worker("first", server.url.replace(str(server.port), str(self.line.port)))
         self.workers = [first]
         first.wait_for(server.is_heard, "that it listens")
         self.boards = stage.closing(Boards(server.mqtt_port, qos))
         self.until_all_by(first)
         if self._shared:
-            self.workers.append(self._walker("second", server.url))
-            wait_until(lambda: bool(walked_by(self.workers[1])), "the second worker's share")
+            self.workers.append(self._worker("second", server.url))
+            wait_until(lambda: bool(boards_of(self.workers[1])), "the second worker's share")
             time.sleep(2 * SNAPSHOT_S + 1)  # time for snapshots
 
-    def _walker(self, name: str, url: str) -> Program:
+    def _worker(self, name: str, url: str) -> Program:
         chosen = {"name": name, "live.on": "false", **self._shared}
         flags = [word for key, value in chosen.items() for word in ("--set", f"{key}={value}")]
         how = {"clock": self._stage.clock} if name == "first" else {}
@@ -120,7 +120,7 @@ class Scene:
         """Wait until these workers have processed samples of all boards, with numbers from `since` on."""
         names = set(self.boards.names)
         wait_until(
-            lambda: set().union(*(walked_by(one, since) for one in workers)) == names,
+            lambda: set().union(*(boards_of(one, since) for one in workers)) == names,
             "samples of all sensors",
         )
 
@@ -135,16 +135,15 @@ class Scene:
         boards.stop()
         living = [worker for worker in self.workers if worker.code is None]
         self.until_all_by(*living, since=boards.samples - 1)
-        with (
-            ThreadPoolExecutor() as pool
-        ):  # together: otherwise the last worker takes over the boards of the others
+        # All at once: otherwise the last worker takes over the boards of the others.
+        with ThreadPoolExecutor() as pool:
             list(pool.map(lambda worker: worker.end(), living))
         return samples_of(boards.names, boards.samples, self.workers, more, wrong)
 
 
-def walked_by(worker: Program, since: int = 0) -> set[str]:
+def boards_of(worker: Program, since: int = 0) -> set[str]:
     """Return the boards of which a worker has processed samples with numbers from `since` on."""
-    return {device for device, newest in worker.walked.copy().items() if newest >= since}
+    return {device for device, newest in worker.newest.copy().items() if newest >= since}
 
 
 def samples_of(

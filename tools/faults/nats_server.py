@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class NatsServer(Server):
-    """A NATS server with JetStream, the mapping that makes partitions, and MQTT; it can be killed and restarted.
+    """A NATS server with JetStream, the mapping to partitions, and MQTT; it can be killed and restarted.
 
     `store`: limit of its files, in the syntax of its settings. `before`: a command that starts the server.
 

@@ -14,8 +14,7 @@ import msgspec
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 180.0
-"""Longest wait [s] for an event; long enough for a busy machine and for a first start, which compiles all files.
-"""
+"""Longest wait [s] for an event: enough for a busy machine and a first start, which compiles all files."""
 
 
 class Skip(Exception):
@@ -67,7 +66,7 @@ class Program:
         )
         self.records: list[dict[str, Any]] = []
         self.estimates_ns: list[int] = []
-        self.walked: dict[str, int] = {}
+        self.newest: dict[str, int] = {}
         """Number of the newest sample of each device."""
         self.stderr = ""
         self.code: int | None = None
@@ -149,7 +148,7 @@ class Program:
                         boot_id = record["boot_id"]
                     case "sample":
                         self._newest = (boot_id, record["seq"] % (1 << 16))
-                        self.walked[record.get("device", "")] = record["seq"]
+                        self.newest[record.get("device", "")] = record["seq"]
                     case "estimate":
                         self.estimates_ns.append(now_ns)
 

@@ -1,4 +1,4 @@
-"""Other programs' servers that listen at ports of this machine and can be stopped and started; MQTT's broker."""
+"""Servers of other programs, such as an MQTT broker, that listen here and can be stopped and started."""
 
 import os
 import re

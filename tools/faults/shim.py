@@ -34,9 +34,8 @@ def set_clock_by(path: Path) -> None:
     time.time_ns = lambda: time_ns() + step_ns()
     time.time = lambda: time_s() + step_ns() * 1e-9
 
-    def shift() -> (
-        None
-    ):  # the native reader of ports gets the time from the system, so it is shifted separately
+    # The native reader of ports gets the time from the system, so its clock is shifted separately.
+    def shift() -> None:
         while True:
             shift_unix_clock(step_ns())
             time.sleep(SHIFT_S)
