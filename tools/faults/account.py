@@ -13,6 +13,7 @@ Record = dict[str, Any]
 
 class Heard(NamedTuple):
     """What one program reported: how often it delivered each sample, and how often it counted it as lost.
+
     `dropped`: number of records for which its standard output had no room, by its last counts.
     """
 

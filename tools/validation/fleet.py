@@ -1,9 +1,9 @@
-"""How often `fltea fleet` calls a sensor odd that is not: fleets of real fits, of simulated noise.
+"""Measures how often `fltea fleet` calls a healthy sensor odd: fleets with real fits of simulated noise.
 
-The live estimator of the daemon fits each record; fleets of one axis a sensor are drawn from these fits and
-looked at as the program looks at them. Sensors that differ by themselves have N, B, K and density times a
-factor of their own, which is what another gain would do; α and f stay. Records that grow to a day are looked
-at all the while.
+The daemon's live estimator fits each record. Fleets with one axis per sensor are drawn from these fits, and
+compared as the program compares them. If sensors differ, N, B, K and density of each are multiplied by a
+random factor, as by another gain; α and f stay. Records that grow to a day are compared repeatedly while they
+grow.
 """
 
 import math
@@ -24,23 +24,23 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, number
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Records of each noise."""
+"""Number of records of each noise."""
 FLEETS = 100
-"""Drawn from these records."""
+"""Number of fleets drawn from these records."""
 SAMPLES = 100_000
 DIFFER = (0.0, 0.03)
 SIZES = (20, 100)
 DAY_HZ, DAY = 10.0, 864_000
 FIRST, GROWTH = 600, 1.2
-"""Samples at the first look of a day, and by how much a record grows from look to look."""
+"""Number of samples at the first comparison of a day, and growth factor of a record between comparisons."""
 AT_ONCE = 10
 Fits = list[AxisFit]
 Place = tuple[Fits, list[dict[str, Figure]], float]
-"""A sensor of a fleet: its fits, look by look, their figures, and how strong its noise is."""
+"""A sensor of a fleet: its fits at each comparison, their figures, and the factor of its noise."""
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return tasks that fit records, at one length and, unless quick, at the looks of a day."""
+    """Return tasks that fit records at one length and, unless quick, at all comparisons of a day."""
     grown = FIRST * GROWTH ** np.arange(math.ceil(math.log(DAY / FIRST, GROWTH)))
     day = [*np.round(grown).astype(int).tolist(), DAY]
     return [
@@ -53,7 +53,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float) -> list[Row]:
-    """Return the messages of some sensors, one for each look."""
+    """Return the fits of some sensors, one for each comparison."""
     rows: list[Row] = []
     for seed in range(first, first + count):
         record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
@@ -63,7 +63,7 @@ def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the share of fleets, and of looks, in which anybody is called odd."""
+    """Return the share of fleets, and of comparisons, in which any sensor is called odd."""
     cells = []
     for name, rate_hz in dict.fromkeys((row["noise"], row["rate_hz"]) for row in rows):
         pool = [
@@ -91,10 +91,12 @@ def _shares(shares: dict[str, float]) -> tuple[str, ...]:
 def share_of_fleets(
     pool: list[Fits], rate_hz: float, sensors: int, differ: float, count: int, *, ages: bool = False
 ) -> dict[str, float]:
-    """Return the share of fleets in which anybody is ever called odd, by figure, `any`, and of looks, `look`.
+    """Return the share of fleets in which any sensor is ever called odd.
 
-    ages: each sensor has been on for another time, and there is one look. Else all began at once and are
-    looked at while their records grow; fits change little between these looks, so what one sees is an alert.
+    The result is by figure, for any figure (`any`), and as a share of comparisons (`look`). `ages`: each
+    sensor has been on for a different time, and there is one comparison. Otherwise all began at the same time
+    and are compared while their records grow; fits change little between these comparisons, so a single odd
+    result already is an alert.
     """
     rng = np.random.default_rng(sensors)
     figures = [_all_figures(looks, rate_hz) for looks in pool]
@@ -115,7 +117,7 @@ def share_of_fleets(
 
 
 def _all_figures(looks: Fits, rate_hz: float) -> list[dict[str, Figure]]:
-    """Of one sensor, look by look."""
+    """Return the figures of one sensor for each comparison."""
     found: list[dict[str, Figure]] = []
     for fit in looks:
         found.append(figures_of(fit, rate_hz, found[-1] if found else {}))
@@ -123,7 +125,7 @@ def _all_figures(looks: Fits, rate_hz: float) -> list[dict[str, Figure]]:
 
 
 def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
-    """By which figures anybody is called odd, each sensor at look number `turns` of its own."""
+    """Return the figures by which any sensor is called odd, with each sensor at its own number in `turns`."""
     logarithmic = {quantity.name for quantity in QUANTITIES if quantity.log}
     roll = Roll()
     for place, ((looks, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):

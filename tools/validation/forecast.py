@@ -1,6 +1,7 @@
-"""What the forecast's bands and its judge are worth: the first half of a series tells the second.
+"""Measures the forecast's bands and its test of the model: the first half of a series predicts the second.
 
-Ten minutes at 100 Hz of the noises of `states`. Each half goes the way of `fltea identify --forecast`.
+The series are ten minutes at 100 Hz of the noises of `states`. Each half is processed as by `fltea identify
+--forecast`.
 """
 
 import zlib
@@ -15,7 +16,7 @@ from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
-"""Series of each noise."""
+"""Number of series of each noise."""
 N = 60_000
 OFFSET = 3.0
 
@@ -26,7 +27,9 @@ def tasks(options: Options) -> list[Task]:
 
 
 def judge(name: str, series: int) -> list[Row]:
-    """Judge series of one noise; a row for each of them and time, with the mean squares of said and seen."""
+    """Judge series of one noise; return a row for each series and time, with predicted and observed mean
+    squares.
+    """
     rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
     parts = NOISES[name]
     rows: list[Row] = []
@@ -42,7 +45,7 @@ def judge(name: str, series: int) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the shares inside of the bands by time, and how many series the judge fails."""
+    """Return the shares inside the bands by time, and the number of series whose model fails."""
     times = sorted({row["t_s"] for row in rows})
     cells: list[Any] = []
     for name, those in grouped(rows, lambda row: row["noise"]).items():

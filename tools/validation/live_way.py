@@ -1,4 +1,4 @@
-"""One sensor's samples on the way of the live stage: samples, settled fits between them, the tracker."""
+"""Processes one sensor's samples as the live stage does: samples, accepted fits between them, the tracker."""
 
 import math
 from collections.abc import Sequence
@@ -15,22 +15,22 @@ from fltea.stream.live import NO_FIT
 from fltea.stream.tracking import SensorTracks
 
 AXES = 3
-"""Axes of a sensor. More lanes than these are lanes of several sensors."""
+"""Number of axes of a sensor. More lanes than this belong to several sensors."""
 GROWTH = 10
-"""The record grows by one part in so many from settled fit to settled fit, as in `fltea.stream.fit_times`."""
+"""The record grows by 1/GROWTH from one accepted fit to the next, as in `fltea.stream.fit_times`."""
 
 
 class StepEvent(NamedTuple):
-    """A step of the bias that the tracker has told of."""
+    """A step of the bias that the tracker has reported."""
 
     axis: str
     at_s: float
     size: float
-    """in the unit of the samples"""
+    """In the unit of the samples."""
 
 
 class Lived(NamedTuple):
-    """What the live stage publishes of samples, (n, lanes)."""
+    """What the live stage publishes for samples, (n, lanes)."""
 
     bias: Array
     bias_std: Array
@@ -39,9 +39,10 @@ class Lived(NamedTuple):
 
 
 class LiveSensor:
-    """The live stage of one sensor, h s from sample to sample.
+    """The live stage of one sensor, with sampling period `h` [s].
 
-    A settled fit is made when a second is there, and then by growth; it counts from the next sample on.
+    A fit is accepted after the first second, and then as the record grows; it takes effect at the next
+    sample.
     """
 
     def __init__(self, axes: int, h: float, unit: str = "deg/s") -> None:
@@ -55,7 +56,7 @@ class LiveSensor:
         self._due = self._second
 
     def run(self, y: Array) -> Lived:
-        """Take samples (n, axes), of which there is one at least, and return what is published of them."""
+        """Process at least one sample (n, axes), and return what is published for them."""
         found, begin = [], 0
         while begin < len(y):
             end = min(len(y), begin + self._due - self._at)
@@ -88,20 +89,20 @@ class LiveSensor:
 
     @property
     def restarts(self) -> int:
-        """How often a tracker of any axis has begun again at an offset that had changed."""
+        """Number of restarts of the trackers of all axes at an offset that had changed."""
         return sum(figures.restarts for _, figures in self._tracks.stats())
 
     def events(self) -> list[StepEvent]:
-        """Return the steps that were told so far."""
+        """Return the steps reported so far."""
         return self._events
 
 
 def live_way(y: Array, h: float) -> Lived:
-    """Return what is published of lanes, (n, lanes): each AXES of them are a sensor of their own."""
+    """Return what is published for lanes, (n, lanes); each AXES lanes are a sensor of their own."""
     found = [LiveSensor(part.shape[1], h).run(part) for part in sensors(y)]
     return Lived._make(np.concatenate(column, axis=1) for column in zip(*found, strict=True))
 
 
 def sensors(y: Array) -> Sequence[Array]:
-    """Return the lanes of y (n, lanes), sensor by sensor."""
+    """Return the lanes of `y` (n, lanes), sensor by sensor."""
     return [y[:, first : first + AXES] for first in range(0, y.shape[1], AXES)]

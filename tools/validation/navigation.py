@@ -1,8 +1,8 @@
-"""What a plain Kalman filter is worth that is built from nothing but the file of `--gauss-markov`.
+"""Measures a plain Kalman filter that is built from the file of `--gauss-markov` alone.
 
-Ten minutes at 100 Hz of the axes of sensors are identified, for each noise. The filter begins at their end,
-or knows nothing and rests a minute, and then says how far the heading is off in the five minutes that follow.
-The figure is the root mean square of the error over the σ that it said: 1 where it is right.
+Ten minutes at 100 Hz of sensors' axes are identified for each noise. The filter begins at their end, or
+without knowledge of the bias and rests a minute. Then it predicts the error of the heading in the next five
+minutes. The result is the root mean square of the error over the predicted σ; 1 is right.
 """
 
 import math
@@ -23,7 +23,7 @@ from tools.validation.states import NOISES, H, state, white
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 39, 6
-"""Axes of each noise."""
+"""Number of axes of each noise."""
 N, REST, AHEAD = 60_000, 6_000, 30_000
 OFFSET = 3.0
 TIMES_S = (1.0, 10.0, 60.0, 300.0)
@@ -38,7 +38,7 @@ EMA = "white noise through an EMA of 0.2"
 
 
 class PlainFilter:
-    """A Kalman filter as the cookbook has it; its states are the bias and the Gauss-Markov states."""
+    """A textbook Kalman filter; its states are the bias and the Gauss-Markov states."""
 
     def __init__(self, given: NavigationFilter) -> None:
         sigma = np.array([0.0, *(one.sigma for one in given.gauss_markov)])
@@ -50,12 +50,12 @@ class PlainFilter:
         self.x[0], self.P[0, 0] = given.bias, given.bias_std**2
 
     def forget(self) -> None:
-        """Know nothing of the bias."""
+        """Forget the bias."""
         self.x[:] = 0
         self.P[0, 0] = 1e4 * (self.R + self.P.sum())
 
     def rest(self, y: Array) -> None:
-        """Take samples at rest."""
+        """Process samples at rest."""
         for sample in y:
             self.x, self.P = self.phi * self.x, self.phi[:, None] * self.P * self.phi + self.Q
             gain = self.P.sum(axis=1) / (self.P.sum() + self.R)
@@ -63,7 +63,7 @@ class PlainFilter:
             self.P = self.P - np.outer(gain, self.P.sum(axis=0))
 
     def ahead(self) -> tuple[Array, Array]:
-        """Return the drift of the heading by `TIMES_S`, and its σ."""
+        """Return the drift of the heading after `TIMES_S`, and its σ."""
         n = len(self.x)
         A, G = np.diag([*self.phi, 1.0]), np.vstack([np.eye(n), np.full(n, H)])
         A[n, :n] = H * self.phi
@@ -87,7 +87,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def measure(name: str, series: int) -> list[Row]:
-    """Return a row for each series and time, with the error over its σ for both beginnings."""
+    """Return a row for each series and time, with the error over its σ for both starts."""
     rng = np.random.default_rng((20261128, zlib.crc32(name.encode())))
     rows: list[Row] = []
     for number in range(series):

@@ -1,4 +1,4 @@
-"""What all pictures share: PNG with a palette, rendered by Agg; nothing here opens a window."""
+"""Functions that all pictures share: PNG with a palette, rendered by Agg without opening a window."""
 
 import io
 from typing import TYPE_CHECKING
@@ -10,14 +10,14 @@ COLOURS = 128
 
 
 def new_figure(width: float, height: float) -> "Figure":
-    """Return an empty figure of so many inches, laid out by its contents."""
+    """Return an empty figure of this size [inches], laid out by its contents."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=85, layout="constrained")
 
 
 def png(figure: "Figure") -> bytes:
-    """Return the figure with a palette, which takes a quarter of the room."""
+    """Return the figure with a palette, which takes a quarter of the space."""
     from PIL import Image
 
     drawn, small = io.BytesIO(), io.BytesIO()

@@ -1,8 +1,9 @@
-"""How often the null test of `fltea identify` rejects, and how often it finds peaks that are not there.
+"""Measures how often the null test of `fltea identify` rejects, and how often it finds peaks that do not exist.
 
-Simulated series at 100 Hz: white noise, and fractional noise of several strengths in it. White noise is
-tested by the spectrum that is kept of it, as `identify` and the live fit do (`live`), and by the periodogram
-of the whole record. False claims and verdicts are the gallery's, intervals are counted by `evaluate`.
+The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise.
+White noise is tested with the spectrum that is kept of it, as `identify` and the live fit do (`live`), and
+with the periodogram of the whole record (`whole`). The gallery counts false claims and verdicts, `evaluate`
+intervals.
 """
 
 import zlib
@@ -23,11 +24,11 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped, share_within
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Series of each white noise; of 10 min a tenth for the power."""
+"""Number of series of each white noise; for the power at 10 min a tenth."""
 H = 0.01
 LENGTHS = {"30 s": 3_000, "200 s": 20_000, "10 min": 60_000}
 OF_POWER = ("30 s", "10 min")
-"""Of these, where there is an order."""
+"""The lengths used where there is an order."""
 WHITE: dict[str, Callable[[int, np.random.Generator], Array]] = {
     "Gaussian": lambda n, rng: rng.standard_normal(n),
     "one LSB per σ": lambda n, rng: np.rint(rng.standard_normal(n)),
@@ -38,7 +39,7 @@ STRENGTHS: dict[str, tuple[float, float, float]] = {
     for alpha, f in ((0.1, 0.0), (0.3, 0.0), (0.3, -1.8), (0.6, -0.3), (0.6, -3.0))
     for share in (0.1, 0.3, 1.0)
 }
-"""Of fractional noise in white noise: α, f in s^-α, share of the power in the state."""
+"""Fractional noise in white noise: α, f [s^-α], share of the power in the state."""
 
 
 def tasks(options: Options) -> list[Task]:

@@ -1,4 +1,4 @@
-"""Recursions and responses in the time domain, with scipy's filters: nothing here is shared with the fits."""
+"""Recursions and responses in the time domain, with scipy's filters; they share no code with the fits."""
 
 import math
 from typing import Any
@@ -9,16 +9,16 @@ from scipy.signal import lfilter, oaconvolve
 
 
 class Stream:
-    """The filter b(z) / a(z), which goes on where the last piece of its input ended."""
+    """The filter b(z) / a(z), which continues where the last piece of its input ended."""
 
     def __init__(self, b: Any, a: Any, state: float = 0.0) -> None:
         self._b, self._a = b, a
         self._zi = np.full(max(len(a), len(b)) - 1, state)
 
     def run(self, e: Array) -> Array:
-        """Return the output of one piece (n,) of the input."""
+        """Return the output for one piece (n,) of the input."""
         if not len(e):
-            return e  # scipy would forget its state
+            return e  # scipy would forget the filter's state
         y, self._zi = lfilter(self._b, self._a, e, zi=self._zi)
         return np.asarray(y)
 
@@ -48,14 +48,14 @@ def inverse_series(c: Array) -> Array:
 
 
 def convolved(e: Array, response: Array, n: int) -> Array:
-    """Return the last n samples of e filtered by `response`; each sees all of it (len(e) >= n + len - 1)."""
+    """Return the last `n` samples of `e` filtered by the whole `response` (len(e) >= n + len(response) - 1)."""
     return np.asarray(oaconvolve(e, response, mode="valid")[-n:])
 
 
 class FractionalState:
-    """Draws the state of order α and g = h^α f, n samples at a time, of steps of variance 1.
+    """Draws `n` samples at a time of the state of order α and g = h^α f, with steps of variance 1.
 
-    Every x knows of at least `PAST` steps before it, so it is stationary from its first sample on.
+    Every x depends on at least `PAST` steps before it, so it is stationary from the first sample.
     """
 
     PAST = 1 << 16
@@ -65,15 +65,15 @@ class FractionalState:
         self._size = 1 << (n + self.PAST - 1).bit_length()
         self._response = state_response(alpha, g, self._size - n)
         self.power = float(self._response @ self._response)
-        """variance of x"""
+        """Variance of x."""
 
     def draw(self, rng: np.random.Generator) -> Array:
-        """Return another x, (n,)."""
+        """Return new samples of x, (n,)."""
         return convolved(rng.standard_normal(self._size), self._response, self._n)
 
 
 def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
-    """Return ARFIMA(0, d, 0), (n,), |d| < 1/2, exactly, by its autocovariance."""
+    """Return exact ARFIMA(0, d, 0), (n,), |d| < 1/2, by its autocovariance."""
     k = np.arange(1.0, n + 1)
     variance = math.exp(math.lgamma(1 - 2 * d) - 2 * math.lgamma(1 - d))
     covariance = variance * np.concatenate([[1.0], np.cumprod((k - 1 + d) / (k - d))])
@@ -81,14 +81,14 @@ def fractional_noise(d: float, n: int, rng: np.random.Generator) -> Array:
 
 
 def fractional_gaussian_noise(hurst: float, n: int, rng: np.random.Generator) -> Array:
-    """Return fractional Gaussian noise of variance 1, (n,), exactly."""
+    """Return exact fractional Gaussian noise of variance 1, (n,)."""
     k = np.arange(n + 1.0)
     power = 2 * hurst
     return circulant_noise((np.abs(k - 1) ** power - 2 * k**power + (k + 1) ** power) / 2, rng)
 
 
 def circulant_noise(covariance: Array, rng: np.random.Generator) -> Array:
-    """Return Gaussian noise, (n,), of an autocovariance, (n + 1,): Davies and Harte (1987)."""
+    """Return Gaussian noise, (n,), with a given autocovariance, (n + 1,): Davies and Harte (1987)."""
     n = len(covariance) - 1
     eigenvalues = np.maximum(np.fft.rfft(np.concatenate([covariance, covariance[-2:0:-1]])).real, 0.0)
     z = np.empty(n + 1, dtype=np.complex128)

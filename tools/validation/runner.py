@@ -1,4 +1,4 @@
-"""How every part is run: tasks, in parallel, that draw records and count; the rows of each are kept."""
+"""Runs every part: tasks in parallel that draw records and count; the rows of each task are kept."""
 
 import signal
 from collections.abc import Callable, Sequence
@@ -12,39 +12,39 @@ from fltea.identification.workers import Workers
 from fltea.records.errors import FlteaError, UsageError
 
 Row = dict[str, Any]
-"""One line of a table of figures: name to text, number, truth value or None."""
+"""One row of a table of figures: name to text, number, truth value or None."""
 
 
 class Options(NamedTuple):
-    """What of a part is asked for."""
+    """The selection of a part that is run."""
 
     seeds: int
-    """series, records or axes of each kind, as the part says"""
+    """Number of series, records or axes of each kind, as the part defines."""
     quick: bool = False
     only: tuple[str, ...] = ()
-    """texts, of which the names of what is drawn have to hold one; none: all"""
+    """Texts, one of which the name of a noise has to contain; none: all noises."""
     first: int = 0
-    """number of the first record of the gallery: others are other draws of the same noises"""
+    """Number of the first record of the gallery; other numbers are other draws of the same noises."""
     hours: int = 0
-    """of one sensor, in which false steps are counted; 0: as many as the part has by itself"""
+    """Hours of one sensor, in which false steps are counted; 0: the part's default."""
 
     def wanted(self, name: str) -> bool:
-        """Return whether a name holds one of the texts."""
+        """Return whether a name contains one of the texts."""
         return not self.only or any(text in name for text in self.only)
 
 
 class Task(NamedTuple):
-    """Something to do in a process of its own; what it gives depends on nothing but its arguments."""
+    """Work for a process of its own; its result depends on nothing but its arguments."""
 
     name: str
     work: Callable[..., list[Row]]
     arguments: tuple[Any, ...]
     samples: int = 0
-    """of the record, where records differ in length: the longest begin first"""
+    """Length of the record, if records differ in length: the longest begin first."""
 
     @property
     def key(self) -> str:
-        """Which task it is, in the file of what was kept."""
+        """Identifies the task in the file of kept rows."""
         return msgspec.json.encode([self.name, *self.arguments]).decode()
 
 
@@ -54,14 +54,15 @@ class _Kept(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = False) -> list[Row]:
-    """Do all tasks and return their rows in the order of the tasks, whoever works in whatever order.
+    """Run all tasks and return their rows in the order of the tasks, whatever the order of the work.
 
-    file: NDJSON, which gets a line a task as soon as it is done, and at last all in their order. resume: what
-    it holds of these tasks is not done again.
+    `file`: NDJSON, which gets a line for each task when it is done, and at the end all lines in the order of
+    the tasks.
+    `resume`: tasks whose rows the file has are not repeated.
 
     Raises:
         FlteaError: a worker died.
-        UsageError: the file to resume from is not of this program.
+        UsageError: the file to resume from was not written by this program.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     done = _known(file) if resume else {}
@@ -71,7 +72,7 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
         show("", advance=len(tasks) - len(waiting))
         while waiting or pending:
             try:
-                # None waits for a free process: large records would only wait in memory.
+                # No task waits for a free process, since large records would only take up memory.
                 while waiting and len(pending) < max(1, workers.slots - 1):
                     task = waiting.pop()
                     pending[workers.submit(task.work, *task.arguments)] = task
@@ -83,11 +84,11 @@ def run(tasks: Sequence[Task], workers: Workers, file: Path, *, resume: bool = F
                     show(task.name, advance=1)
             except BrokenExecutor as error:
                 raise FlteaError(
-                    "a process that worked on it was killed; did memory run out? Try --jobs 1."
+                    "a process that worked on a task was killed; did memory run out? Try --jobs 1."
                 ) from error
     whole = b"".join(_line(one.key, done[one.key]) for one in tasks)
     write_files(file.parent, {file.name: whole})
-    # As a program that reads the file has them: tuples are lists, and what is not finite is None.
+    # As a program reads them from the file: tuples become lists, and values that are not finite become None.
     return read_rows(file)
 
 
@@ -95,7 +96,7 @@ def read_rows(file: Path) -> list[Row]:
     """Return all rows of the file of an earlier run.
 
     Raises:
-        UsageError: there is none, or it is not of this program.
+        UsageError: the file does not exist, or was not written by this program.
     """
     if not file.exists():
         raise UsageError(f"{file}: there is no such file.")
@@ -107,7 +108,7 @@ def _line(key: str, rows: list[Row]) -> bytes:
 
 
 def _known(file: Path) -> dict[str, list[Row]]:
-    """What an earlier run left; a last line that was cut off is done again."""
+    """Return the rows of an earlier run; a last line that was cut off is removed, so that it is repeated."""
     if not file.exists():
         return {}
     *whole, rest = file.read_bytes().split(b"\n")

@@ -1,4 +1,4 @@
-"""The parts of a fit beside those of the truth, in one order (pure)."""
+"""Puts the parts of a fit and of the truth in the same order, to compare them."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from fltea.spectrum.intervals import Estimated
 
 
 def tag(part: Part) -> str:
-    """Return the name of a part's kind, as `Estimated.part` has it."""
+    """Return the name of a part's kind, as in `Estimated.part`."""
     return str(part.__struct_config__.tag)
 
 
@@ -17,6 +17,6 @@ def in_order(truth: Sequence[Part]) -> list[Part]:
 
 
 def found_in_order(found: Sequence[Estimated]) -> list[Estimated]:
-    """Return the parts of a fit likewise, without white noise of which there may be none."""
+    """Return the parts of a fit in the same order, without white noise whose variance may be 0."""
     some = [one for one in found if one.part != "white" or one.values["R"].low not in (None, 0.0)]
     return sorted(some, key=lambda one: (one.part, one.value("tau_s") if "tau_s" in one.values else 0.0))

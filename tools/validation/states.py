@@ -1,7 +1,8 @@
-"""What the tracker's bias is worth on known noises, beside a filter that knows the noise and the offset.
+"""Compares the tracker's bias on known noises with a filter that knows the noise and the offset.
 
-Series at 100 Hz of white noise of 0.14 deg/s with a state of each kind, by recursions of the tool's own. Each
-goes the way of the live stage: samples, a settled fit whenever the record has grown by a tenth, the tracker.
+The series at 100 Hz are white noise of 0.14 deg/s with a state of each kind, by recursions of this tool. Each
+is processed as in the live stage: samples, an accepted fit whenever the record has grown by a tenth, the
+tracker.
 """
 
 import math
@@ -23,13 +24,13 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 60, 6
-"""Series of each noise."""
+"""Number of series of each noise."""
 H, R, N = 0.01, 0.02, 20_000
 AHEAD = 100
-"""Samples of a second."""
+"""Number of samples in a second."""
 SPANS = {"6–30 s": (600, 3_000), "60–200 s": (6_000, N)}
 OVERSAMPLED = 8
-"""For a low-pass as it is in a sensor, in front of the sampling."""
+"""Oversampling factor for a low-pass that acts before a sensor samples."""
 
 NOISES: dict[str, tuple[Part, ...]] = {
     "white": (),
@@ -44,7 +45,7 @@ NOISES: dict[str, tuple[Part, ...]] = {
     "1/f^0.9": (Arfima(0.45, 1e-9, 0.2 * R),),
     "low-pass of 20 Hz, relaxation of 1 s": (Relaxation(0.1, 1.0), LowPass(20.0, 2.0)),
 }
-"""What is beside the white noise, and a low-pass that this goes through."""
+"""Parts in addition to the white noise, and a low-pass through which the white noise passes."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -53,9 +54,9 @@ def tasks(options: Options) -> list[Task]:
 
 
 def track(name: str, series: int) -> list[Row]:
-    """Track series of one noise; mean squares of errors, and shares within 2 σ, by span.
+    """Track series of one noise; return mean squares of errors, and shares within 2 σ, by span.
 
-    The bias is the mean of the next second: so it is judged by that of the state.
+    The bias is the mean of the next second, so it is compared with this mean of the state.
     """
     rng = np.random.default_rng((20261124, zlib.crc32(name.encode())))
     parts = NOISES[name]
@@ -89,7 +90,7 @@ def _rms(e: Array) -> float:
 
 
 def state(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
-    """Return what the parts are together, (n,), without the white noise."""
+    """Return the sum of the parts, (n,), without the white noise."""
     x = np.zeros(n)
     for part in parts:
         match part:
@@ -112,7 +113,7 @@ def _fractional(part: Order, n: int) -> FractionalState:
 
 
 def white(parts: tuple[Part, ...], rng: np.random.Generator, n: int) -> Array:
-    """Return the white noise of a sample, (n,), behind the low-pass of the parts."""
+    """Return the white noise, (n,), after the low-pass of the parts."""
     low = next((part for part in parts if isinstance(part, LowPass)), None)
     if low is None:
         return rng.normal(0, math.sqrt(R), n)

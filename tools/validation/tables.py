@@ -1,4 +1,4 @@
-"""Tables of what was counted: for a terminal and as Markdown, with intervals of shares (pure)."""
+"""Tables of results for a terminal and as Markdown, with intervals of shares."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -12,27 +12,27 @@ T = TypeVar("T")
 K = TypeVar("K", bound=Hashable)
 
 NONE = "–"
-"""Stands in a cell that has no value."""
+"""Text of a cell without a value."""
 Z = float(norm.ppf(0.975))
-"""95 % of a normal distribution lie within ± so many standard deviations."""
+"""95 % of a normal distribution lie within ± Z standard deviations."""
 
 
 class Table(NamedTuple):
-    """Some rows of text under a title."""
+    """Rows of text under a title."""
 
     title: str
     headings: Sequence[str]
     rows: Sequence[Sequence[str]]
     brief: bool = True
-    """short enough for a terminal; else it is only in the file"""
+    """Whether the table is short enough for a terminal; other tables are only in the file."""
 
     def markdown(self) -> str:
-        """Return it as Markdown, with its title before it."""
+        """Return the table as Markdown, after its title."""
         lines = [self.headings, ["---"] * len(self.headings), *self.rows]
         return f"### {self.title}\n\n" + "".join("| " + " | ".join(cells) + " |\n" for cells in lines)
 
     def drawn(self) -> Drawn:
-        """Return it as rich draws it."""
+        """Return the table as rich draws it."""
         table = Drawn(title=self.title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
         for number, heading in enumerate(self.headings):
             table.add_column(heading, justify="right" if number else "left")
@@ -42,12 +42,12 @@ class Table(NamedTuple):
 
 
 def table(title: str, rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> Table:
-    """Return a table of what each column says of a row, under its heading."""
+    """Return a table with each column's text for each row, under the column's heading."""
     return Table(title, tuple(columns), [tuple(of(row) for of in columns.values()) for row in rows])
 
 
 def number(value: float | None, form: str) -> str:
-    """Return a cell with a number, or with none."""
+    """Return a cell with a number, or with NONE."""
     return NONE if value is None or value != value else format(value, form)
 
 
@@ -57,19 +57,19 @@ def share(count: int, total: int) -> str:
 
 
 def interval(count: int, total: int) -> tuple[float, float]:
-    """Return where a share is with 95 % (Wilson's interval)."""
+    """Return the 95 % interval of a share (Wilson's interval)."""
     found = binomtest(count, total).proportion_ci(method="wilson")
     return float(found.low), float(found.high)
 
 
 def share_within(count: int, total: int) -> str:
-    """Return a cell with a share and where it is with 95 %."""
+    """Return a cell with a share and its 95 % interval."""
     low, high = interval(count, total)
     return f"{share(count, total)} ({100 * low:.0f}…{100 * high:.0f})"
 
 
 def grouped(rows: Iterable[T], key: Callable[[T], K]) -> dict[K, list[T]]:
-    """Return the rows by their key, in the order in which each first appears."""
+    """Return the rows by key, in the order in which each key first appears."""
     groups: dict[K, list[T]] = {}
     for row in rows:
         groups.setdefault(key(row), []).append(row)

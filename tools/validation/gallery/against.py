@@ -1,4 +1,4 @@
-"""Two runs of the gallery, cell by cell: which verdicts became better, which worse, and which other."""
+"""Compares two runs of the gallery cell by cell: which verdicts became better, worse, or just different."""
 
 from collections import Counter
 from typing import Any
@@ -12,7 +12,7 @@ CELL = ("noise", "rate_hz", "duration_s", "record")
 
 
 def change(before: Row, after: Row) -> str:
-    """Return what became of a cell, one of `CHANGES`."""
+    """Return the change of a cell, one of `CHANGES`."""
     gain = RANK[after["outcome"]] - RANK[before["outcome"]]
     if gain:
         return "better" if gain > 0 else "worse"
@@ -20,7 +20,7 @@ def change(before: Row, after: Row) -> str:
 
 
 def tables(before: list[Row], after: list[Row]) -> list[Table | str]:
-    """Return the changed cells, how many changed how, and how often α's interval holds the truth."""
+    """Return the changed cells, the number of each change, and how often α's interval contains the truth."""
     known = {_cell(row): row for row in before}
     pairs = [(known[_cell(row)], row) for row in after if _cell(row) in known]
     changes = [(change(*pair), *pair) for pair in pairs]
@@ -48,7 +48,7 @@ def _said(row: Row) -> str:
 
 
 def _holding(rows: list[Row]) -> str:
-    """Return how many intervals hold it, of those that have ends."""
+    """Return how many intervals contain the true α, of the intervals that have both ends."""
     with_ends = [
         row for row in rows if row["true_alpha"] is not None and row["alpha"] and None not in row["alpha"]
     ]

@@ -1,8 +1,9 @@
-"""How much any member of a family falls short of the truth, in expected 2 log L (pure).
+"""Computes how far any member of a family of models is from the truth, in expected 2 log L.
 
-Of a record whose ordinates have the true spectrum S, a model M is on average 2 Σ (log(M / S) + S / M - 1)
-worse in 2 log L than the truth: no fit of that family can do better than its least, but for chance. It says
-what a record can tell at all. The least is found by scipy; nothing is shared with the fits.
+For a record whose ordinates have the true spectrum S, a model M is on average 2 Σ (log(M / S) + S / M - 1)
+worse in 2 log L than the truth. Apart from chance, no fit of a family can do better than the family's
+smallest value, which therefore tells what a record can decide at all. scipy finds the minimum; no code is
+shared with the fits.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,33 +15,36 @@ from scipy.ndimage import minimum_filter
 from scipy.optimize import Bounds, least_squares, minimize
 
 Family = Callable[[Array, Array], Array]
-"""Of parameters (k, count) and λ (bins,): spectra (count, bins)."""
+"""Maps parameters (k, count) and λ (bins,) to spectra (count, bins)."""
 Nearest = Callable[["Bins"], float]
-"""Of bins: the least shortfall of a family."""
+"""Maps bins to the smallest shortfall of a family."""
 
 BINS = 160
 FIRST = 10
-"""The lowest ordinate that is fitted: of fewer periods nobody can say what they are."""
+"""The lowest ordinate that is fitted: fewer periods do not determine a model."""
 DEEPEST = 1e-6
-"""Of the highest density: a filter's zeros are no deeper in any periodogram."""
+"""Smallest density, as a ratio to the highest: a filter's zeros are no deeper in any periodogram."""
 FLOOR = -3.0
-"""Logarithm of the largest white noise behind a low-pass, over what passes."""
+"""Logarithm of the largest white noise after a low-pass, over the passed density."""
 POINTS, MOST_POINTS, STARTS = 15, 3_400, 6
-"""Points of a grid along each parameter, at most in all, and searches."""
+"""Points of a grid along each parameter, largest number of points in all, and number of searches."""
 RELAXATIONS = 6
 
 
 class Bins(NamedTuple):
-    """Ordinates from the `FIRST` to half the rate, in bins."""
+    """Ordinates from number `FIRST` to half the rate, in bins."""
 
     lam: Array
     weight: Array
-    """ordinates in each"""
+    """Number of ordinates in each bin."""
     truth: Array
 
 
 def bins_of(spectrum: Callable[[Array], Array], n: int, around: Sequence[tuple[float, float]] = ()) -> Bins:
-    """The bins of a record of n samples; around: frequencies and widths, in rad, where they are fine."""
+    """Return the bins of a record of `n` samples.
+
+    `around`: frequencies and widths [rad] with finely spaced bins.
+    """
     last = (n - 1) // 2
     edges = np.unique(np.round(np.geomspace(FIRST, last + 1, BINS)).astype(int))
     for at, width in around:
@@ -53,13 +57,15 @@ def bins_of(spectrum: Callable[[Array], Array], n: int, around: Sequence[tuple[f
 
 
 def below(bins: Bins, lam: float) -> Bins:
-    """The bins up to λ."""
+    """Return the bins below λ."""
     keep = bins.lam < lam
     return Bins(bins.lam[keep], bins.weight[keep], bins.truth[keep])
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    """Expected 2 log L that models (count, bins) are behind the truth, each at its best size: (count,)."""
+    """Return the expected 2 log L by which models (count, bins) are worse than the truth, each at its best
+    scale.
+    """
     ratio = bins.truth / models
     total = bins.weight.sum()
     size = ratio @ bins.weight / total
@@ -67,7 +73,7 @@ def shortfall(bins: Bins, models: Array) -> Array:
 
 
 def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
-    """Return the least shortfall over a box of parameters: searches begin in the valleys of a grid."""
+    """Return the smallest shortfall over a box of parameters; searches begin at local minima of a grid."""
     points = min(POINTS, int(MOST_POINTS ** (1 / len(box))))
     grid = np.stack(np.meshgrid(*(np.linspace(*side, points) for side in box), indexing="ij"))
     flat = grid.reshape(len(box), -1)
@@ -84,14 +90,14 @@ def least(bins: Bins, family: Family, *box: tuple[float, float]) -> float:
     valleys = np.flatnonzero(found == around)
     ends = []
     for at in {*valleys[np.argsort(found[valleys])[:STARTS]].tolist(), *np.argsort(found)[:STARTS].tolist()}:
-        # Of what is near the truth 2 log L is a sum of squares, whose narrow valleys have their own search.
+        # Near the truth 2 log L is a sum of squares, whose narrow valleys need a least-squares search.
         near = least_squares(apart, flat[:, at], bounds=np.transpose(box), x_scale="jac", max_nfev=200).x
         ends.append(minimize(behind, near, method="L-BFGS-B", bounds=box).fun)
     return float(min(ends))
 
 
 def _with_floor(shape: Array, log_floor: Array) -> Array:
-    """log_floor: of white noise over the shape's own size."""
+    """Add white noise; `log_floor`: logarithm of its density over the shape's own scale."""
     return np.asarray(shape + np.exp(log_floor)[:, np.newaxis])
 
 
@@ -146,15 +152,15 @@ ORDERS, RATES, WHITE, RISES = (0.15, 0.85), (-9.0, 0.5), (-14.0, 10.0), ((-10.0,
 CORNERS, SIZES, WALKS = (-7.0, 2.0), (-8.0, 10.0), (-14.0, 14.0)
 
 state = _nearest(_state, ORDERS, RATES, WHITE)
-"""The state D^α x = f x + ω of a fractional order of 0.15 to 0.85, in white noise."""
+"""The state D^α x = f x + ω with a fractional order of 0.15 to 0.85, in white noise."""
 arfima = _nearest(_arfima, ORDERS, (-7.0, 1.5), WHITE)
-"""ARFIMA(1, d, 0) of such an order, in white noise."""
+"""ARFIMA(1, d, 0) with such an order, in white noise."""
 order_and_rise = _nearest(
     lambda p, lam: _state(p, lam) + _rise(p[3], p[4], lam), ORDERS, RATES, WHITE, *RISES
 )
 """The same state, and a power of the frequency up to its fourth, in white noise."""
 high_passed_order = _nearest(_high_passed_order, ORDERS, RATES, WHITE, CORNERS, (1.0, 3.0))
-"""The same state in white noise, behind a high-pass of one to three poles."""
+"""The same state in white noise, after a high-pass of one to three poles."""
 one_relaxation = _nearest(lambda p, lam: _with_floor(_scaled(_ar1(p[0], lam)), p[1]), CORNERS, SIZES)
 """AR(1) in white noise."""
 walk = _nearest(_walk, WALKS)
@@ -164,7 +170,7 @@ walk_and_rise = _nearest(lambda p, lam: _walk(p, lam) + _rise(p[1], p[2], lam), 
 walk_and_relaxation = _nearest(_walk_and_relaxation, WALKS, CORNERS, SIZES)
 """A random walk and one relaxation, in white noise."""
 low_pass = _nearest(_low_pass, (-5.0, 1.2), (1.0, 8.0), (-12.0, FLOOR))
-"""A low-pass of one to eight poles on white noise, with next to no white noise behind it."""
+"""A low-pass of one to eight poles on white noise, with almost no white noise after it."""
 rising = _nearest(
     lambda p, lam: _with_floor((2 * np.sin(lam / 2)) ** (2 * p[0][:, np.newaxis]), p[1]),
     (0.0, 2.0),
@@ -174,19 +180,20 @@ rising = _nearest(
 
 
 def white(bins: Bins) -> float:
-    """White noise."""
+    """Return the shortfall of white noise."""
     return float(shortfall(bins, np.ones((1, len(bins.lam))))[0])
 
 
 def order(bins: Bins) -> float:
-    """A fractional order, of either model."""
+    """Return the smallest shortfall of a fractional order of either model."""
     return min(state(bins), arfima(bins))
 
 
 def without_order(bins: Bins) -> float:
-    """Six relaxations, an alternating one, a random walk and quantisation, of any sizes, in white noise.
+    """Return the smallest shortfall of a sum of parts without an order.
 
-    Logarithms of the relaxations' corners begin evenly apart.
+    The parts are six relaxations, an alternating one, a random walk and quantisation, of any sizes, in white
+    noise. The logarithms of the relaxations' corners are evenly spaced at the start.
     """
     bottom, top = float(np.log(bins.lam[0])), float(np.log(np.pi))
     starts = [(low, high) for low in (bottom - 2, bottom, bottom + 2) for high in (top - 2, top, top + 1.5)]
@@ -194,14 +201,14 @@ def without_order(bins: Bins) -> float:
 
 
 def _mixed(bins: Bins, log_corners: Array) -> float:
-    """The least shortfall of such parts that begin with these corners."""
+    """Return the smallest shortfall of such parts, starting with these corners."""
     half = 4 * np.sin(bins.lam / 2) ** 2
-    halves = np.stack([half] * RELAXATIONS + [4 - half])  # one is mirrored
+    halves = np.stack([half] * RELAXATIONS + [4 - half])  # the last one is mirrored
     fixed = np.stack([1 / half, half, np.ones_like(half)])
     poles = len(halves)
 
     def behind(p: Array) -> tuple[float, Array]:
-        """Of logarithms of corners and sizes, with its slopes."""
+        """Return the shortfall and its slopes, as a function of logarithms of corners and sizes."""
         corner = np.exp(p[:poles, np.newaxis])
         pole, rest = np.exp(-corner), -np.expm1(-corner)
         below = rest**2 + pole * halves
@@ -215,7 +222,9 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
 
     level = np.log(np.median(bins.truth) / (RELAXATIONS + 1))
     sizes = np.full(poles + len(fixed), level)
-    sizes[-len(fixed) - 1 : -1] = level - 5  # what is mirrored, the walk and the rise begin small
+    sizes[-len(fixed) - 1 : -1] = (
+        level - 5
+    )  # the mirrored relaxation, the random walk and the rise begin small
     sizes[-len(fixed)] += 2 * np.log(bins.lam[0])
     start = np.concatenate([log_corners, [0.0], sizes])
     limits = Bounds(start - 25, np.concatenate([np.full(poles, 3.0), np.full(len(sizes), 40.0)]))

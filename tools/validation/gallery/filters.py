@@ -1,4 +1,4 @@
-"""What noises go through before they are read: filters before the output, values that are held, jitter."""
+"""Filters that noises pass before they are read: low-passes, held values, jitter."""
 
 import cmath
 import math
@@ -14,20 +14,20 @@ from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
 
 AT_ONCE = 1 << 22
-"""Samples before a filter that are drawn at once, so that of a long record little is in memory."""
+"""Number of samples before a filter that are drawn in one call, to limit the memory of long records."""
 OVER_CORNER = 8.0
-"""Rate within a filter over its corner, at least."""
+"""Smallest ratio of a filter's inner rate to its corner."""
 MPU9250_DLPF = {250: 0.97, 184: 2.9, 92: 3.9, 41: 5.9, 20: 9.9, 10: 17.85, 5: 33.48}
-"""Bandwidths in Hz and delays in ms of the gyroscope's low-passes, from the register map."""
+"""Bandwidths [Hz] and delays [ms] of the gyroscope's low-passes, from the register map."""
 CONSTANT_DELAY_MS = 1.9
-"""What these delays have beyond that of one pole, 0.159 / bandwidth: so the filter is one pole."""
+"""The part of these delays beyond that of one pole, 0.159 / bandwidth; so the filter has one pole."""
 
 
 class LowPass(NamedTuple):
-    """A low-pass as chips have them, with a gain of 1 at low frequencies.
+    """A low-pass as chips have it, with a gain of 1 at low frequencies.
 
-    It has `poles` (one, or a Butterworth's two) at hz, mapped by exp(s / inner rate); or only `taps`, at the
-    output's own rate. inner_hz: at which it runs; 0: several times the corner.
+    It has `poles` (one, or a Butterworth's two) at `hz`, mapped by exp(s / inner rate); or only `taps`, at
+    the output's own rate. `inner_hz`: the rate at which the filter runs; 0: several times the corner.
     """
 
     hz: float = 0.0
@@ -36,12 +36,12 @@ class LowPass(NamedTuple):
     taps: tuple[float, ...] = ()
 
     def every(self, rate_hz: float) -> int:
-        """Return the number of samples within to one that is kept."""
+        """Return the number of inner samples for each output sample."""
         wanted = self.inner_hz or OVER_CORNER * self.hz
         return max(1, math.ceil(wanted / rate_hz - 1e-9))
 
     def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
-        """Return b and a."""
+        """Return the coefficients b and a."""
         if self.taps:
             return [*self.taps], [1.0]
         corner = 2 * math.pi * self.hz / inner_hz
@@ -52,7 +52,7 @@ class LowPass(NamedTuple):
         return [abs(1 - two) ** 2], [1.0, -2 * two.real, abs(two) ** 2]
 
     def power(self, lam: Array, inner_hz: float) -> Array:
-        """Return its gain, squared, at λ in rad a sample within."""
+        """Return the squared gain at λ [rad per inner sample]."""
         return np.asarray(np.abs(freqz(*self.coefficients(inner_hz), worN=lam)[1]) ** 2)
 
 
@@ -62,27 +62,27 @@ def moving_average(taps: int) -> LowPass:
 
 
 def windowed_sinc(cut: float, taps: int = 31) -> LowPass:
-    """Return a sinc in Hamming's window; cut: share of the sample rate."""
+    """Return a sinc in Hamming's window. `cut`: share of the sample rate."""
     return LowPass(taps=tuple(firwin(taps, 2 * cut).tolist()))
 
 
 def mpu9250(bandwidth_hz: int) -> LowPass:
-    """Return the sensor's own, as its delays say; within it runs at 1 kHz, or at 8 kHz with 250 Hz."""
+    """Return the sensor's own low-pass, which runs at 1 kHz, or at 8 kHz for 250 Hz."""
     return LowPass(bandwidth_hz, 1, 8_000.0 if bandwidth_hz == 250 else 1_000.0)
 
 
 class FlightFilter(LowPass):
-    """A flight controller's: a Butterworth of two poles, and a notch of Q = 3 at four times its corner."""
+    """A flight controller's filter: a Butterworth of two poles, and a notch of Q = 3 at four times its corner."""
 
     def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
-        """Return b and a."""
+        """Return the coefficients b and a."""
         b, a = super().coefficients(inner_hz)
         notch_b, notch_a = iirnotch(4 * self.hz, 3.0, fs=inner_hz)
         return np.convolve(b, notch_b).tolist(), np.convolve(a, notch_a).tolist()
 
 
 class Median(NamedTuple):
-    """White noise of which each sample is the median of the last few."""
+    """White noise in which each sample is the median of the last few."""
 
     samples: int
 
@@ -91,7 +91,7 @@ class Median(NamedTuple):
         return np.asarray(np.median(windows, axis=1))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`; from the autocovariance of a long draw, which is 0 from the length of the window on."""
+        """See `Part`. From the autocovariance of a long draw, which is 0 from the window's length on."""
         found = np.full_like(lam, (covariance := _covariance(self))[0])
         for lag in range(1, self.samples):
             found += 2 * covariance[lag] * np.cos(lag * lam)
@@ -105,7 +105,7 @@ def _covariance(median: Median) -> list[float]:
 
 
 class Through(NamedTuple):
-    """White noise, and relaxations, that have gone through a filter, of which every m-th sample is kept."""
+    """White noise and relaxations that have passed a filter and are then decimated by m."""
 
     low_pass: LowPass
     inner: tuple[Relaxation, ...] = ()
@@ -113,7 +113,7 @@ class Through(NamedTuple):
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         m = self.low_pass.every(rate_hz)
         stream = Stream(*self.low_pass.coefficients(m * rate_hz))
-        stream.run(rng.standard_normal(1 << 14))  # so that it has forgotten its start
+        stream.run(rng.standard_normal(1 << 14))  # so that it has forgotten its initial state
         slow = [(part.size, part.stream(rng)) for part in (one.sampled(m * rate_hz) for one in self.inner)]
         out, piece = np.empty(n), max(1, AT_ONCE // m)
         for at in range(0, n, piece):
@@ -121,12 +121,12 @@ class Through(NamedTuple):
             e = rng.standard_normal(count)
             for size, one in slow:
                 e += one.run(size * rng.standard_normal(count))
-            # m times the variance is the same density below the corner.
+            # m times the variance gives the same density below the corner.
             out[at : at + count // m] = stream.run(math.sqrt(m) * e)[::m]
         return out
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`; folded at half the rate as often as it is."""
+        """See `Part`. Folded at half the rate as often as the decimation requires."""
         m = self.low_pass.every(rate_hz)
         found = np.zeros_like(lam)
         for k in range(m):
@@ -137,7 +137,7 @@ class Through(NamedTuple):
 
 
 class Held(NamedTuple):
-    """White noise of a chip of whose `fresh` values in a round the readings have those of the pattern."""
+    """White noise of a chip that makes `fresh` values per round; `pattern`: the value that each reading returns."""
 
     pattern: tuple[int, ...]
     fresh: int
@@ -148,7 +148,10 @@ class Held(NamedTuple):
         return np.asarray(values[turn * self.fresh + np.array(self.pattern)[reading]])
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`; the mean over the readings of a round: 1 + 2 Σ (share that is repeated) cos(lag λ)."""
+        """See `Part`.
+
+        The mean over the readings of a round: 1 + 2 Σ (share of repeated values) cos(lag λ).
+        """
         count = len(self.pattern)
         at = np.concatenate([self.pattern, np.array(self.pattern) + self.fresh])
         found = np.ones_like(lam)
@@ -158,9 +161,9 @@ class Held(NamedTuple):
 
 
 class Jittered(NamedTuple):
-    """A relaxation read up to half a period late, each time another time, in white noise of the reader.
+    """A relaxation read up to half a period late, by a random delay, in white noise of the reader.
 
-    steps: of time in a period.
+    `steps`: number of time steps in a period.
     """
 
     hz: float
@@ -179,7 +182,7 @@ class Jittered(NamedTuple):
         return y
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """See `Part`; from the autocorrelation, whose lags are spread by the jitter."""
+        """See `Part`. From the autocorrelation, whose lags are spread by the jitter."""
         a = 2 * math.pi * self.hz / rate_hz
         late = np.arange(self.steps // 2) / self.steps
         spread = float(np.exp(-a * late).mean() * np.exp(a * late).mean())
@@ -189,7 +192,7 @@ class Jittered(NamedTuple):
         return np.asarray(1 + variance * (1 - spread + spread * ar1))
 
     def _scale(self, rate_hz: float) -> float:
-        """So that the density is `height` at low frequencies, as sampled without jitter."""
+        """Return the factor that makes the density at low frequencies `height`, as sampled without jitter."""
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
         fine = math.exp(-2 * math.pi * self.hz / (self.steps * rate_hz))
         return (1 - pole) / (1 + pole) * (1 + fine) / (1 - fine)

@@ -1,7 +1,8 @@
-"""Whether more data ever say less: verdicts on the gallery's noises as their records grow.
+"""Measures whether more data ever give a weaker verdict: the gallery's noises with growing records.
 
-Each noise is drawn once for the longest record; the shorter ones are its beginnings. A verdict says less than
-the one before if that was right and it is not, or if it is white and that was not.
+Each noise is drawn once for the longest record; shorter records are its beginnings. A verdict is weaker than
+the previous one if the previous one was right and this one is not, or if this one is white and the previous
+one was not.
 """
 
 import itertools
@@ -16,9 +17,9 @@ SEEDS, QUICK_SEEDS = 4, 1
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 RATE_HZ = 100.0
 FIRST = 500
-"""Number of the first record: the gallery's rules were not tried on it."""
+"""Number of the first record: the gallery's rules were not developed with it."""
 SHORT: dict[str, str] = {"fractional or relaxations": "either", "line or resonance": "peak"}
-"""Words for the table."""
+"""Short names for the table."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -38,7 +39,7 @@ def grow(name: str, number: int) -> list[Row]:
 
 
 def says_less(rows: list[Row]) -> list[Row]:
-    """Return of one record, shortest first, those verdicts that say less than the one before."""
+    """Return the verdicts on one record, shortest first, that are weaker than the previous one."""
     return [
         after
         for before, after in itertools.pairwise(rows)
@@ -48,7 +49,7 @@ def says_less(rows: list[Row]) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return verdicts by length, and those records in which a longer one says less."""
+    """Return verdicts by length, and the records in which a longer one has a weaker verdict."""
     by_noise = grouped(rows, lambda row: row["noise"])
     cells = [
         (str(name), *(_kinds([row for row in some if row["samples"] == n]) for n in LENGTHS))
@@ -68,7 +69,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def _kinds(rows: list[Row]) -> str:
-    """Return verdicts, with their number where there are several; ✗ is behind a wrong one."""
+    """Return the verdicts, with their numbers if there are several; ✗ marks a wrong one."""
     words: list[str] = [
         SHORT.get(str(row["kind"]), str(row["kind"])) + " ✗" * (row["outcome"] == "wrong") for row in rows
     ]

@@ -1,4 +1,4 @@
-"""Noise of which slow waves have been taken out, by AC coupling or by an auto-zero."""
+"""Noise whose low frequencies have been removed by AC coupling or by an auto-zero."""
 
 import math
 from typing import NamedTuple
@@ -11,11 +11,11 @@ from tools.validation.gallery.parts import Relaxation
 from tools.validation.recursions import Stream
 
 SETTLED = 20.0
-"""Time constants of the filter after which it has forgotten its start."""
+"""Number of the filter's time constants after which it has forgotten its initial state."""
 
 
 class Coupled(NamedTuple):
-    """White noise, and relaxations, behind a high-pass of one pole, or a Butterworth of more."""
+    """White noise and relaxations after a high-pass of one pole, or a Butterworth of more poles."""
 
     hz: float
     poles: int = 1
@@ -30,7 +30,7 @@ class Coupled(NamedTuple):
         return b.tolist(), a.tolist()
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return n samples."""
+        """Return `n` samples."""
         before = math.ceil(SETTLED * rate_hz / (2 * math.pi * self.hz))
         y = rng.standard_normal(before + n)
         for one in self.inner:
@@ -38,7 +38,7 @@ class Coupled(NamedTuple):
         return Stream(*self.coefficients(rate_hz)).run(y)[before:]
 
     def gain(self, lam: Array, rate_hz: float) -> Array:
-        """Return its gain, squared."""
+        """Return the squared gain."""
         return np.asarray(np.abs(freqz(*self.coefficients(rate_hz), worN=lam)[1]) ** 2)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
@@ -48,12 +48,12 @@ class Coupled(NamedTuple):
 
 
 class AutoZeroed(NamedTuple):
-    """White noise less the mean of the samples of the last `t_s` seconds, the newest one included."""
+    """White noise minus the mean of the last `t_s` seconds, including the newest sample."""
 
     t_s: float
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return n samples."""
+        """Return `n` samples."""
         m = round(self.t_s * rate_hz)
         y = rng.standard_normal(n + m)
         sums = np.append(0.0, np.cumsum(y))

@@ -1,4 +1,4 @@
-"""One noise of the gallery: what it is made of, what is added to it, and what is done to its samples."""
+"""One noise of the gallery: its parts, what is added to them, and the treatment of its samples."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from tools.validation.gallery.parts import Arfima, Flicker, Fractional, Part
 from tools.validation.gallery.periodic import Glitches, WanderingLine
 
 Treatment = Callable[[Array, np.random.Generator], Array]
-"""Something done to the samples, which are returned."""
+"""A change of the samples; returns the changed samples."""
 
 Truth = Literal[
     "white",
@@ -28,13 +28,14 @@ Truth = Literal[
     "filtered order",
     "held",
 ]
-"""What the spectrum is, apart from lines, drift and changes."""
+"""Kind of the spectrum, without lines, drift and changes."""
 
 
 class Line(NamedTuple):
-    """A sine of constant frequency, which folds at half the sample rate as samples do.
+    """A sine of constant frequency, which is aliased like samples are.
 
-    of: "hz"; "rate": hz is a share of the sample rate; "nyquist": hz below half the rate.
+    `of`: meaning of `hz`: "hz": the frequency; "rate": a share of the sample rate; "nyquist": the distance
+    below half the rate.
     """
 
     hz: float
@@ -42,18 +43,18 @@ class Line(NamedTuple):
     of: Literal["hz", "rate", "nyquist"] = "hz"
 
     def at(self, rate_hz: float) -> float:
-        """Return its frequency before it folds, in Hz."""
+        """Return the frequency before aliasing [Hz]."""
         if self.of == "rate":
             return self.hz * rate_hz
         return rate_hz / 2 - self.hz if self.of == "nyquist" else self.hz
 
     def folded(self, rate_hz: float) -> float:
-        """Return where it is seen, in Hz."""
+        """Return the aliased frequency [Hz]."""
         at = self.at(rate_hz) % rate_hz
         return min(at, rate_hz - at)
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return n samples, of any phase."""
+        """Return `n` samples with random phase."""
         step = 2 * math.pi * self.at(rate_hz) / rate_hz
         return np.asarray(self.amplitude * np.sin(step * np.arange(n) + rng.uniform(0, 2 * math.pi)))
 
@@ -61,7 +62,7 @@ class Line(NamedTuple):
 class Drift(NamedTuple):
     """An offset that moves by `size` standard deviations of the white noise over the record.
 
-    It is a ramp, or a warm-up with a fifth of the record as its time constant.
+    It is a ramp, or a warm-up whose time constant is a fifth of the record.
     """
 
     size: float
@@ -74,7 +75,7 @@ class Drift(NamedTuple):
 
 
 def rounded(sigma: float) -> Treatment:
-    """Return the rounding to whole counts, of which the standard deviation is `sigma`, the offset 0.3."""
+    """Return a treatment that rounds to whole counts, with standard deviation `sigma` and offset 0.3 [counts]."""
     return lambda y, rng: np.asarray(np.rint(sigma * y / y.std() + 0.3))
 
 
@@ -84,7 +85,7 @@ def outliers(y: Array, rng: np.random.Generator) -> Array:
 
 
 def bursts(y: Array, rng: np.random.Generator) -> Array:
-    """Replace 20 samples now and then by Student's t with two degrees, three times as large."""
+    """Replace occasional groups of 20 samples by Student's t with two degrees of freedom, three times as large."""
     inside = np.zeros(len(y), dtype=bool)
     for at in np.flatnonzero(rng.random(len(y)) < 1 / 2_000).tolist():
         inside[at : at + 20] = True
@@ -94,7 +95,7 @@ def bursts(y: Array, rng: np.random.Generator) -> Array:
 
 
 def wander(y: Array, rng: np.random.Generator) -> Array:
-    """Let the variance go up and down once over the record, by a factor of 2 each way."""
+    """Let the variance rise and fall once over the record, by a factor of 2 each way."""
     return y * np.exp(math.log(2) / 2 * np.sin(2 * math.pi * np.arange(len(y)) / len(y)))
 
 
@@ -104,7 +105,7 @@ def step(y: Array, rng: np.random.Generator) -> Array:
 
 
 def swinging(half: int, ratio: float) -> Treatment:
-    """Return what makes the standard deviation `ratio` times as large in every other `half` samples."""
+    """Return a treatment that multiplies every other `half` samples by `ratio`."""
 
     def treatment(y: Array, rng: np.random.Generator) -> Array:
         up = (np.arange(len(y)) + rng.integers(2 * half)) // half % 2
@@ -114,7 +115,7 @@ def swinging(half: int, ratio: float) -> Treatment:
 
 
 def dead_band(share: float) -> Treatment:
-    """Return what makes 0 of all samples within this share of a standard deviation."""
+    """Return a treatment that sets all samples within this share of a standard deviation to 0."""
     return lambda y, rng: np.where(np.abs(y) <= share * y.std(), 0.0, y)
 
 
@@ -131,30 +132,31 @@ class Noise(NamedTuple):
 
     name: str
     words: str
-    """its truth in a line"""
+    """Its truth in one line of text."""
     truth: Truth
     parts: tuple[Part, ...]
     lines: tuple[Line | Glitches | WanderingLine, ...] = ()
     drift: Drift | None = None
     treatment: Treatment | None = None
     changes: bool = False
-    """it is not the same at the end as at the beginning"""
+    """Whether the noise differs between beginning and end."""
     swings: int = 0
-    """samples after which its power goes up, or down again; 0: it does not"""
+    """Number of samples after which its power rises or falls; 0: never."""
     check: str = ""
-    """the data check that has to say what is wrong with it, whatever the verdict is"""
+    """Data check that must report a problem of the noise, whatever the verdict."""
     spread: float | None = None
-    """variance that the treatment brings with it as white noise, the parts having 1; None: none"""
+    """Variance of the white noise that the treatment adds, if the parts have variance 1; None if it adds none.
+    """
     accepted: Accepted | None = None
 
     @property
     def has_order(self) -> bool:
-        """Whether "fractional" may be claimed of it."""
+        """Whether "fractional" may be claimed of the noise."""
         return self.truth in ("order", "filtered order")
 
     @property
     def alpha(self) -> float | None:
-        """The order of its state D^α x = f x + ω; None: it is of another kind."""
+        """The order of its state D^α x = f x + ω; None if it has no such state."""
         for part in self.parts:
             match part:
                 case Fractional():
@@ -166,7 +168,7 @@ class Noise(NamedTuple):
         return None
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return one record of n samples."""
+        """Return one record of `n` samples."""
         y = np.zeros(n)
         for part in self.parts + self.lines:
             y += part.draw(n, rate_hz, rng)
@@ -175,7 +177,7 @@ class Noise(NamedTuple):
         return y if self.treatment is None else self.treatment(y, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """Return the density at λ without lines and drift; of what is changed or rounded its shape only."""
+        """Return the density at λ without lines and drift; only its shape if the noise changes or is rounded."""
         total = np.sum([part.spectrum(lam, rate_hz) for part in self.parts], axis=0)
         if self.spread is None:
             return np.asarray(total)

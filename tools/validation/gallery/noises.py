@@ -1,4 +1,4 @@
-"""The noises of the gallery. Frequencies are in Hz unless the words call them a share of the rate."""
+"""The noises of the gallery. Frequencies are in Hz unless the text calls them a share of the rate."""
 
 from typing import Any
 
@@ -68,7 +68,7 @@ def _filtered(name: str, words: str, low_pass: LowPass, *behind: Part, drift: Dr
 
 
 def _flicker_before(name: str, words: str, low_pass: LowPass) -> Noise:
-    """1/f noise with its corner at 1 Hz, as a sum, that a filter has in front of it."""
+    """Return 1/f noise with its corner at 1 Hz, as a sum of relaxations, before a filter."""
     words = f"white and 1/f from 1 Hz down ({A_DECADE} relaxations a decade) through {words}"
     part = Through(low_pass, ladder(1e-4, 2 * low_pass.hz, A_DECADE, 1.0))
     return Noise(name, words, "filtered order", (part,))
@@ -242,7 +242,7 @@ ODD = (
 )
 
 ANGLE = Differenced(0.08)
-"""Quantisation of an angle, of which differences are read."""
+"""Quantisation of an angle whose differences are read."""
 CLOSE = Relaxation(0.16, 24.0), Relaxation(1.6, 2.4), Relaxation(8.0, 0.5)
 SHARPENING = LowPass(taps=(-0.04, 1.08, -0.04))
 RISING = (
@@ -292,4 +292,4 @@ NOISES = {
         *(*PEAKS, *ODD, *RISING, *FROM_PRACTICE),
     )
 }
-"""All, by name."""
+"""All noises by name."""

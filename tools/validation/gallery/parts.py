@@ -1,7 +1,7 @@
-"""What noises are made of: each part draws samples and knows its own spectrum in closed form.
+"""Parts of noises: each part draws samples and has its spectrum in closed form.
 
-Spectra are normalised so that white noise of variance R has R, over λ in rad a sample. All parts of a noise
-have one scale: the density of its white noise is 1, whatever the rate is, as that of a sensor would be.
+Spectra are normalised so that white noise of variance R has density R, over λ [rad per sample]. All parts of
+a noise have one scale: the density of the noise's white part is 1 at any rate, like a sensor's.
 """
 
 import cmath
@@ -21,25 +21,25 @@ from tools.validation.recursions import (
 )
 
 LONGEST_MEMORY = 1 << 21
-"""Samples, of the project's own noise: its response has fallen off long before."""
+"""Largest memory [samples] of the fractional state: its response has decayed long before."""
 A_DECADE = 8
-"""Relaxations, in 1/f noise that is drawn as their sum: within 0.1 % of it."""
+"""Number of relaxations per decade in 1/f noise that is drawn as their sum, within 0.1 % of 1/f."""
 
 
 class Part(Protocol):
     """A noise, or a part of one."""
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return n samples."""
+        """Return `n` samples."""
         ...
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """Return its density at λ."""
+        """Return the density at λ."""
         ...
 
 
 class White(NamedTuple):
-    """White noise of variance 1; its tails are gaussian, t4 or laplace."""
+    """White noise of variance 1; `tails` is gaussian, t4 or laplace."""
 
     tails: str = "gaussian"
 
@@ -55,13 +55,13 @@ class White(NamedTuple):
 
 
 class Telegraph(NamedTuple):
-    """± size, which changes its sign at random, every `stay_s` in the mean."""
+    """± size, which changes its sign at random, every `stay_s` on average."""
 
     stay_s: float
     size: float
 
     def _changes(self, rate_hz: float) -> float:
-        """Return how often it changes, of one sample."""
+        """Return the probability of a change in one sample."""
         return -math.expm1(-1 / (self.stay_s * rate_hz))
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
@@ -69,18 +69,18 @@ class Telegraph(NamedTuple):
         return np.asarray(self.size * (1.0 - 2.0 * (changed % 2)))
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        again = 1 - 2 * self._changes(rate_hz)  # its autocorrelation from sample to sample
+        again = 1 - 2 * self._changes(rate_hz)  # the autocorrelation of neighbouring samples
         return self.size**2 * (1 - again**2) / ((1 - again) ** 2 + 4 * again * np.sin(lam / 2) ** 2)
 
 
 class AR1(NamedTuple):
-    """x_k = pole x_{k-1} + steps of standard deviation `size`, whatever the rate."""
+    """x_k = pole x_{k-1} + steps of standard deviation `size`, independent of the rate."""
 
     pole: float
     size: float
 
     def stream(self, rng: np.random.Generator) -> Stream:
-        """Return its recursion, stationary from its first sample on."""
+        """Return its recursion, stationary from the first sample."""
         start = self.size * rng.standard_normal() / math.sqrt(1 - self.pole**2)
         return Stream([1.0], [1.0, -self.pole], self.pole * start)
 
@@ -92,13 +92,13 @@ class AR1(NamedTuple):
 
 
 class Relaxation(NamedTuple):
-    """AR(1) with the pole exp(-2π hz / rate), of the density `height` at low frequencies."""
+    """AR(1) with the pole exp(-2π hz / rate) and density `height` at low frequencies."""
 
     hz: float
     height: float
 
     def sampled(self, rate_hz: float) -> AR1:
-        """Return what it is at a rate."""
+        """Return the AR(1) process at a sample rate."""
         pole = math.exp(-2 * math.pi * self.hz / rate_hz)
         return AR1(pole, (1 - pole) * math.sqrt(self.height))
 
@@ -110,12 +110,12 @@ class Relaxation(NamedTuple):
 
 
 def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> tuple[Relaxation, ...]:
-    """Return relaxations of equal power, `a_decade` from low_hz to high_hz: 1/f noise between these.
+    """Return relaxations of equal power, `a_decade` per decade: 1/f noise from `low_hz` to `high_hz`.
 
-    corner_hz: where 1/f noise of its level is as dense as the white noise.
+    `corner_hz`: frequency at which 1/f noise of this level is as dense as the white noise.
     """
     count = round(math.log10(high_hz / low_hz) * a_decade) + 1
-    # Of heights L / c the sum over the corners c at f is about L a_decade / ln 10 · π / (2 f).
+    # With heights L / c the sum over the corners c at frequency f is about L a_decade / ln 10 · π / (2 f).
     level = corner_hz * math.log(10) / (a_decade * math.pi / 2)
     return tuple(
         Relaxation(corner, level / corner) for corner in np.geomspace(low_hz, high_hz, count).tolist()
@@ -123,7 +123,7 @@ def ladder(low_hz: float, high_hz: float, a_decade: float, corner_hz: float) -> 
 
 
 class Arfima(NamedTuple):
-    """ARFIMA(p, d, q) with p, q of 0 or 1, of steps of variance `step`."""
+    """ARFIMA(p, d, q) with p and q of 0 or 1, and steps of variance `step`."""
 
     d: float
     step: float
@@ -131,7 +131,7 @@ class Arfima(NamedTuple):
     ma: float = 0.0
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        before = 0 if self.ar == self.ma == 0 else 2_000  # the pole has forgotten its start by then
+        before = 0 if self.ar == self.ma == 0 else 2_000  # by then the pole has forgotten its initial state
         x = fractional_noise(self.d, n + before + 1, rng)
         return math.sqrt(self.step) * np.asarray(lfilter([1.0, self.ma], [1.0, -self.ar], x))[-n:]
 
@@ -142,9 +142,9 @@ class Arfima(NamedTuple):
 
 
 class Fractional(NamedTuple):
-    """The project's own state, D^α x = f x + ω with f in s^-α and a variance `step` of a whole step.
+    """The project's own state D^α x = f x + ω, with f in s^-α and variance `step` of a step.
 
-    window: samples that it remembers; 0: all. Only with such a memory may f be above 0.
+    `window`: number of samples that it remembers; 0: all. Only with a limited memory may f be above 0.
     """
 
     alpha: float
@@ -153,17 +153,17 @@ class Fractional(NamedTuple):
     window: int = 0
 
     def g(self, rate_hz: float) -> float:
-        """Return h^α f; where a slow rate would make x grow, what is half of the least g, or of the most."""
+        """Return h^α f, limited to half of the range in which x does not grow, for slow rates."""
         g = float(rate_hz**-self.alpha) * self.f
         most = float(self._weights().sum()) / 2 if self.window else 0.0
         return min(max(g, -float(2.0**self.alpha) / 2), most)
 
     def _weights(self) -> Array:
-        """Return those of the samples that it remembers, its own first."""
+        """Return the weights of the samples that it remembers, its own first."""
         return fractional_difference(-self.alpha, self.window + 1)
 
     def _series(self, rate_hz: float, length: int) -> Array:
-        """Return what makes ω of x."""
+        """Return the series that turns x into ω."""
         series = fractional_difference(-self.alpha, length)
         if self.window:
             series[self.window + 1 :] = 0
@@ -172,7 +172,7 @@ class Fractional(NamedTuple):
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
         if self.f == 0:
-            # Begins a record before the first sample; what was earlier would be an offset.
+            # Starts one record length before the first sample; anything earlier would be an offset.
             response = fractional_difference(self.alpha, n + 1)
         else:
             length = min(LONGEST_MEMORY, 1 << (max(n, 1 << 16) - 1).bit_length())
@@ -188,7 +188,7 @@ class Fractional(NamedTuple):
 
 
 class Flicker(NamedTuple):
-    """1/f noise, the order 1/2 exactly, as dense as the white noise at its corner."""
+    """1/f noise, exactly of order 1/2, as dense as the white noise at its corner."""
 
     corner_hz: float
 
@@ -217,7 +217,7 @@ class Walk(NamedTuple):
 class Resonance(NamedTuple):
     """A pair of complex poles at a share of the sample rate.
 
-    q: centre over width at half the power. peak: density at the peak, about.
+    `q`: centre frequency over the width at half the power. `peak`: approximate density at the peak.
     """
 
     share: float
@@ -241,7 +241,7 @@ class Resonance(NamedTuple):
 
 
 class Notched(NamedTuple):
-    """White noise through a filter that stops a share of the sample rate; q: centre over width."""
+    """White noise through a notch at a share of the sample rate. `q`: centre frequency over width."""
 
     share: float
     q: float
@@ -257,7 +257,7 @@ class Notched(NamedTuple):
 
 
 class Differenced(NamedTuple):
-    """The difference of neighbours of white noise of variance `power`."""
+    """The difference of neighbouring samples of white noise of variance `power`."""
 
     power: float
 

@@ -1,4 +1,4 @@
-"""What is added to a noise again and again: glitches at equal intervals, and hum whose frequency wanders."""
+"""Periodic additions to a noise: glitches at equal intervals, and hum whose frequency varies."""
 
 import math
 from typing import NamedTuple
@@ -9,16 +9,20 @@ from fltea.records.fit import VerdictKind
 from scipy.signal import lfilter
 
 FEWEST_SAMPLES, FEWEST_PERIODS, SURELY_ALIKE = 10, 10, 8.0
-"""Samples in a period, periods in a record, and deviations by which it is like itself a period later, of a
-comb that has to be found."""
+"""Conditions for a comb that has to be found.
+
+They are the smallest number of samples in a period, the smallest number of periods in a record, and the
+correlation with itself one period later [standard deviations].
+"""
 FAR, FEW_ORDINATES, MANY_ORDINATES = 5.0, 10.0, 100.0
-"""Distance from frequency 0 over the spread, and ordinates in it, of a line that wanders."""
+"""Conditions for a line of varying frequency: distance from 0 over the spread, and ordinates in the spread.
+"""
 
 
 class Glitches(NamedTuple):
     """The same few samples disturbed in each period, which need not be a whole number of samples.
 
-    late: each of them up to that many samples early or late.
+    `late`: each disturbance is early or late by up to this number of samples.
     """
 
     period_s: float
@@ -27,7 +31,7 @@ class Glitches(NamedTuple):
     late: int = 0
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return n samples, of any phase."""
+        """Return `n` samples with random phase."""
         period = self.period_s * rate_hz
         at = np.floor(np.arange(rng.uniform(0, period), n, period)).astype(int)
         at += rng.integers(-self.late, self.late + 1, len(at))
@@ -38,7 +42,7 @@ class Glitches(NamedTuple):
 
 
 class WanderingLine(NamedTuple):
-    """A sine whose frequency is a Gauss-Markov process about `hz`, of this spread and correlation time."""
+    """A sine whose frequency is a Gauss-Markov process about `hz`, with this spread and correlation time."""
 
     hz: float
     amplitude: float
@@ -46,7 +50,7 @@ class WanderingLine(NamedTuple):
     tau_s: float
 
     def draw(self, n: int, rate_hz: float, rng: np.random.Generator) -> Array:
-        """Return n samples, of any phase."""
+        """Return `n` samples with random phase."""
         pole = math.exp(-1 / (rate_hz * self.tau_s))
         steps = self.spread_hz * math.sqrt(1 - pole**2) * rng.standard_normal(n)
         start = [pole * self.spread_hz * rng.standard_normal()]
@@ -56,7 +60,7 @@ class WanderingLine(NamedTuple):
 
 
 Said = tuple[set[VerdictKind], dict[VerdictKind, str]]
-"""Verdicts that are right, and those that are accepted, with the reason."""
+"""Verdicts that are right, and verdicts that are accepted, with the reason."""
 
 
 def right_periodic(one: Glitches | WanderingLine, rate_hz: float, n: int) -> Said:

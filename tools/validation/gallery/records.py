@@ -1,7 +1,8 @@
-"""The verdicts of `fltea identify` on records of the gallery's noises, and whether they are right.
+"""Runs `fltea identify` on records of the gallery's noises, and judges whether the verdicts are right.
 
-Figures that count: verdicts that are right; records of noises without an order that are called fractional;
-and claims of an order with a sentence without one within `MARGIN` in 2 log L, of which there should be none.
+The main figures are: the number of right verdicts; records of noises without an order that are called
+fractional; and claims of an order although a model without one is within `MARGIN` in 2 log L, of which there
+should be none.
 """
 
 import zlib
@@ -31,22 +32,22 @@ if TYPE_CHECKING:
 
 
 SEEDS = QUICK_SEEDS = 1
-"""Records of each noise, rate and length."""
+"""Number of records of each noise, rate and length."""
 RATES_HZ = (5.0, 100.0, 1_000.0)
 LENGTHS_S = (30.0, 600.0, 10_800.0)
 QUICK = (100.0, 600.0)
 """Rate and length of the quick run."""
 MARGIN = 6.0
-"""In 2 log L, by which a claim of an order has to be ahead of every sentence without one."""
+"""Margin in 2 log L by which a claimed order has to be better than every model without an order."""
 SCALE = 0.01
-"""deg/s, of the gallery's unit: white noise of a sensor."""
+"""Unit of the gallery [deg/s]: a sensor's white noise."""
 CHECKS = "dead band", "common value", "clipped"
-"""Data checks of which no noise may have any but its own."""
+"""Data checks that may report a problem only on the noise that expects it."""
 COLOURS = {"right": "#4c9f70", "cannot be told": "#e9c46a", "wrong": "#d1495b"}
 SIGNS = {"right": "", "cannot be told": "?", "wrong": "✗"}
-"""Beside a verdict, and for those who do not see the colours."""
+"""Signs of the outcomes next to a verdict, also for readers who cannot distinguish the colours."""
 ACROSS = 6
-"""Small pictures in a row."""
+"""Number of small pictures in a row."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -63,14 +64,14 @@ def tasks(options: Options) -> list[Task]:
 
 
 def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
-    """Return the samples of record `number` of a noise, always the same."""
+    """Return the samples of record `number` of a noise, which are always the same."""
     samples = round(rate_hz * duration_s)
     seed = [number, zlib.crc32(name.encode()), round(rate_hz), samples]
     return NOISES[name].draw(samples, rate_hz, np.random.default_rng(seed))
 
 
 def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
-    """Draw one record and ask for the verdict on it, the order with its 95 % interval, and the lines."""
+    """Draw one record and identify it; return the verdict, the order with its 95 % interval, and the lines."""
     y, noise = draw(name, rate_hz, duration_s, number), NOISES[name]
     cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
     known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
@@ -78,20 +79,20 @@ def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]
 
 
 def judged(name: str, rate_hz: float, y: Array) -> Row:
-    """Return all that the program says of a record of a noise, and whether the verdict is right."""
+    """Return the program's result for a record of a noise, and whether the verdict is right."""
     noise, truth, seen = NOISES[name], _right(name, rate_hz, len(y)), _seen(y, 1 / rate_hz)
     outcome = truth.outcome(seen["kind"])
-    if noise.check or seen["checks"]:  # of what is withheld no verdict counts
+    if noise.check or seen["checks"]:  # if a data check reports a problem, the verdict does not count
         outcome = "right" if noise.check in seen["checks"] else "wrong"
     reason = truth.accepted.get(seen["kind"], "") if outcome == "cannot be told" else ""
     return seen | {"outcome": outcome, "right": sorted(truth.right), "reason": reason}
 
 
 def _seen(y: Array, h: float) -> Row:
-    """Return all that the program says of y: the one place of the gallery that asks it.
+    """Return the program's result for `y`; only here does the gallery call the program.
 
-    alpha: value and ends. ahead: 2 log L of the best sentence with an order over the richest without one;
-    None: there is none.
+    `alpha`: value and ends. `ahead`: 2 log L of the best model with an order minus that of the richest model
+    without; None if there is no model with an order.
     """
     if (y == y[0]).all():
         text = "All samples are the same."
@@ -118,20 +119,20 @@ def _right(name: str, rate_hz: float, samples: int) -> Right:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return what is wrong, the figures that count, the reasons, and truth against verdict."""
+    """Return the wrong verdicts, the main figures, the reasons, and truth against verdict."""
     record = ("noise", "record", "verdict")
     wrong = _cells(rows, "wrong", lambda some: ", ".join(some[0]["right"]))
-    not_notified = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
+    untellable = _cells(rows, "cannot be told", lambda some: "; ".join({row["reason"]: 0 for row in some}))
     return [
         *summary(rows),
         Table("Wrong", (*record, "right would be"), wrong),
         _truth_against_verdict(rows),
-        Table("Cannot be told", (*record, "reason"), not_notified, brief=False),
+        Table("Cannot be told", (*record, "reason"), untellable, brief=False),
     ]
 
 
 def _cells(rows: list[Row], outcome: str, why: Callable[[list[Row]], str]) -> list[tuple[str, ...]]:
-    """Return the cells of a noise, rate and length in which any record has this outcome."""
+    """Return the cells of each noise, rate and length in which any record has this outcome."""
     found: list[tuple[str, ...]] = []
     for cell in grouped(rows, lambda row: (row["noise"], _record(row))).values():
         if some := [row for row in cell if row["outcome"] == outcome]:
@@ -142,12 +143,12 @@ def _cells(rows: list[Row], outcome: str, why: Callable[[list[Row]], str]) -> li
 
 
 def compared(before: list[Row], after: list[Row]) -> list[Table | str]:
-    """Return what became of each cell since an earlier run."""
+    """Return the changes of each cell since an earlier run."""
     return against.tables(before, after)
 
 
 def summary(rows: list[Row]) -> list[str]:
-    """Return the figures that count, a sentence each."""
+    """Return the main figures, one sentence each."""
     count = {outcome: sum(row["outcome"] == outcome for row in rows) for outcome in COLOURS}
     with_order = [row for row in rows if row["has_order"]]
     claims = [row for row in rows if row["kind"] == "fractional"]
@@ -165,7 +166,7 @@ def summary(rows: list[Row]) -> list[str]:
         f"({share(false, without)}).",
         f'Of {len(with_order)} records of noises with an order {len(true_claims)} are called "fractional", '
         f"{len(called)} of the {len(tellable)} whose length tells it from relaxations.",
-        f'Of {len(claims)} claims of "fractional" {len(close)} have a sentence without an order '
+        f'Of {len(claims)} claims of "fractional" {len(close)} have a model without an order '
         f"within {MARGIN:g} in 2 log L.",
     ]
 
@@ -197,7 +198,7 @@ def pictures(rows: list[Row]) -> dict[str, bytes]:
 
 
 def _grid(rows: list[Row]) -> bytes:
-    """A row a noise, a column a rate and length; a cell is split as its records are."""
+    """Return a grid with a row for each noise and a column for each rate and length; cells are split by outcome."""
     from matplotlib.patches import Patch, Rectangle
 
     groups = grouped(rows, lambda row: (row["noise"], _record(row)))
@@ -228,7 +229,7 @@ def _grid(rows: list[Row]) -> bytes:
 
 
 def _spectra(rows: list[Row]) -> bytes:
-    """A small picture of each noise: of its first record, at the quick rate and length if there is one."""
+    """Return a small picture of each noise: its first record, at the quick rate and length if available."""
     shown = [
         next((row for row in some if (row["rate_hz"], row["duration_s"]) == QUICK), some[0])
         for some in grouped(rows, lambda row: row["noise"]).values()
@@ -244,7 +245,7 @@ def _spectra(rows: list[Row]) -> bytes:
 
 
 def _spectrum(axes: "Axes", row: Row) -> None:
-    """A periodogram in bins, the true density, and what was said of it."""
+    """Draw a periodogram in bins, the true density, and the verdict."""
     from matplotlib.ticker import NullFormatter
 
     noise, rate_hz = NOISES[row["noise"]], row["rate_hz"]

@@ -1,8 +1,8 @@
-"""Which verdicts are right on a noise, from its true spectrum and nothing else (pure).
+"""Determines the right verdicts on a noise from its true spectrum alone.
 
-Three things are told apart. A verdict that names the truth is right, and so is one that names something that
-has the same spectrum as far as the record goes. One that says less, or that a likely chance makes of it, is
-accepted where the record cannot tell: the reason is kept with it. All else is wrong.
+There are three outcomes. A verdict that names the truth is right, and so is a verdict that names a model
+whose spectrum the record cannot distinguish from the truth. A weaker verdict, or one that likely chance can
+produce, is accepted if the record cannot decide; the reason is kept with it. All others are wrong.
 """
 
 import math
@@ -21,40 +21,42 @@ from tools.validation.gallery.parts import Differenced, Notched, Resonance, Whit
 from tools.validation.gallery.periodic import right_periodic
 
 SAME = 6.0
-"""In expected 2 log L, below which two spectra are the same for everybody."""
+"""Expected 2 log L below which two spectra are indistinguishable."""
 UNSEEN = 2.0
-"""The same against white noise."""
+"""Expected 2 log L below which a spectrum is indistinguishable from white noise."""
 LUCK = 2.0
-"""Standard deviations that chance may take from 2 log L, whose spread is 2 √(expected)."""
+"""Number of standard deviations by which chance may change 2 log L; its spread is 2 √(expected)."""
 MORE = 13.0
-"""Parameters of parts without an order over those of one: by so much they fit better by chance alone."""
+"""Gain in 2 log L, by chance alone, of parts without an order over one order, from more parameters."""
 WITHOUT_ORDER = "a sum of relaxations, a walk and a rise"
 SLOW_ORDINATES = 9
 DRIFTS = 1.5
-"""Expected power of the slowest ordinates over white noise, from which on there is some drift."""
+"""Expected power of the slowest ordinates over white noise above which there is some drift."""
 SLOW_SEEN, RAMP_SEEN = 3.5, 30.0
-"""Mean power of the slowest ordinates, and of a cubic's amplitudes together, over white noise. It has the
-first with p = 1e-5; of less than the second nobody needs to know."""
+"""Detection limits: mean power of the slowest ordinates, and power of a cubic's amplitudes, over white noise.
+
+White noise exceeds the first with p = 1e-5. A drift below the second is irrelevant in practice.
+"""
 PEAK_ALARM = 3e-3
 NARROW, FEW_ORDINATES = 2.0, 10.0
-"""Ordinates in the width of a peak that is as good as a line, and of one that is hardly more."""
+"""Widths of a peak in ordinates: below the first it is like a line; below the second it is barely wider."""
 HIGH_CORNER = 0.2 * math.pi
-"""In rad a sample, above which a high-pass is a rise."""
+"""Corner [rad per sample] above which a high-pass is a rise."""
 INSIDE_THE_FILTER = 0.5
-"""Power gain, down to which what is in front of a filter can be seen."""
+"""Power gain of a filter down to which noise before the filter can be seen."""
 
 EITHER: VerdictKind = "fractional or relaxations"
 
 
 class Right(NamedTuple):
-    """The verdicts on a noise of one rate and length."""
+    """The verdicts on a noise at one rate and length."""
 
     right: frozenset[VerdictKind]
     accepted: dict[VerdictKind, str]
-    """with the reason"""
+    """Accepted verdicts with the reason."""
 
     def outcome(self, kind: VerdictKind) -> str:
-        """Return right, cannot be told, or wrong."""
+        """Return `right`, `cannot be told` or `wrong`."""
         if kind in self.right:
             return "right"
         return "cannot be told" if kind in self.accepted else "wrong"
@@ -66,7 +68,7 @@ class _Notes:
         self.accepted: dict[VerdictKind, str] = {}
 
     def may(self, kind: VerdictKind, short: float, what: str, more: float = 0.0) -> None:
-        """Accept a kind that is so much short of the truth, unless the record tells them apart."""
+        """Accept a verdict whose shortfall is `short`, unless the record can distinguish the spectra."""
         if short < SAME:
             self.right.add(kind)
         elif not distinguishable(short, SAME + more):
@@ -74,12 +76,12 @@ class _Notes:
 
 
 def distinguishable(short: float, needed: float) -> bool:
-    """Whether 2 log L is more than needed, chance or not."""
+    """Return whether 2 log L exceeds `needed` even with bad luck."""
     return short - LUCK * 2 * math.sqrt(max(short, 0.0)) > needed
 
 
 def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
-    """Return what is right on a record of n samples."""
+    """Return the right verdicts on a record of `n` samples."""
     bins = contrast.bins_of(lambda lam: noise.spectrum(lam, rate_hz), n, _peaks(noise))
     notes = _Notes()
     short = contrast.white(bins)
@@ -87,12 +89,12 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
     if not seen:
         _nearly_white(notes, noise, bins, rate_hz, n, short)
     if noise.truth != "white" and short < UNSEEN:
-        # As good as white: that other models are white noise there, too, is no excuse for a claim.
+        # Other models are white noise there, too, but that does not excuse a claim.
         notes.right.add(_RULES[noise.truth][0])
     elif noise.truth != "white":
         notes.right.add(_RULES[noise.truth][0])
         _RULES[noise.truth][1](notes, noise, bins, rate_hz, n)
-        if bins.truth[-1] > bins.truth.min():  # what folds at half the rate may make it rise
+        if bins.truth[-1] > bins.truth.min():  # aliasing at half the rate may make it rise
             notes.may("anti-persistent", contrast.rising(bins), "a power that rises with frequency")
     if noise.drift is not None and (not seen or noise.truth == "white"):
         notes.right = {"drift"}
@@ -113,13 +115,13 @@ def right_verdicts(noise: Noise, rate_hz: float, n: int) -> Right:
 
 
 def _peaks(noise: Noise) -> list[tuple[float, float]]:
-    """Where peaks and notches are, and their widths."""
+    """Return frequencies and widths of peaks and notches."""
     found = [part for part in noise.parts if isinstance(part, Resonance | Notched)]
     return [(2 * math.pi * one.share, 2 * math.pi * one.share / one.q) for one in found]
 
 
 def _nearly_white(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int, short: float) -> None:
-    """What is not told from white noise at the frequencies that are fitted."""
+    """Note the verdicts on noise that looks white at the fitted frequencies."""
     slow = 2 * np.pi * np.arange(1, SLOW_ORDINATES + 1) / n
     level = float(np.average(bins.truth, weights=bins.weight))
     each = noise.spectrum(slow, rate_hz) / level
@@ -165,7 +167,7 @@ def _order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> N
 
 
 def _rising(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """An order with F < 0 has a spectrum that rises, too."""
+    """An order with F < 0 also has a rising spectrum."""
     notes.may("undecided", contrast.order(bins), "an order between 0.15 and 0.85")
 
 
@@ -191,7 +193,7 @@ def _low_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -
     level = float(noise.spectrum(np.array([1e-3 * bins.lam[0]]), rate_hz)[0])
     if bins.truth[0] < level / 2:
         notes.accepted["drift"] = "the corner is below the lowest frequency that is fitted"
-    # The ends of a record that drifts leak into what is fitted.
+    # The ends of a drifting record leak into the fitted ordinates.
     leak = noise.drift.size**2 / (n * bins.lam**2) if noise.drift is not None else 0.0
     with_leak = bins.truth + leak
     notes.may("drift", contrast.walk(bins._replace(truth=with_leak)), "a random walk")
@@ -213,14 +215,14 @@ def _relaxation_or_order(notes: _Notes, bins: Bins) -> None:
 
 
 def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Where nearly all that is seen is stopped, it is a rise."""
+    """If the filter stops nearly all frequencies of the record, the spectrum is a rise."""
     half = float(bins.lam[np.flatnonzero(bins.truth > bins.truth[-1] / 2)[0]])
     if half > HIGH_CORNER:
         notes.right.add("anti-persistent")
 
 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """What is in front of it is named, or the filter; and both rise and fall may be an order's as well."""
+    """Either the noise before the filter or the filter is named; rise and fall may also look like an order."""
     notes.right.add("high-pass")
     notes.may(EITHER, contrast.high_passed_order(bins), "an order behind a high-pass", MORE)
     notes.may("drift", contrast.walk(bins), "a random walk")
@@ -244,7 +246,7 @@ def _filtered_order(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: 
 
 
 def _passed(noise: Noise, bins: Bins, rate_hz: float) -> Bins:
-    """What a filter lets through, divided by its gain."""
+    """Return the noise that a filter passes, divided by the filter's gain."""
     (part,) = (part for part in noise.parts if isinstance(part, Through))
     gain = Through(part.low_pass).spectrum(bins.lam, rate_hz)
     inside = contrast.below(bins, _end(bins, gain / gain[0]))
@@ -257,13 +259,13 @@ def _end(bins: Bins, gain: Array) -> float:
 
 
 def _held(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """A value that is held is a filter, but of no shape that has a name here."""
+    """Note the verdicts on held values: holding is a filter, but of a shape without a name here."""
     notes.accepted["undecided"] = "the spectrum is that of no model here"
     _relaxation_or_order(notes, bins)
 
 
 def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
-    """Each line alone: whether it is seen, and whether it is one at all in so short a record."""
+    """Note for each line whether it can be seen, and whether so short a record determines a line."""
     notes.right.clear()
     notes.accepted.clear()
     surely = False
@@ -304,11 +306,14 @@ def _lines(notes: _Notes, noise: Noise, rate_hz: float, n: int) -> None:
 
 
 CHANGE = math.log(2)
-"""Of the logarithm of the variance between the halves, at least."""
+"""Smallest change of the logarithm of the variance between the halves."""
 
 
 def _changes(notes: _Notes, n: int) -> None:
-    """The halves differ by a factor of two or more: each knows its variance to a part in √(n / 4)."""
+    """Note the verdicts on noise whose halves differ by a factor of two or more.
+
+    Each half determines its variance to a relative accuracy of 1 / √(n / 4).
+    """
     notes.right = {"not stationary"}
     expected = CHANGE**2 * n / 8
     if distinguishable(expected, SAME + 2 * math.log(n)):
@@ -319,11 +324,11 @@ def _changes(notes: _Notes, n: int) -> None:
 
 
 FEW_SWINGS = 16
-"""From so many on that they go on and on is sure."""
+"""Number of changes of the power after which it is certain that they continue."""
 
 
 def _swings(notes: _Notes, half: int, n: int) -> None:
-    """Power that goes up and down: two levels in short records, whose samples are white for each of them."""
+    """Note the verdicts on power that rises and falls: in short records the samples of each level are white."""
     notes.right = {"not stationary"} if n > half else {"not stationary", "white"}
     if n < FEW_SWINGS * half:
         why = f"the power goes up or down {n / half:.1f} times"
@@ -343,4 +348,5 @@ _RULES: dict[str, tuple[VerdictKind, Callable[[_Notes, Noise, Bins, float, int],
     "filtered order": ("fractional", _filtered_order),
     "held": ("low-pass", _held),
 }
-"""Of each truth but white: the verdict that names it, and what else is right."""
+"""For each truth except white: the verdict that names it, and a function that notes further right verdicts.
+"""

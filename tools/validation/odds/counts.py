@@ -1,4 +1,4 @@
-"""What the search finds on one noise of a population, for the calibration of odds and for their judge."""
+"""Counts the results of the model search on noises of a population, for calibration and validation of odds."""
 
 import zlib
 
@@ -13,8 +13,8 @@ from tools.validation.runner import Row
 def count(population: str, samples: int, first: int, series: int, seed: int) -> list[Row]:
     """Return a row for each of `series` noises from number `first` on: leads, odds and the verdict.
 
-    ahead: by how much the best with an order is ahead after BIC's price, and of the richest without one in
-    2 log L; None where the search found nothing that looks like an order.
+    `lead` and `over_rich`: how far the best model with an order is ahead after BIC's penalty, and ahead of
+    the richest model without an order in 2 log L; None if the search found no model that looks like an order.
     """
     rows: list[Row] = []
     for number in range(first, first + series):

@@ -1,8 +1,8 @@
-"""Random noises with an order and without one, on which the odds of an order are calibrated and judged.
+"""Random noises with and without an order, on which the odds of an order are calibrated and validated.
 
-All stand in white noise of variance 1. A record of n samples shows corners from ten periods on; those of
-relaxations are log-uniform from there to a third of the rate, or regular: about equally far apart, with
-densities that fall as those of 1/f noise do. No member is one of the gallery's noises.
+All are in white noise of variance 1. A record of n samples shows corners with at least ten periods. The
+corners of relaxations are log-uniform from there to a third of the rate, or regular: about equally spaced,
+with densities that fall as those of 1/f noise. No member is one of the gallery's noises.
 """
 
 import math
@@ -16,15 +16,15 @@ from tools.validation.gallery.parts import Fractional, Part, Relaxation, White
 
 RATE_HZ = 100.0
 ORDERS, STEP_RATIOS = (0.2, 0.85), (-1.0, 1.0)
-"""α, and log10 of s2/R: the ends of their uniform distributions."""
+"""Ends of the uniform distributions of α and of log10 of s2/R."""
 LEAST_F = -0.5
-"""F = g + α is uniform from here to α, where x has no restoring force."""
+"""F = g + α is uniform from this value to α, where x has no restoring force."""
 PERIODS, FASTEST_HZ = 10, 30.0
 DENSITIES = (-0.5, 2.0)
-"""log10 of a relaxation's density over that of the white noise."""
+"""Range of log10 of a relaxation's density over that of the white noise."""
 MOST_RANDOM, MOST_REGULAR = 4, 5
 STEPS, SLOPES, LEVELS = (0.5, 1.2), (0.6, 1.4), (-0.5, 1.5)
-"""Regular relaxations: decades from corner to corner, -log density by log corner, log10 density at 1 Hz."""
+"""Regular relaxations: decades between corners, -log density by log corner, log10 density at 1 Hz."""
 SCATTER = 0.1
 """Standard deviation of log10 of their densities."""
 
@@ -40,7 +40,7 @@ def order(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
 
 
 def random_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
-    """Return one to four relaxations with corners anywhere, in white noise."""
+    """Return one to four relaxations with random corners, in white noise."""
     low = math.log(_slowest_hz(n))
     return (
         White(),
@@ -54,7 +54,7 @@ def random_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
 
 
 def regular_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
-    """Return two to five relaxations that are as good as 1/f noise, in white noise."""
+    """Return two to five relaxations that resemble 1/f noise, in white noise."""
     count, step = int(rng.integers(2, MOST_REGULAR + 1)), float(rng.uniform(*STEPS))
     first = float(rng.uniform(math.log10(_slowest_hz(n)) - 0.3, math.log10(FASTEST_HZ) - 0.3 - step))
     slope, level = float(rng.uniform(*SLOPES)), float(rng.uniform(*LEVELS))
@@ -70,7 +70,7 @@ def regular_sum(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
 
 
 def sum_and_rise(rng: np.random.Generator, n: int) -> tuple[Part, ...]:
-    """Return one to three relaxations and something that rises."""
+    """Return one to three relaxations and a rising part."""
     return mixture(rng)
 
 
@@ -80,11 +80,11 @@ POPULATIONS: dict[str, tuple[Draw, float]] = {
     "regular sum": (regular_sum, 0.125),
     "sum and rise": (sum_and_rise, 0.125),
 }
-"""What is drawn, and its share in the population whose odds are told: an order is as frequent as none."""
+"""How each kind is drawn, and its share in the population of the odds: an order is as frequent as none."""
 
 
 def drawn(parts: tuple[Part, ...], n: int, rng: np.random.Generator) -> Array:
-    """Return n samples of a noise."""
+    """Return `n` samples of a noise."""
     return np.asarray(sum(part.draw(n, RATE_HZ, rng) for part in parts))
 
 

@@ -1,6 +1,6 @@
-"""Odds of an order: whether they come true, and what they find at which price.
+"""Validates the odds of an order: how reliable they are, and what share of orders they find.
 
-Noises are drawn of the populations that the odds were calibrated on, with other seeds.
+Noises are drawn from the populations that the odds were calibrated on, with other seeds.
 """
 
 import itertools
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SEEDS, QUICK_SEEDS = 400, 40
-"""Noises of each population and length."""
+"""Number of noises of each population and length."""
 SEED = 2026
 LENGTHS = (3_000, 20_000, 60_000, 200_000)
 AT_ONCE = 20
 TELLS = 20.0
-"""Odds that a person would act on."""
+"""Odds on which a person would act."""
 BINS = (1 / MOST, 0.1, 1 / 3, 0.8, 1.25, 3.0, 10.0, 1e9)
 FALSE_SHARES = (0.01, 0.02, 0.05, 0.1)
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for some noises of a population and length, and for some times."""
+    """Return a task for each group of noises of a population and length."""
     lengths = LENGTHS[:2] if options.quick else LENGTHS
     return [
         Task(
@@ -49,7 +49,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return reliability, false and true claims, and what is found at a price."""
+    """Return reliability, false and true claims, and the orders found at given shares of false ones."""
     return [_reliability(rows), _claims(rows), _found(rows)]
 
 
@@ -62,7 +62,7 @@ def _weights(rows: Sequence[Row]) -> list[float]:
 
 
 def reliability(rows: Sequence[Row]) -> list[tuple[int, float, float, float]]:
-    """Return how many have odds in each bin, and the shares of orders, said and seen, with its error."""
+    """Return for each bin of odds: number of noises, predicted and observed share of orders, and its error."""
     told = [row for row in rows if row["odds"] is not None]
     weight = np.array(_weights(told))
     odds = np.array([row["odds"] for row in told])
@@ -111,7 +111,7 @@ def _log_odds(row: Row) -> float:
 
 
 def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[float]]:
-    """Return shares of sums of one kind above a bound of the odds, and of orders above it, for all bounds."""
+    """Return shares of sums of one kind, and of orders, above a threshold of the odds, for all thresholds."""
     scores = {
         name: np.array([_score(row) for row in rows if row["population"] == name])
         for name in ("order", against)
@@ -124,7 +124,7 @@ def operating(rows: Sequence[Row], against: str) -> tuple[list[float], list[floa
 
 
 def _score(row: Row) -> float:
-    """Return the lead, which orders noises as odds do, and goes on where these end."""
+    """Return the lead, which sorts noises as the odds do, and also where the odds are limited."""
     return -math.inf if row["lead"] is None else float(row["lead"])
 
 
@@ -149,7 +149,7 @@ def _samples(n: int) -> str:
 
 
 def pictures(rows: list[Row]) -> dict[str, bytes]:
-    """Return the curves of reliability, and of what is found at which price."""
+    """Return the curves of reliability, and of orders found against false ones."""
     figure = new_figure(11.0, 4.6)
     left, right = figure.subplots(1, 2)
     by_length = grouped(rows, lambda row: row["samples"])
