@@ -11,5 +11,5 @@ set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
 # searched last, so that libc's headers are the cross compiler's.
 set(Python_INCLUDE_DIR "$ENV{FLTEA_TARGET_ROOT}/usr/include/python3.11")
 string(APPEND CMAKE_CXX_FLAGS_INIT " -idirafter $ENV{FLTEA_TARGET_ROOT}/usr/include")
-# This compiler does not see that a filter of at most N states leaves none of its own unwritten.
+# This compiler does not see that a filter with N states writes all of them.
 string(APPEND CMAKE_CXX_FLAGS_INIT " -Wno-maybe-uninitialized")

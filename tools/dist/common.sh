@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Settings and functions that the scripts of this folder share; they source it from the repository's root.
 # shellcheck disable=SC2034
 out=$PWD/build/dist

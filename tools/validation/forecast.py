@@ -27,9 +27,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def judge(name: str, series: int) -> list[Row]:
-    """Judge series of one noise; return a row for each series and time, with predicted and observed mean
-    squares.
-    """
+    (
+        """Judge series of one noise; return predicted and observed mean squares by series and time."""
+        ""
+    )
     rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
     parts = NOISES[name]
     rows: list[Row] = []

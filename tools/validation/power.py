@@ -1,4 +1,4 @@
-"""Measures how often the null test of `fltea identify` rejects, and how often it finds peaks that do not exist.
+"""Measures how often the null test of `fltea identify` rejects, and how often it finds false peaks.
 
 The series are simulated at 100 Hz: white noise, and fractional noise of several strengths in white noise.
 White noise is tested with the spectrum that is kept of it, as `identify` and the live fit do (`live`), and

@@ -48,7 +48,7 @@ def inverse_series(c: Array) -> Array:
 
 
 def convolved(e: Array, response: Array, n: int) -> Array:
-    """Return the last `n` samples of `e` filtered by the whole `response` (len(e) >= n + len(response) - 1)."""
+    """Return the last `n` samples of `e` filtered by `response`; len(e) >= n + len(response) - 1."""
     return np.asarray(oaconvolve(e, response, mode="valid")[-n:])
 
 

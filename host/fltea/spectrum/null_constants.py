@@ -18,7 +18,7 @@ PROBABILITIES = (
     0.002,
     0.001,
 )
-"""that white noise gives the quantile or more"""
+"""Probabilities that white noise gives the quantile or more."""
 
 COEFFICIENTS = (
     (-0.0000, 0.0000, -0.0000),
@@ -38,7 +38,7 @@ COEFFICIENTS = (
     (12.1994, 0.1915, 0.0000),
     (12.7984, 0.3634, 0.0000),
 )
-"""of a parabola in log10 of the number of ordinates, lowest power first, for each quantile"""
+"""Coefficients, for each quantile, of a parabola in log10 of the number of ordinates, lowest power first."""
 
 ORDER_COEFFICIENTS = (
     (-0.0000, 0.0000, -0.0000),
@@ -58,4 +58,4 @@ ORDER_COEFFICIENTS = (
     (11.4116, 0.3189, 0.0000),
     (11.7154, 0.5949, 0.0000),
 )
-"""the same of a board's test, of which an order in white noise is the only alternative"""
+"""The same coefficients for a board's test, whose only alternative is an order in white noise."""

@@ -63,9 +63,10 @@ def below(bins: Bins, lam: float) -> Bins:
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    """Return the expected 2 log L by which models (count, bins) are worse than the truth, each at its best
-    scale.
-    """
+    (
+        """Return by how much 2 log L of models (count, bins) falls short of the truth, at the best scale."""
+        ""
+    )
     ratio = bins.truth / models
     total = bins.weight.sum()
     size = ratio @ bins.weight / total
@@ -222,9 +223,8 @@ def _mixed(bins: Bins, log_corners: Array) -> float:
 
     level = np.log(np.median(bins.truth) / (RELAXATIONS + 1))
     sizes = np.full(poles + len(fixed), level)
-    sizes[-len(fixed) - 1 : -1] = (
-        level - 5
-    )  # the mirrored relaxation, the random walk and the rise begin small
+    # The mirrored relaxation, the random walk and the rise begin small.
+    sizes[-len(fixed) - 1 : -1] = level - 5
     sizes[-len(fixed)] += 2 * np.log(bins.lam[0])
     start = np.concatenate([log_corners, [0.0], sizes])
     limits = Bounds(start - 25, np.concatenate([np.full(poles, 3.0), np.full(len(sizes), 40.0)]))

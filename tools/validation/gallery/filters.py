@@ -72,7 +72,7 @@ def mpu9250(bandwidth_hz: int) -> LowPass:
 
 
 class FlightFilter(LowPass):
-    """A flight controller's filter: a Butterworth of two poles, and a notch of Q = 3 at four times its corner."""
+    """A flight controller's filter: a two-pole Butterworth, and a notch of Q = 3 at four times its corner."""
 
     def coefficients(self, inner_hz: float) -> tuple[list[float], list[float]]:
         """Return the coefficients b and a."""
@@ -137,7 +137,7 @@ class Through(NamedTuple):
 
 
 class Held(NamedTuple):
-    """White noise of a chip that makes `fresh` values per round; `pattern`: the value that each reading returns."""
+    """White noise of a chip that makes `fresh` values per round; `pattern`: which one each reading gets."""
 
     pattern: tuple[int, ...]
     fresh: int

@@ -75,7 +75,7 @@ class Drift(NamedTuple):
 
 
 def rounded(sigma: float) -> Treatment:
-    """Return a treatment that rounds to whole counts, with standard deviation `sigma` and offset 0.3 [counts]."""
+    """Return a treatment that rounds to whole counts, with σ = `sigma` and offset 0.3 [counts]."""
     return lambda y, rng: np.asarray(np.rint(sigma * y / y.std() + 0.3))
 
 
@@ -85,7 +85,7 @@ def outliers(y: Array, rng: np.random.Generator) -> Array:
 
 
 def bursts(y: Array, rng: np.random.Generator) -> Array:
-    """Replace occasional groups of 20 samples by Student's t with two degrees of freedom, three times as large."""
+    """Replace occasional groups of 20 samples by Student's t with two degrees, three times as large."""
     inside = np.zeros(len(y), dtype=bool)
     for at in np.flatnonzero(rng.random(len(y)) < 1 / 2_000).tolist():
         inside[at : at + 20] = True
@@ -145,8 +145,7 @@ class Noise(NamedTuple):
     check: str = ""
     """Data check that must report a problem of the noise, whatever the verdict."""
     spread: float | None = None
-    """Variance of the white noise that the treatment adds, if the parts have variance 1; None if it adds none.
-    """
+    """Variance of white noise that the treatment adds to parts of variance 1; None if it adds none."""
     accepted: Accepted | None = None
 
     @property
@@ -177,7 +176,7 @@ class Noise(NamedTuple):
         return y if self.treatment is None else self.treatment(y, rng)
 
     def spectrum(self, lam: Array, rate_hz: float) -> Array:
-        """Return the density at λ without lines and drift; only its shape if the noise changes or is rounded."""
+        """Return the density at λ without lines and drift; only its shape if it changes or is rounded."""
         total = np.sum([part.spectrum(lam, rate_hz) for part in self.parts], axis=0)
         if self.spread is None:
             return np.asarray(total)

@@ -71,7 +71,7 @@ def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
 
 
 def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
-    """Draw one record and identify it; return the verdict, the order with its 95 % interval, and the lines."""
+    """Draw one record and identify it; return verdict, order with its 95 % interval, and lines."""
     y, noise = draw(name, rate_hz, duration_s, number), NOISES[name]
     cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
     known = {"truth": noise.truth, "has_order": noise.has_order, "true_alpha": noise.alpha}
@@ -198,7 +198,7 @@ def pictures(rows: list[Row]) -> dict[str, bytes]:
 
 
 def _grid(rows: list[Row]) -> bytes:
-    """Return a grid with a row for each noise and a column for each rate and length; cells are split by outcome."""
+    """Return a grid of outcomes: a row for each noise, a column for each rate and length."""
     from matplotlib.patches import Patch, Rectangle
 
     groups = grouped(rows, lambda row: (row["noise"], _record(row)))

@@ -222,7 +222,7 @@ def _high_pass(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) 
 
 
 def _high_passed_relaxations(notes: _Notes, noise: Noise, bins: Bins, rate_hz: float, n: int) -> None:
-    """Either the noise before the filter or the filter is named; rise and fall may also look like an order."""
+    """The noise before the filter is named, or the filter; rise and fall may also look like an order."""
     notes.right.add("high-pass")
     notes.may(EITHER, contrast.high_passed_order(bins), "an order behind a high-pass", MORE)
     notes.may("drift", contrast.walk(bins), "a random walk")
@@ -328,7 +328,7 @@ FEW_SWINGS = 16
 
 
 def _swings(notes: _Notes, half: int, n: int) -> None:
-    """Note the verdicts on power that rises and falls: in short records the samples of each level are white."""
+    """Note the verdicts on power that rises and falls; in short records each level's samples are white."""
     notes.right = {"not stationary"} if n > half else {"not stationary", "white"}
     if n < FEW_SWINGS * half:
         why = f"the power goes up or down {n / half:.1f} times"

@@ -1,4 +1,4 @@
-"""Counts the results of the model search on noises of a population, for calibration and validation of odds."""
+"""Counts the results of the model search on noises of a population, to calibrate and validate odds."""
 
 import zlib
 

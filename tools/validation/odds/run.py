@@ -62,7 +62,7 @@ def _weights(rows: Sequence[Row]) -> list[float]:
 
 
 def reliability(rows: Sequence[Row]) -> list[tuple[int, float, float, float]]:
-    """Return for each bin of odds: number of noises, predicted and observed share of orders, and its error."""
+    """Return for each bin of odds: noises, predicted and observed share of orders, and its error."""
     told = [row for row in rows if row["odds"] is not None]
     weight = np.array(_weights(told))
     odds = np.array([row["odds"] for row in told])
