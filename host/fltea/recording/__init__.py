@@ -1,1 +1,1 @@
-"""Recordings: the MCAP format, readers of other files, recovery."""
+"""Recordings of gyroscope samples: the MCAP format, readers of other formats, and recovery."""

@@ -1,4 +1,4 @@
-"""A new file that is written in one piece at every flush, and is seen to be still there each time."""
+"""Writes a new file in one piece at every flush, and checks each time that the file still exists."""
 
 import contextlib
 import errno
@@ -10,13 +10,14 @@ from typing import Literal
 NO_RESERVING = (errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS)
 
 NAME_OF_DELETED = ".nfs"
-"""How a file begins on NFS that was deleted while it was open: its server knows nothing of open files."""
+"""Prefix of the name that NFS gives to a file that was deleted while a program had it open."""
 
 
 class Meddled(OSError):
-    """Another program deleted, moved or cut short a file while it was written; it gets nothing more.
+    """Another program deleted, moved or truncated a file while it was written; nothing more is written to it.
 
-    what: which of these. where: the path that a moved file has now, empty if the system does not tell.
+    `what`: what happened to the file. `where`: the new path of a moved file, empty if the system does not
+    report it.
     """
 
     def __init__(self, what: Literal["deleted", "moved", "cut short"], where: str = "") -> None:
@@ -27,7 +28,7 @@ class Meddled(OSError):
 class AppendOnly:
     """A new file that is written in one piece at every flush.
 
-    good_bytes: length after the last flush that succeeded; `cut` goes back to it.
+    `good_bytes`: length of the file after the last successful flush [bytes]; `cut` truncates to this length.
     """
 
     def __init__(self, path: Path, reserve_bytes: int) -> None:
@@ -36,7 +37,7 @@ class AppendOnly:
         self._pending = bytearray()
         self._fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666)
         with contextlib.suppress(OSError):  # not every file system has locks
-            fcntl.flock(self._fd, fcntl.LOCK_EX)  # whoever reads or mends the file sees that it is in use
+            fcntl.flock(self._fd, fcntl.LOCK_EX)  # programs that read or repair the file see the lock
         try:
             if reserve_bytes:
                 _reserve(self._fd, reserve_bytes)
@@ -46,18 +47,18 @@ class AppendOnly:
             raise
 
     def write(self, data: bytes) -> None:
-        """Keep bytes for the next flush."""
+        """Keep `data` for the next flush."""
         self._pending += data
 
     def tell(self) -> int:
-        """Length of the file, as it will be after the next flush."""
+        """Return the length that the file will have after the next flush [bytes]."""
         return self.good_bytes + len(self._pending)
 
     def check(self) -> None:
-        """See that the file is still where it was begun, and has all that was written.
+        """Check that the file is still at its path, and that it holds everything that was flushed.
 
         Raises:
-            Meddled: it is not, or has not.
+            Meddled: the file was deleted, moved or truncated.
             OSError: the disk does not answer.
         """
         ours = os.fstat(self._fd)
@@ -72,7 +73,7 @@ class AppendOnly:
             raise Meddled("cut short")
 
     def flush(self) -> None:
-        """Hand everything to the operating system; OSError if it does not take it."""
+        """Write everything that is pending to the file; raise OSError if the operating system refuses."""
         done = 0
         while done < len(self._pending):
             done += os.write(self._fd, memoryview(self._pending)[done:])
@@ -80,37 +81,38 @@ class AppendOnly:
         self._pending.clear()
 
     def cut(self) -> None:
-        """Remove what a failed flush wrote of a record, if the disk still lets us, and close."""
+        """Remove what a failed flush wrote of a record, if the disk still permits, and close the file."""
         with contextlib.suppress(OSError):
             if os.fstat(self._fd).st_size > self.good_bytes:
                 os.ftruncate(self._fd, self.good_bytes)
         self.close()
 
     def close(self) -> None:
-        """Close the file; may be called twice."""
+        """Close the file. A second call does nothing."""
         fd, self._fd = self._fd, -1
         if fd >= 0:
             with contextlib.suppress(OSError):
                 os.close(fd)
 
     def _is_named(self, ours: os.stat_result) -> bool:
-        """Whether the path still leads to the file.
+        """Return whether the path still leads to the file.
 
-        The number of links alone does not tell: a moved file has one, and some file systems of programs give
-        0 for every file. Some network file systems number a file anew now and then: it has its size and time.
+        The number of links alone does not show this: a moved file has one link, and some user-space file
+        systems report 0 for every file. Some network file systems change a file's inode number now and then,
+        so a file of the same size and modification time counts as the same file.
         """
         try:
             named = os.stat(self._path)
         except (FileNotFoundError, NotADirectoryError):
             return False
-        except OSError:  # a folder above that may not be looked into any more: nobody can tell
+        except OSError:  # a parent folder is no longer readable, so this cannot be checked
             return True
         as_old = (named.st_size, named.st_mtime_ns) == (ours.st_size, ours.st_mtime_ns)
         return as_old or os.path.samestat(named, ours)
 
 
 def _reserve(fd: int, size_bytes: int) -> None:
-    """Make sure that there is room for so much, then give it back."""
+    """Raise OSError unless the disk has room for `size_bytes`; release that room again."""
     try:
         os.posix_fallocate(fd, 0, size_bytes)
     except OSError as error:

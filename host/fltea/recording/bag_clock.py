@@ -1,4 +1,4 @@
-"""The clock of a bag: its stamps or else the arrivals, what they count, and the rate they tell (pure)."""
+"""Chooses the clock of a bag: header stamps or else arrival times, their unit, and the sampling rate."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,29 +15,32 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 RATE_TOLERANCE = 0.01
-"""Between the rate that is given and that of the times."""
+"""Largest relative difference between the given rate and the rate measured from the times."""
 
 CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Of a sensor's clock against the arrivals of its first messages, and how many tell the unit of its times."""
+"""Tolerance of a sensor's clock against arrival times, and the fewest messages that tell its unit."""
 
 OTHER_UNITS = 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9
-"""What times are off by that are taken in another unit."""
+"""Factors by which a rate is wrong if its times are read in the wrong unit."""
 
 NS = 1_000_000_000
 
 
 class Ticks(NamedTuple):
-    """What times count. seconds: in one of each part; empty where nothing says it. by: what says it."""
+    """`seconds`: unit of each part of a time stamp [s], empty if unknown.
+
+    `by`: what states the unit, in words.
+    """
 
     seconds: tuple[float, ...]
     by: str = ""
 
 
 def given_ticks(where: str, layout: Layout, how: How) -> Ticks | None:
-    """Return what the times count if the user says it; None: the messages have to tell.
+    """Return the unit of the time stamps if the user gives it; else None, and the messages have to tell it.
 
     Raises:
-        UsageError: the messages say otherwise, or have no times.
+        UsageError: the messages contradict the given unit, or have no time stamps.
     """
     if how.time_unit is None:
         return None
@@ -56,7 +59,7 @@ def given_ticks(where: str, layout: Layout, how: How) -> Ticks | None:
 
 
 def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
-    """Return what the times count, as the file states it, or by the arrivals of the same messages."""
+    """Return the unit of the time stamps: as the file states it, or else from the arrival times."""
     if layout.time_s or time.shape[1] != 1 or len(time) < FEWEST:
         return Ticks(layout.time_s)
     span, arrival_s = np.ptp(time[:, 0]), np.ptp(arrival_ns) * 1e-9
@@ -65,7 +68,7 @@ def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
 
 
 def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
-    """Return nanoseconds, whole ones of each part; 0 where there are no times, or none that can be."""
+    """Return the stamps in nanoseconds, exact for each part; 0 where a time is missing or impossible."""
     stamp_ns = np.zeros(len(time), np.int64)
     for part, unit_s in zip(time.T, time_s, strict=False):
         one_ns = round(unit_s * NS)
@@ -77,7 +80,10 @@ def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
 
 
 class Judged(NamedTuple):
-    """What the clock comes to. by_arrivals: no stamps tell it. problems: what the user has to know."""
+    """The chosen clock.
+
+    `by_arrivals`: arrival times are used, not stamps. `problems`: warnings for the user.
+    """
 
     stamps: Stamps
     by_arrivals: bool
@@ -88,11 +94,12 @@ class Judged(NamedTuple):
 def judged(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamp_ns: Times, arrival_ns: Times
 ) -> Judged:
-    """Take the stamps, or the arrivals where there are none, and compare them with what is said.
+    """Choose the stamps, or the arrival times if there are no stamps, and compare the clock with the options.
 
     Raises:
-        NotStated: neither tells the rate.
-        UsageError: the stamps contradict the user's rate, or the arrivals, or are no gyroscope's.
+        NotStated: neither stamps nor arrival times tell the rate.
+        UsageError: the stamps contradict the user's rate or the arrival times, or no gyroscope has their
+            rate.
     """
     given_hz = how.rate_hz
     known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)
@@ -136,7 +143,7 @@ def _is_possible(stamps: Stamps) -> bool:
 def _check_stamps(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamps: Stamps, arrival_ns: Times | None
 ) -> None:
-    """Refuse stamps that no gyroscope has, or that arrivals show to count something else."""
+    """Raise UsageError if no gyroscope has the rate of the stamps, or if arrival times show another unit."""
     why = ""
     if arrival_ns is not None and len(arrival_ns) >= FEWEST:
         last = float(stamps.sequence(len(arrival_ns) - 1, len(arrival_ns))[0])
@@ -166,7 +173,7 @@ def _without_stamps(layout: Layout, ticks: Ticks | None, stamp_ns: Times) -> str
 
 
 def _of_stamps(stamps: Stamps, n: int) -> list[str]:
-    """What has to be said of stamps."""
+    """Return the warnings about the stamps."""
     problems = []
     if is_uneven(stamps, n):
         problems.append(

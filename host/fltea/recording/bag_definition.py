@@ -1,7 +1,7 @@
-"""Messages of ROS as columns of numbers, by the definition of their type: CDR of ROS 2, and ROS 1's own form.
+"""Reads messages of ROS into columns of numbers, by the definition of their type (CDR of ROS 2, and ROS 1).
 
-Where a number stands depends on the lengths of the texts and lists before it. So messages that are alike in
-these lengths are read at once; a library that knows every type takes some 20 µs for each.
+The offset of a number depends on the lengths of the texts and lists before it. Therefore all messages with
+the same lengths are read at once. A general ROS library takes about 20 µs for each message.
 """
 
 import re
@@ -25,18 +25,18 @@ TIMES = {
     "builtin_interfaces/Time": {"sec": "i4", "nanosec": "u4"},
     "builtin_interfaces/Duration": {"sec": "i4", "nanosec": "u4"},
 }
-"""Types of ROS 1 and ROS 2 that are two numbers, whether their definitions are there or not."""
+"""Types of ROS 1 and ROS 2 that consist of two numbers, whether or not the bag holds their definitions."""
 
 LIST = -1
-"""In place of how many numbers a field has: 4 bytes before them tell it. A text is a list of bytes."""
+"""Value of `Field.many` for a list: its length stands in the 4 bytes before it. A text is a list of bytes."""
 
 DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7
 CDR_HEAD = 4
-"""Bytes before a message in CDR that say how it is written."""
+"""Length of the CDR header before each message, which states the encoding [bytes]."""
 
 PLAIN_CDR = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
-"""Order of bytes and widest alignment, by the second byte of the head: XCDR 1 and 2."""
+"""Byte order and largest alignment [bytes], by the second byte of the CDR header: XCDR 1 and 2."""
 
 _LINE = re.compile(
     r"\s*(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<many>\[(?P<atmost><=)?(?P<count>\d*)\])?\s+(?P<name>[\w.]++)"
@@ -46,9 +46,10 @@ _SEPARATOR = re.compile(r"^=+[ \t]*\r?$", re.M)
 
 
 class Field(NamedTuple):
-    """One number, `many` numbers of `code` as numpy calls it, or a LIST of them.
+    """A field of a message: one number, an array of `many` numbers, or a list (`many` is LIST).
 
-    said: the comments on it and on those that it is part of, the nearest first.
+    `code`: type of a number in numpy's notation. `said`: comments on the field and on the fields that contain
+    it, innermost first.
     """
 
     name: str
@@ -58,9 +59,10 @@ class Field(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """Fields in their order. is_whole: behind them nothing more comes. said: the comment on all of them.
+    """Fields of a message type in their order.
 
-    padding: bytes that may stand behind a message in CDR.
+    `is_whole`: no further data follows the fields. `said`: comment at the head of the definition. `padding`:
+    most bytes that may follow a message in CDR.
     """
 
     fields: tuple[Field, ...]
@@ -71,12 +73,12 @@ class Definition(NamedTuple):
 
 @lru_cache(maxsize=64)
 def parse_definition(text: str) -> Definition:
-    """Read the definition of a type in the form of `.msg` files; behind it stand those that it needs.
+    """Read the definition of a type in the form of `.msg` files; the definitions that it needs follow it.
 
-    Fields behind a list of messages or of texts are not given, since their places cannot be told.
+    Fields after a list of messages or of texts are left out, since their offsets are unknown.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text is not a definition.
     """
     first, *others = _SEPARATOR.split(text)
     parts = {}
@@ -99,7 +101,10 @@ def parse_definition(text: str) -> Definition:
 def _flat(
     text: str, before: str, said: tuple[str, ...], parts: dict[str, str], lines: Iterator[int], depth: int
 ) -> Iterator[Field | None]:
-    """Fields of a type and of those in it; None where no more places can be told. lines: as many are read."""
+    """Yield the fields of a type and its nested types; None where offsets become unknown.
+
+    `lines`: line budget.
+    """
     above: list[str] = []
     for line in text.splitlines():
         if next(lines, None) is None:
@@ -141,21 +146,21 @@ def _body_of(kind: str, parts: dict[str, str]) -> str | None:
 
 
 Columns = tuple[NDArray[np.int64], NDArray[np.float64]]
-"""Rows that are such messages, and the wanted numbers of each; of a text its number among `Words`."""
+"""Row indices of messages of one layout, and the wanted numbers of each; a text is its index in `Words`."""
 
 
 class Words:
-    """Texts in messages, by their numbers, field by field."""
+    """Texts that messages hold, numbered separately for each field."""
 
     def __init__(self) -> None:
         self._of: dict[str, dict[str, int]] = {}
 
     def of(self, name: str) -> list[str]:
-        """Return the texts of a field; none if it holds no texts."""
+        """Return the texts of the field `name` in the order of their numbers."""
         return list(self._of.get(name, ()))
 
     def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Number the texts (n, length) of a field."""
+        """Return a number for each of the texts (n, length) of the field `name`."""
         known, size = self._of.setdefault(name, {}), data.shape[1]
         if not size:
             return np.full(len(data), float(known.setdefault("", len(known))))
@@ -172,9 +177,9 @@ def read_columns(
     words: Words | None = None,
     check: Callable[[], None] = lambda: None,
 ) -> Columns:
-    """Read numbers of messages as they are in a bag, in their order; those of another layout are left out.
+    """Read the wanted numbers of messages, in the order of the bag; messages of another layout are left out.
 
-    words: takes the texts among the fields that are wanted. check: is called often, and may raise an error.
+    `words`: collects the texts of the wanted fields. `check`: is called often, and may raise an error.
     """
     words = Words() if words is None else words
     length = np.fromiter(map(len, messages), np.int64, len(messages))
@@ -207,7 +212,7 @@ def _read(
     words: Words,
     check: Callable[[], None],
 ) -> Iterator[Columns]:
-    """Columns of messages alike in length (n, length), which begin where alignment is counted from."""
+    """Yield columns of messages of equal length (n, length), without the CDR header."""
     size = data.shape[1]
     in_field: dict[str, list[tuple[str, int]]] = {}
     for name in wanted:
@@ -247,7 +252,7 @@ def _read(
 
 
 def _column(data: NDArray[np.uint8], name: str, at: int, kind: str, words: Words) -> NDArray[np.float64]:
-    """A number of each message, or that of a text."""
+    """Return one number for each message; for a text, its number in `words`."""
     return (
         words.numbers(name, data[:, at : at + int(kind[1:])]) if kind[0] == "S" else _numbers(data, at, kind)
     )
@@ -258,7 +263,7 @@ def _aligned(at: int, to: int) -> int:
 
 
 def _numbers(data: NDArray[np.uint8], at: int, kind: str) -> NDArray[np.float64]:
-    """One number of each message."""
+    """Return the number at offset `at` of each message."""
     width = np.dtype(kind).itemsize
     found: NDArray[np.float64] = np.ascontiguousarray(data[:, at : at + width]).view(kind)[:, 0]
     return found.astype(np.float64)

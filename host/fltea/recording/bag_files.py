@@ -1,4 +1,4 @@
-"""Which files are bags of ROS, and which files a bag is made of."""
+"""Tells which files are ROS bags, and which files belong to a bag."""
 
 import re
 from pathlib import Path
@@ -10,25 +10,25 @@ from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 
 (ROS1, SQLITE), MCAP = FORMATS["bag"].magic, b"\x89MCAP0\r\n"
-"""What bags begin with; MCAP may also be ours."""
+"""First bytes of bags; an MCAP file may also be a recording of fltea."""
 
 SUFFIXES = FORMATS["bag"].suffixes
-"""Of bags, but for MCAP. A bag of ROS 1 that is being written is called NAME.bag.active."""
+"""Suffixes of bags, except MCAP. A bag of ROS 1 that is being written is called NAME.bag.active."""
 
 OF_FOLDERS = ("*.mcap", "*.db3")
 PACKED = ".zstd"
 
 PROFILES = (b"ros1", b"ros2")
 ENCODINGS = ("ros1", "cdr", "json", "protobuf")
-"""How ROS writes messages, and other programs than fltea."""
+"""Message encodings of ROS and of programs other than fltea."""
 
 BEGIN_BYTES = 4096
 PROFILE_AT = len(MCAP) + 1 + 8
-"""In an MCAP file: behind the kind and the length of its first record. Its length stands before it."""
+"""Offset of the profile's length in an MCAP file: after the opcode and the length of the first record."""
 
 
 def files_of(folder: Path) -> list[Path]:
-    """The files of a bag that is a folder, in the order of their numbers."""
+    """Return the files of a bag that is a folder, in the order of their numbers."""
     plain = {file for pattern in OF_FOLDERS for file in folder.glob(pattern) if file.is_file()}
     packed = [file for pattern in OF_FOLDERS for file in folder.glob(pattern + PACKED)]
     return sorted([*plain, *(file for file in packed if file.with_suffix("") not in plain)], key=_number)
@@ -40,7 +40,7 @@ def _number(file: Path) -> tuple[int, str]:
 
 
 def is_bag_folder(folder: Path) -> bool:
-    """Whether a folder is a bag of ROS 2, also one that was not closed and has no metadata.yaml."""
+    """Return whether a folder is a bag of ROS 2, even if it was not closed and has no metadata.yaml."""
     try:
         files = files_of(folder)
         if not files or (folder / "metadata.yaml").is_file():
@@ -52,7 +52,7 @@ def is_bag_folder(folder: Path) -> bool:
 
 
 def bags_in(folder: Path) -> list[Path]:
-    """The bags in a folder that is none itself; after them the folder, if it holds our MCAP files too."""
+    """Return the bags in a folder that is no bag itself, and the folder if it also holds our MCAP files."""
     if not folder.is_dir() or is_bag_folder(folder):
         return []
     bags = [path for path in sorted(folder.iterdir()) if _is_bag(path)]
@@ -67,12 +67,12 @@ def _is_bag(path: Path) -> bool:
 
 
 def is_ros_mcap(path: Path) -> bool:
-    """Whether an MCAP file is of ROS, not of fltea: its profile says it, or else its messages."""
+    """Return whether ROS, not fltea, wrote an MCAP file, by its profile or else its messages."""
     try:
         with open_file(path) as file:
             begin = file.read(BEGIN_BYTES)
     except OSError:
-        return False  # opening it will tell why
+        return False  # opening the file later reports the error
     length = int.from_bytes(begin[PROFILE_AT : PROFILE_AT + 4], "little")
     if begin[PROFILE_AT + 4 : PROFILE_AT + 4 + length] in PROFILES:
         return True

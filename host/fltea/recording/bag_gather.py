@@ -1,4 +1,4 @@
-"""The messages of one topic of a bag, gathered in a temporary file, as a recording."""
+"""Gathers the messages of one topic of a bag in a temporary file, and makes a recording from them."""
 
 import contextlib
 from collections.abc import Iterable, Iterator
@@ -36,19 +36,21 @@ from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
-"""What waits in a temporary file, and how many numbers of each sample that is."""
+"""Columns of the temporary file, and the numbers that all columns together hold for each sample."""
 
 SHOWN = 8 * AT_ONCE
-"""Samples by which candidates for a unit are shown."""
+"""Number of samples from which the table of possible units is computed."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
-"""What a message begins with that was packed by itself."""
+"""First bytes of a message that was compressed individually."""
 
 
 class Gathered:
-    """Messages of one topic. how: what the user says of them. sensor: which of several in them is meant.
+    """Messages of one topic.
 
-    quota: what decoding them may take.
+    `how`: the user's options for them. `sensor`: the gyroscope that the user names, of several in the
+    messages.
+    `quota`: limits of time and memory for decoding.
     """
 
     def __init__(
@@ -77,7 +79,7 @@ class Gathered:
         self._measured = self._measured_accel = False
 
     def add(self, batch: Batch, layout: Layout) -> None:
-        """Take the next messages; they are looked at many at a time. layout: of these."""
+        """Add a batch of messages with the layout `layout`; messages are decoded many at a time."""
         if (layout.rate, layout.accel_unit) != (self._layout.rate, self._layout.accel_unit):
             self._unusable += batch.count
             return
@@ -125,13 +127,13 @@ class Gathered:
             self._append(gyro, accel, stamp_ns[keep], arrival_ns[keep])
 
     def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
-        """Who wrote messages, where the first ones are of several at once; else "" of each."""
+        """Return the publisher of each message if several publish at the same time; else empty texts."""
         if self._are_several is None:
             self._are_several = are_at_once(by, arrival_ns)
         return by if self._are_several else np.full(len(by), "")
 
     def _repeated(self, rows: Floats) -> NDArray[np.bool_]:
-        """Which are the same as the one before, their stamp included; one that has none is not."""
+        """Mark rows that equal the row before, including the stamp; rows without a stamp are never marked."""
         if not len(rows):
             return np.zeros(0, bool)
         bits = np.ascontiguousarray(rows).view(np.int64)
@@ -144,16 +146,16 @@ class Gathered:
         return same
 
     def lacks(self) -> str:
-        """Return what the topic has instead of the sensor that the user means, "" if it is there."""
+        """Return what the topic has instead of the sensor that the user names; "" if the sensor is there."""
         self._look()
         return self._sensors.lacks()
 
     def stored(self, others: list[str], notes: list[Note]) -> Stored:
-        """Return all of them as a recording. others: more topics of this kind. notes: on the bag.
+        """Return the messages as a recording. `others`: other Imu topics. `notes`: warnings about the bag.
 
         Raises:
-            NotStated: there are several sensors, and none was named; a unit or the rate is missing.
-            UsageError: they hold no rates, or contradict what is said of them.
+            NotStated: there are several sensors and the user names none, or a unit or the rate is missing.
+            UsageError: the messages hold no rates, or contradict the user's options.
         """
         self._look()
         several = self._layout.several
@@ -216,7 +218,7 @@ class Gathered:
         return units_table(next(iter(self._spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
 
     def _units(self, rate_hz: float) -> tuple[Scale, Scale | None]:
-        """The units of both sensors, against what the numbers show at rest."""
+        """Return the units of both sensors, after a comparison with the values at rest."""
         there = ["gyro", *(["accel"] if "accel" in self._spool else [])]
         options = given_options(self._how)
         if self._rate is None:
@@ -252,7 +254,7 @@ class Gathered:
         return (*answers, *self._unread)
 
     def _clean_accel(self) -> None:
-        """Leave out messages whose acceleration is none; if most are so, leave out the acceleration."""
+        """Drop messages with invalid acceleration; drop the acceleration if most messages are invalid."""
         if self._bad_accel > self._spool.length("gyro") // 2:
             self._spool.drop("accel")
         elif self._bad_accel:
@@ -260,7 +262,7 @@ class Gathered:
             self._not_numbers += self._bad_accel
 
     def _take_once(self) -> None:
-        """Leave out messages that stand in another file of the bag, too."""
+        """Drop messages that another file of the bag holds, too."""
         twice = held_twice(self._spool)
         if twice is not None and twice.any():
             self._in_two_files = int(np.count_nonzero(twice))
@@ -272,7 +274,7 @@ class Gathered:
         return int(np.count_nonzero(np.concatenate([*bad]) & marked))
 
     def _keep(self, kept: Iterable[Marks]) -> None:
-        """Leave out the samples that are not marked. kept: of a block each."""
+        """Drop the samples that are not marked. `kept`: marks, one array for each block."""
         before, self._spool = self._spool, Spool()
         for values, keep in zip(before.blocks(COLUMNS, AT_ONCE), kept, strict=True):
             self._append(*(column[keep] for column in values))
@@ -333,7 +335,7 @@ def _unpacked(message: bytes) -> bytes:
 def _blocks(
     spool: Spool, stamps: Stamps, rate_hz: float, start_ns: int, factors: tuple[float, float]
 ) -> Iterator[Recording]:
-    """The samples, a block at a time. factors: from the file's numbers to deg/s or counts, and to m/s²."""
+    """Yield the samples in blocks. `factors`: from the file's numbers to deg/s (or counts) and to m/s²."""
     names = [name for name in ("gyro", "accel", "arrival") if name in spool]
     row = 0
     for values in spool.blocks(names, AT_ONCE):

@@ -1,6 +1,6 @@
-"""Where messages of a topic hold a gyroscope's numbers, what is known of these, and the numbers themselves.
+"""Finds a gyroscope's numbers in the messages of a topic, states what is known of them, and reads them.
 
-Of ROS' sensor_msgs/Imu and of PX4's types that is known; of all others the definition in the bag tells it.
+The layouts of sensor_msgs/Imu of ROS and of PX4's types are known; the bag's definition gives other layouts.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,13 +29,13 @@ IMU_ROS1 = f"uint32 header.seq\nuint32 header.stamp.sec\nuint32 header.stamp.nan
 IMU_ROS2 = f"int32 header.stamp.sec\nuint32 header.stamp.nanosec\n{_HEAD}{_BODY}"
 
 FRAME = "frame_id"
-"""Of the header: a sensor's own axes. In other files than those of ROS such a number counts pictures."""
+"""Header field that names a sensor's own axes. In files of other programs, a number here counts images."""
 
 UNKNOWN = -1.0
-"""In the first place of a covariance: that quantity was not measured."""
+"""Value of a covariance's first element if the quantity was not measured."""
 
 FIFO = 32
-"""Places for samples in a message of SensorGyroFifo."""
+"""Number of samples that a SensorGyroFifo message has room for."""
 
 _TIMES = "uint64 timestamp\nuint64 timestamp_sample\n"
 PX4 = {
@@ -57,20 +57,21 @@ PX4 = {
         f"int16[{FIFO}] x\nint16[{FIFO}] y\nint16[{FIFO}] z",
     ),
 }
-"""Types of px4_msgs, as PX4 documents its uORB messages; releases differ. For bags without definitions."""
+"""Types of px4_msgs as PX4 documents its uORB messages, for bags without definitions. Releases differ."""
 
 PX4_PADDING = 3
-"""Bytes; a release that has a field more before the axes has more."""
+"""Most padding bytes after a message. A release with another field before the axes leaves more bytes."""
 
 PX4_AXES = {"SensorCombined": "gyro_rad", "VehicleAngularVelocity": "xyz"}
 
 
 class Imu(NamedTuple):
-    """Successive messages. time: (n, k), as the layout names them. gyro, accel: (n, 3), in the file's units.
+    """Successive messages.
 
-    row: (n,) which of those given each one is; those that are no such message are not here.
-    measured, measured_accel: whether the message says that it holds that quantity. tell: (n,) each, what the
-    fields hold that tell sensors apart.
+    `row`: index of each message in the batch (n,); messages of another layout are left out.
+    `time`: times (n, k), in the columns that the layout names. `gyro`, `accel`: (n, 3) in the file's units.
+    `measured`, `measured_accel`: whether the message states that it holds this quantity.
+    `tell`: values (n,) of each field that tells sensors apart.
     """
 
     row: Ints
@@ -82,17 +83,17 @@ class Imu(NamedTuple):
     tell: tuple[NDArray[np.str_], ...] = ()
 
     def rows(self, kept: Marks) -> "Imu":
-        """Return those that are marked."""
+        """Return the messages that are marked, without `tell`."""
         time, gyro, accel = self.time[kept], self.gyro[kept], self.accel[kept]
         return Imu(self.row[kept], time, gyro, accel, self.measured[kept], self.measured_accel[kept])
 
 
 @lru_cache(maxsize=4096)
 def ros_layout(kind: str, encoding: Encoding, schema: bytes, sensor: str | None = None) -> Layout | None:
-    """Return the layout of a type of ROS 1 or 2; None: its messages hold no gyroscope's numbers.
+    """Return the layout of a type of ROS 1 or 2; None if its messages hold no gyroscope's numbers.
 
-    schema: its definition, in the form of `.msg` files; empty: there is none. sensor: which of several in a
-    message is meant.
+    `schema`: definition of the type in the form of `.msg` files, empty if unknown. `sensor`: the gyroscope
+    that the user names, of several in a message.
     """
     package, _, name = kind.partition("/")
     name = name.removeprefix("msg/")
@@ -122,7 +123,7 @@ def ros_layout(kind: str, encoding: Encoding, schema: bytes, sensor: str | None 
 
 
 def _telling(definition: Definition) -> tuple[str, ...]:
-    """Fields that may tell sensors apart: whole numbers and texts."""
+    """Return the fields that may tell sensors apart: whole numbers and texts."""
     fields = definition.fields
     kinds = {None: "iu", LIST: "u"}
     return tuple(
@@ -172,7 +173,7 @@ def _px4_layout(name: str, own: Definition | None) -> Layout:
 def read_ros(
     messages: Sequence[bytes], layout: Layout, *, is_ros1: bool, check: Callable[[], None] = lambda: None
 ) -> Imu:
-    """Read messages as they are in a bag, in their order. check: is called often, and may raise an error."""
+    """Read messages, in the order of the bag. `check`: is called often, and may raise an error."""
     is_fifo = "samples" in layout.more
     gyro = [f"{axis}[{i}]" for axis in layout.gyro for i in range(FIFO)] if is_fifo else [*layout.gyro]
     wanted = [*layout.time, *gyro, *layout.accel, *layout.more, *layout.tell]
@@ -195,16 +196,16 @@ def read_ros(
 
 
 def _told(column: Floats, name: str, words: Words) -> NDArray[np.str_]:
-    """What a field holds that tells sensors apart, as text."""
+    """Return the values of a field that tells sensors apart, as texts."""
     numbers, places = np.unique(column, return_inverse=True)
     known = words.of(name)
     return np.array([known[int(one)] if known else as_word(one) for one in numbers], np.str_)[places]
 
 
 def _samples_of_fifo(values: Floats) -> tuple[Ints, Floats]:
-    """The message of each sample, and its time in µs and rates in rad/s.
+    """Return the message index of each sample, and the sample's time [µs] and rates [rad/s].
 
-    values: µs of the last, places for each axis, µs between two, rad/s in 1, how many.
+    `values`: time of the last sample [µs], samples of each axis, sampling period [µs], scale [rad/s], count.
     """
     dt_us, scale, count = values[:, -3], values[:, -2], values[:, -1]
     kept = (count >= 1) & (count <= FIFO)

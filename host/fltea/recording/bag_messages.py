@@ -1,4 +1,4 @@
-"""What every reader of bags gives: messages as they are stored, a batch at a time."""
+"""The types that every reader of bags returns: stored messages, a batch at a time."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -8,19 +8,19 @@ from fltea.recording.bag_names import Layout
 from fltea.recording.quota import Quota
 
 LONGEST_MESSAGE = 1 << 16
-"""Bytes; an Imu message has 350."""
+"""Longest message that is read [bytes]; an Imu message has 350."""
 
 RATES = b"angular_velocity", b"gyro"
-"""What a schema has of a gyroscope."""
+"""Words in a schema that point to a gyroscope."""
 
 DEFINITIONS = "ros1msg", "ros2msg", "jsonschema", "protobuf"
-"""Encodings of schemas that are read."""
+"""Encodings of schemas that can be read."""
 
 
 class Topic(NamedTuple):
-    """Whose messages they are. encoding: how they are written; None: in none of those that are known.
+    """A topic of a bag. `encoding`: encoding of its messages, None if it is unknown.
 
-    schema: what describes them, in one of DEFINITIONS.
+    `schema`: description of its messages, in an encoding of DEFINITIONS.
     """
 
     name: str
@@ -30,7 +30,7 @@ class Topic(NamedTuple):
 
     @property
     def is_imu(self) -> bool:
-        """Whether its messages may hold a gyroscope's numbers; of objects only one of them tells it."""
+        """Whether messages may hold a gyroscope's numbers (for JSON and protobuf a guess by names)."""
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()
             return "imu" in names or "gyro" in names or any(word in self.schema for word in RATES)
@@ -38,17 +38,17 @@ class Topic(NamedTuple):
 
     @property
     def is_of_objects(self) -> bool:
-        """Whether each message names its numbers, as those of other programs than ROS do."""
+        """Whether messages carry the names of their numbers, as JSON and protobuf do."""
         return self.encoding in ("json", "protobuf")
 
     def layout(self, messages: list[bytes], sensor: str | None, quota: Quota) -> Layout | None:
-        """Return what its messages hold, by the first of them; None: no gyroscope's numbers.
+        """Return the layout of the first message with a gyroscope's numbers; None if none has any.
 
-        sensor: which of several gyroscopes in a message is meant.
+        `sensor`: the gyroscope that the user names, of several in a message.
 
         Raises:
-            TooManyFields: they have more than are looked at.
-            UsageError: the axes of one sensor state different units, or looking took too much time.
+            TooManyFields: the messages have more fields than are examined.
+            UsageError: the axes of one sensor state different units, or decoding took too much time.
         """
         assert self.encoding is not None
         if not self.is_of_objects:
@@ -58,10 +58,10 @@ class Topic(NamedTuple):
         return layout_of(messages, self.encoding, self.type, self.schema, sensor, quota)
 
     def read(self, messages: list[bytes], layout: Layout, quota: Quota) -> Imu:
-        """Read messages as they are in the file, in their order; what is none is left out.
+        """Read messages, in the order of the file; messages of another layout are left out.
 
         Raises:
-            UsageError: they take too much time.
+            UsageError: reading takes too much time.
         """
         if not self.is_of_objects:
             return read_ros(messages, layout, is_ros1=self.encoding == "ros1", check=quota.check)
@@ -71,7 +71,7 @@ class Topic(NamedTuple):
 
 
 def encoding_of(name: str) -> Encoding | None:
-    """How messages are written that a file calls so."""
+    """Return the encoding that a file calls `name`; None if it is unknown."""
     match name:
         case "cdr" | "ros1" | "json" | "protobuf":
             return name
@@ -80,10 +80,11 @@ def encoding_of(name: str) -> Encoding | None:
 
 @dataclass
 class Batch:
-    """Successive messages of one topic; only of Imu topics are they at hand.
+    """Successive messages of one topic; messages of topics other than Imu are counted only.
 
-    count: how many there are. arrival_ns, data: of each, when it was recorded, and the message. publisher:
-    who wrote them, of a topic that may have several, "" if that is not known.
+    `count`: number of messages. `arrival_ns`: time at which each message was recorded [ns]. `data`: the
+    messages.
+    `publisher`: publisher of the messages if a topic may have several, "" if unknown.
     """
 
     topic: Topic

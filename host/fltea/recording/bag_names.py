@@ -1,4 +1,4 @@
-"""Which fields of messages are a gyroscope's, by their names, and what is said of these in words (pure)."""
+"""Finds a gyroscope's fields in messages by the fields' names, and what the file says of these in words."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -23,14 +23,14 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AXES
 
 IS_IMU = re.compile(r"(?:ros\.)?sensor_msgs[./](?:msg[./])?Imu", re.ASCII)
-"""As ROS 1, ROS 2 and what turns their messages into JSON or protobuf call the type."""
+"""Names of the type in ROS 1, in ROS 2, and in programs that convert ROS messages to JSON or protobuf."""
 
 _PLACE = re.compile(r"(.+)(?:\.([xyz])|\[([012])\])")
 _LETTERS = "xyz", "XYZ", "012"
-"""Of axes, in names that are alike but for them."""
+"""Letters of the axes in names that differ in nothing else."""
 
 MOST_CHARS = 4000
-"""Of a text in which a unit is looked for."""
+"""Longest text that is searched for a unit [characters]."""
 
 _CLAUSE_END = re.compile(r"[;,\n]|\.(?=\s|$)")
 _NUMBER = re.compile(r"[^\w\s]*\d[\d.]*")
@@ -39,13 +39,13 @@ _NOT_OF_VALUES = re.compile(
     r"|minimum|threshold|saturat\w*|offset|density|lsbs?|counts?|up to|within|not|instead of|formerly"
     r"|previously|used to|multipl\w+|divided?|convert|converted from|conversion)\b|±|\+/-"
 )
-"""What a clause speaks of whose unit need not be that of the values: `range ±2000 deg/s`."""
+"""Words of a clause whose unit need not be the unit of the values: `range ±2000 deg/s`."""
 
 UnitOf = Callable[[str], str | None]
 
 
 class Said(NamedTuple):
-    """A unit, by what it is known, and where that stands. against: what else is stated, and where, or ""."""
+    """A unit, its evidence, and where it is stated. `against`: a contradicting unit and its source, or ""."""
 
     unit: str
     evidence: Evidence
@@ -54,15 +54,19 @@ class Said(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """What messages of a topic hold: the names of their numbers.
+    """Layout of a topic's messages: the names of their numbers.
 
-    time: whole seconds and what is added to them, or one number, or none. time_s: seconds in one of each;
-    empty where nothing says it. rate, accel_unit: None where nothing says it. by: why these are the axes.
-    unread: other fields that look like a sensor's. definitions: of ROS' types; the first that fits counts.
-    is_known: whether the type is one that is made for this. more: what else is read. tell: fields that may
-    tell several sensors apart by their names; others: those of which nobody knows what they tell. several:
-    gyroscopes in one message, of which one has to be chosen. fixed: fields that have the same text in each
-    message that is read. changed: what may still have to be done to the rates, "" if nothing is said.
+    `gyro`, `accel`: the axes. `by`: why these are the axes.
+    `time`: seconds and their fraction, or one number, or empty. `time_s`: unit of each [s], empty if unknown.
+    `rate`, `accel_unit`: the units, None if unknown.
+    `unread`: other fields that look like a sensor's.
+    `definitions`: definitions of ROS types; the first that fits a message is used.
+    `is_known`: whether the type is made for inertial sensors.
+    `more`: further fields to read.
+    `tell`: fields whose names show that they tell sensors apart. `others`: fields that perhaps do.
+    `several`: gyroscopes in one message, if the user has to choose one.
+    `fixed`: fields and the text that they have in every message that is read.
+    `changed`: a scale or offset that may still have to be applied to the rates, "" if none is stated.
     """
 
     gyro: tuple[str, ...]
@@ -84,7 +88,7 @@ class Layout(NamedTuple):
 
 
 class Texts(NamedTuple):
-    """What a file says of a field in words, the nearest first; and as a unit, by a text beside it."""
+    """What a file says of a field: `words`, innermost text first, and `unit`, a unit field's text."""
 
     words: Callable[[str], Iterable[str]] = lambda _: ()
     unit: Callable[[str], str] = lambda _: ""
@@ -94,7 +98,7 @@ NO_TEXTS = Texts()
 
 
 def title(names: Sequence[str]) -> str:
-    """Three names, for a person: `angular_velocity.x, .y, .z`."""
+    """Return three names in a short form for people: `angular_velocity.x, .y, .z`."""
     begin = names[0][:-1]
     if begin and all(name[:-1] == begin for name in names) and begin[-1] in "._":
         return ", ".join([names[0], *(f"{begin[-1]}{name[-1]}" for name in names[1:])])
@@ -102,7 +106,7 @@ def title(names: Sequence[str]) -> str:
 
 
 def by_convention(kind: str) -> tuple[Said | None, Said | None]:
-    """Return the units of rates and accelerations in a type of messages, if a convention says them."""
+    """Return the units of rates and accelerations that a convention gives for a message type, else None."""
     if IS_IMU.fullmatch(kind) is None:
         return None, None
     why = f"{kind} (REP 103)"
@@ -112,9 +116,9 @@ def by_convention(kind: str) -> tuple[Said | None, Said | None]:
 def named_layout(
     names: Sequence[str], kind: str, texts: Texts = NO_TEXTS, sensor: str | None = None
 ) -> Layout | None:
-    """Return what fields with these names are; None: they have no gyroscope's three axes.
+    """Return the layout of messages with fields of these names; None if no gyroscope's three axes are there.
 
-    kind: the type. sensor: what the user calls the gyroscope that is meant of several in a message.
+    `kind`: message type. `sensor`: the gyroscope that the user names, of several in a message.
 
     Raises:
         UsageError: the axes of one sensor state different units.
@@ -145,13 +149,13 @@ def named_layout(
 
 
 def _spoken(name: str) -> str:
-    """The name of an axis in an object or array, as a column would be called: `gyro_dps.x` is gyro_x_dps."""
+    """Return the name of an axis as a table column would have it: `gyro_dps.x` becomes `gyro_x_dps`."""
     found = _PLACE.fullmatch(name)
     return name if found is None else named_axis(found[1], "xyz012".index(found[2] or found[3]) % len(AXES))
 
 
 def _triples(names: Sequence[str], axis_in: UnitOf) -> dict[str, tuple[str, ...]]:
-    """The axes x, y, z of each sensor, by what their names have in common."""
+    """Return the axes x, y, z of each sensor, by the common part of their names."""
     axes = {
         name: axis
         for name in names
@@ -170,12 +174,12 @@ def _triples(names: Sequence[str], axis_in: UnitOf) -> dict[str, tuple[str, ...]
 
 
 def _without(name: str, at: int) -> str:
-    """The name of an axis without its letter."""
+    """Return the name of an axis without its letter at index `at`."""
     return re.sub(r"([._])[._]+", r"\1", name[:at].rstrip("[") + name[at + 1 :].lstrip("]")).strip("._")
 
 
 def _called(labels: Sequence[str]) -> dict[str, str]:
-    """Labels of several gyroscopes by what the user may call them, first by the group that each is in."""
+    """Map names that a user may give to the labels of gyroscopes: group names if unique, and the labels."""
     groups = [label.rpartition(".")[0] for label in labels]
     by_group = zip(groups, labels, strict=True) if len({*groups} - {""}) == len(groups) else ()
     return {**dict(by_group), **{label: label for label in labels}}
@@ -192,7 +196,7 @@ def _clock(names: Sequence[str], texts: Texts) -> tuple[tuple[str, ...], tuple[f
 
 
 def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf) -> Said | None:
-    """The unit that the names of the axes state, a text beside them in the messages, or the schema."""
+    """Return the unit that the names of the axes, a unit field in the messages, or the schema state."""
     said: list[Said] = []
     for why, units in (
         ("the name {}", [in_name(_spoken(name)) for name in names]),
@@ -210,7 +214,7 @@ def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf
 
 
 def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None:
-    """The unit that the nearest text on these fields names, if it names one alone, and the same for all."""
+    """Return the unit in the innermost text on these fields, if it is the only one and the same for all."""
     found = set()
     for name in names:
         units = filter(None, (units_in(text, unit_of) for text in texts.words(name)))
@@ -220,9 +224,9 @@ def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None
 
 
 def units_in(text: str, unit_of: UnitOf) -> set[str]:
-    """Return the units of values that a text in words names, up to three words long.
+    """Return the units of values that `text` names; a unit may have up to three words.
 
-    The unit of a range or a sensitivity is none of these, and neither is one behind a number.
+    Units of ranges and sensitivities, and units after a number, are left out.
     """
     found = set[str]()
     for clause in _CLAUSE_END.split(text[:MOST_CHARS]):

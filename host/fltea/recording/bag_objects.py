@@ -1,7 +1,7 @@
-"""Messages of MCAP files that are no ROS', objects of JSON or of protobuf, as those of sensor_msgs/Imu.
+"""Reads JSON and protobuf messages of MCAP files, which programs other than ROS write, as Imu messages.
 
-Their fields are found by their names, as columns of text are. No convention tells their units: the names do,
-or what the schema says of the fields in words, or the user.
+Fields are found by their names, as columns of text files are. No convention gives their units: the names, the
+schema's descriptions or the user do.
 """
 
 from collections.abc import Callable, Container, Iterator, Sequence
@@ -25,25 +25,26 @@ from fltea.settings.extras import load
 Decoder = Callable[[bytes], dict[str, Any]]
 
 WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
-"""What says of a field in JSON Schema what it is."""
+"""Keywords of JSON Schema whose text describes a field."""
 
 MOST_OTHERS = 16
-"""Fields of an object that are looked at for what tells sensors apart."""
+"""Most fields of an object that are compared to tell sensors apart."""
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
-"""Messages of which one has to hold a gyroscope's numbers, and texts of a schema that are looked at."""
+"""Messages that are searched for a gyroscope's numbers, and texts of a schema that are read, at most."""
 
 
 def layout_of(
     messages: Sequence[bytes], encoding: str, kind: str, schema: bytes, sensor: str | None, quota: Quota
 ) -> Layout | None:
-    """Return what messages hold, by the first of them that holds a gyroscope's numbers.
+    """Return the layout of the first message that holds a gyroscope's numbers; None if there is none.
 
-    kind, schema: of the messages, by the channel. sensor: which of several gyroscopes in a message is meant.
+    `kind`, `schema`: type and schema of the messages, from their channel. `sensor`: the gyroscope that the
+    user names, of several in a message.
 
     Raises:
-        TooManyFields: they have more than are looked at.
-        UsageError: the axes of one sensor state different units, or looking took too much time.
+        TooManyFields: a message has more fields than are examined.
+        UsageError: the axes of one sensor state different units, or decoding took too much time.
     """
     decode = _decoder(encoding, kind, schema)
     texts = (_texts_of_json if encoding == "json" else _texts_of_protobuf)(kind, schema)
@@ -79,9 +80,9 @@ def _is_whole(value: Any) -> bool:
 
 
 def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Fields that tell sensors apart by their names, and others that may: texts and whole numbers.
+    """Return fields whose names tell sensors apart, and other texts and whole numbers that perhaps do.
 
-    What is called frame_id may count pictures, where it is a number.
+    A number in a field frame_id is left out, since it may count images.
     """
     free = [name for name, value in found.items() if name not in known and type(value) in (str, int)]
     tell = [name for name in free if tells_sensors(name) or name.rpartition(".")[2] == FRAME]
@@ -93,12 +94,12 @@ def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, .
 def read_objects(
     messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes, quota: Quota
 ) -> Imu:
-    """Read messages as they are in a file, in their order; what is none is left out.
+    """Read messages, in the order of the file; messages of another layout are left out.
 
-    null counts as a number that is missing.
+    null is read as a missing number.
 
     Raises:
-        UsageError: they take too much time.
+        UsageError: reading takes too much time.
     """
     decode = _decoder(encoding, kind, schema)
     names = [*layout.time, *layout.gyro, *layout.accel]
@@ -107,7 +108,7 @@ def read_objects(
         try:
             found = decode(message)
             line = [_as_number(found.get(name) if name in layout.accel else found[name])[0] for name in names]
-        except (ValueError, KeyError, TypeError, RecursionError):  # msgspec's and protobuf's are ValueErrors
+        except (ValueError, KeyError, TypeError, RecursionError):  # msgspec and protobuf raise ValueErrors
             continue
         if any(str(found.get(name)) != text for name, text in layout.fixed):
             continue
@@ -134,10 +135,10 @@ def _as_word(value: Any) -> str:
 
 
 def _as_number(value: Any) -> tuple[float, bool]:
-    """A value as a number, and whether it is a date, in seconds; protobuf gives 64 bits as text.
+    """Return a value as a number, and whether it is a date (then in seconds); protobuf writes int64 as text.
 
     Raises:
-        ValueError, TypeError: it is none.
+        ValueError, TypeError: the value is not a number.
     """
     if value is None:
         return np.nan, False
@@ -159,7 +160,7 @@ def _decode_json(data: bytes) -> dict[str, Any]:
 
 
 def _about(texts: dict[str, str], name: str) -> Iterator[str]:
-    """What describes a field, and what describes those that it is part of."""
+    """Yield the description of a field, and then of the fields that contain it."""
     while name:
         yield texts.get(name, "")
         name = name.rpartition(".")[0]
@@ -167,7 +168,7 @@ def _about(texts: dict[str, str], name: str) -> Iterator[str]:
 
 
 def _texts_of_json(_: str, schema: bytes) -> dict[str, str]:
-    """What a JSON Schema says of fields in words, by their names as `decode_object` gives them."""
+    """Return the descriptions in a JSON Schema, by field names as `decode_object` gives them."""
     texts: dict[str, str] = {}
     try:
         whole = msgspec.json.decode(schema)
@@ -196,7 +197,7 @@ def _texts_of_json(_: str, schema: bytes) -> dict[str, str]:
 
 
 def _texts_of_protobuf(kind: str, schema: bytes) -> dict[str, str]:
-    """The comments on the fields of a message and on itself, if its schema has them."""
+    """Return the comments on a message type and on its fields, if its schema has them."""
     files, texts = _files_of(schema), dict[str, str]()
     for file in files.file if files is not None else ():
         for number, message in enumerate(file.message_type):
@@ -218,12 +219,12 @@ def _files_of(schema: bytes) -> Any:
 
     try:
         return descriptor_pb2.FileDescriptorSet.FromString(schema)
-    except Exception:  # DecodeError has no base of its own; `decoder_of` tells of it
+    except Exception:  # DecodeError has no base of its own; `decoder_of` reports the error
         return None
 
 
 def _fields_left(message: Any, most: int) -> int:
-    """How many fields a message has less than `most`, also those that it does not hold; below 0: more."""
+    """Return `most` minus the number of fields of a message, absent fields included."""
     left = most - len(message.DESCRIPTOR.fields)
     for field, value in message.ListFields() if left >= 0 else ():
         if field.message_type is None:
@@ -238,7 +239,7 @@ def _fields_left(message: Any, most: int) -> int:
 
 @lru_cache(maxsize=8)
 def decoder_of(kind: str, schema: bytes) -> Decoder:
-    """Return what decodes messages that a FileDescriptorSet describes.
+    """Return a decoder of messages of the type `kind` that the FileDescriptorSet `schema` describes.
 
     Raises:
         UsageError: the library is not installed.
@@ -251,7 +252,7 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
         for file in files.file:
             pool.Add(file)
         message_class = message_factory.GetMessageClass(pool.FindMessageTypeByName(kind))
-    except Exception as error:  # whatever protobuf raises on a schema that is damaged
+    except Exception as error:  # protobuf raises various errors for damaged schemas
         reason = str(error)
 
         def refuse(_: bytes) -> dict[str, Any]:

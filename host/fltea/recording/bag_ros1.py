@@ -1,7 +1,7 @@
-"""Reads a bag of ROS 1 (format 2.0) from its beginning to its end, as far as it can be read.
+"""Reads a bag of ROS 1 (format 2.0) from beginning to end, as far as it is readable.
 
-The index at the end of a bag is not needed: a bag that was not closed has none, and in memory it takes more
-than a hundred bytes for every message of every topic. So a pass takes memory for one chunk.
+The index at the end is not used: a bag that was not closed has none, and in memory the index takes over a
+hundred bytes for every message. So reading needs memory for one chunk only.
 """
 
 import contextlib
@@ -21,27 +21,27 @@ VERSION = ROS1 + b"2.0\n"
 
 
 class Op:
-    """Kinds of records: the field `op`."""
+    """Record types: values of the field `op`."""
 
     MESSAGE, BAG_HEADER, CHUNK, CHUNK_INFO, CONNECTION = b"\x02", b"\x03", b"\x05", b"\x06", b"\x07"
 
 
 LONGEST_HEADER = 1 << 20
 DAMAGE = (struct.error, ValueError, KeyError)
-"""What damaged records lead to."""
+"""Errors that damaged records cause."""
 
 LENGTH = struct.Struct("<I")
 TIME = struct.Struct("<II")
 
 
 def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
-    """Yield all messages, and what cannot be read.
+    """Yield all messages, and notes on what is unreadable.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it is no such bag.
-        UsageError: a chunk would take more memory than the limits allow, or is packed and the library that
-            unpacks it is not installed.
+        ValueError: the file is not a bag of ROS 1.
+        UsageError: a chunk needs more memory than the limits allow, or the library that decompresses it is
+            not installed.
     """
     with path.open("rb") as file:
         size = file.seek(0, 2)
@@ -91,11 +91,11 @@ def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 class _Record(NamedTuple):
     fields: dict[bytes, bytes]
     length: int
-    """of its data, which follow"""
+    """length of the data, which follow the header [bytes]"""
 
 
 def next_record(file: BinaryIO, size: int) -> _Record | None:
-    """The next record; None where there is none, or nothing that makes sense."""
+    """Read the header of the next record; return None at the end or at invalid bytes."""
     head = file.read(LENGTH.size)
     if len(head) < LENGTH.size:
         return None
@@ -112,7 +112,7 @@ def next_record(file: BinaryIO, size: int) -> _Record | None:
 
 
 def _read_fields(header: bytes) -> dict[bytes, bytes]:
-    """Names and values: each pair has its length before it, and = between them."""
+    """Return the fields of a header; each has its length before it, and = between name and value."""
     fields = {}
     at, end = 0, len(header)
     while at < end:
@@ -130,7 +130,7 @@ def _read_fields(header: bytes) -> dict[bytes, bytes]:
 def _read_chunk(
     packed: bytes, fields: dict[bytes, bytes], messages: "_Messages", limits: Limits, place: str
 ) -> str | None:
-    """Take the records of a chunk; what is wrong with it, or None."""
+    """Add the records of a chunk to `messages`; return what is wrong with the chunk, or None."""
     compression = fields.get(b"compression", b"")
     data, problem = packed, None
     if compression != b"none":
@@ -151,7 +151,7 @@ def _read_chunk(
 
 
 class _Messages:
-    """Messages by topic, as they come."""
+    """Collects messages by connection."""
 
     def __init__(self) -> None:
         self._topics: dict[bytes, Topic] = {}
@@ -159,7 +159,7 @@ class _Messages:
         self._batches: dict[bytes, Batch] = {}
 
     def add_all(self, data: bytes) -> str | None:
-        """Take the records in `data`; what is wrong with them, or None."""
+        """Add the records in `data`; return what is wrong with them, or None."""
         at, end = 0, len(data)
         length_at = LENGTH.unpack_from
         try:
@@ -175,7 +175,7 @@ class _Messages:
         return None
 
     def add(self, fields: dict[bytes, bytes], data: bytes) -> None:
-        """Take a message, or what a connection says of its messages."""
+        """Add a message, or the description of a connection."""
         kind, connection = fields.get(b"op"), fields.get(b"conn", b"")
         if kind == Op.MESSAGE:
             batch = self._batches.get(connection)
@@ -201,7 +201,7 @@ class _Messages:
             )
 
     def taken(self) -> Iterator[Batch]:
-        """What was read since the last time."""
+        """Yield the batches that were read since the last call."""
         batches = list(self._batches.values())
         self._batches.clear()
         yield from batches
