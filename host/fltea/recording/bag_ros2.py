@@ -1,6 +1,6 @@
-"""Reads bags of ROS 2: files of SQLite or MCAP, and the folders that `ros2 bag record` makes of them.
+"""Reads bags of ROS 2: SQLite or MCAP files, and the folders that `ros2 bag record` makes of them.
 
-`metadata.yaml` is not needed: the files say all of it themselves, and a recorder that was killed wrote none.
+`metadata.yaml` is not used: the files hold the same facts, and a recorder that was killed wrote none.
 """
 
 import contextlib
@@ -26,10 +26,10 @@ from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
 AT_ONCE = 4096
-"""Messages of a batch."""
+"""Most messages in a batch."""
 
 STEPS = 10_000
-"""Of SQLite's machine, between two looks at the clock."""
+"""Number of SQLite's virtual-machine steps between two checks of the time limit."""
 
 SQLITE_LIMITS = {
     sqlite3.SQLITE_LIMIT_SQL_LENGTH: 1 << 20,
@@ -41,16 +41,16 @@ SQLITE_LIMITS = {
 }
 
 NO_TIME = LATEST_NS + 1
-"""In place of what is no time."""
+"""Stands for an arrival time that is not a number."""
 
 
 def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
-    """Yield the Imu messages of a .db3 file, the names of all topics, and what cannot be read.
+    """Yield the Imu messages of a .db3 file, the names of all topics, and notes on what is unreadable.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it is no such file.
-        UsageError: it takes more time than a file of its size may.
+        ValueError: the file is not a bag of ROS 2.
+        UsageError: reading takes more time than a file of its size may take.
     """
     quota = Quota(path, limits)
     try:
@@ -77,9 +77,9 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 
 
 def _check_tables(connection: sqlite3.Connection) -> None:
-    """Raise ValueError where the tables of a bag are not plain ones, which hold rows and compute none.
+    """Raise ValueError unless the tables of a bag are plain ones: no views, no computed columns.
 
-    The kind that the schema states may be a lie, so it is that of SQLite's own parser.
+    SQLite's own parser is asked, since the schema in the file may state a wrong kind.
     """
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     for name in ("topics", "messages"):
@@ -90,7 +90,7 @@ def _check_tables(connection: sqlite3.Connection) -> None:
 
 
 def _definitions(connection: sqlite3.Connection) -> dict[str, bytes]:
-    """Definitions of types in the form of `.msg` files, which newer bags hold."""
+    """Return the definitions of types in the form of `.msg` files; only newer bags hold them."""
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     columns = list(connection.execute("PRAGMA main.table_xinfo(message_definitions)"))
     if kinds.get("message_definitions") != "table" or any(hidden for *_, hidden in columns):
@@ -104,9 +104,9 @@ def _definitions(connection: sqlite3.Connection) -> dict[str, bytes]:
 
 
 def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
-    """Open a file to be read only. A log of writes that a killed recorder left is read too, if it can be.
+    """Open a file for reading only, with the write-ahead log that a killed recorder left, if possible.
 
-    SQLite's defensive mode would refuse the schema of a file that is cut, so it is not used.
+    SQLite's defensive mode is not used, since it refuses the schema of a truncated file.
     """
     uri = path.resolve().as_uri()
     with_log = ["mode=ro"] if path.with_name(path.name + "-wal").exists() else []
@@ -119,7 +119,7 @@ def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
                 connection.setlimit(kind, most)
             for setting in ("trusted_schema=OFF", "query_only=ON", "cell_size_check=ON", "mmap_size=0"):
                 connection.execute(f"PRAGMA {setting}")
-            connection.execute("PRAGMA writable_schema=ON")  # or a file that is cut is not opened at all
+            connection.execute("PRAGMA writable_schema=ON")  # otherwise a truncated file is not opened
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError:
             connection.close()
@@ -135,9 +135,9 @@ def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def _whole_pages(path: Path) -> Iterator[tuple[Path, bool]]:
-    """A file of SQLite without half a page at its end, and whether it is shorter than it says.
+    """Yield an SQLite file without an incomplete last page, and whether the file is truncated.
 
-    Half a page would be read as if its other half were zeros, and nothing would tell that some are no data.
+    SQLite would read an incomplete page as if its missing bytes were zeros, and report nothing.
     """
     with path.open("rb") as file:
         head = file.read(32)
@@ -170,7 +170,7 @@ def _rows(
         taken: list[tuple[int, Any, Any]] = []
         try:
             taken.extend(itertools.islice(rows, AT_ONCE))
-        except sqlite3.Error as error:  # what came before it has been taken
+        except sqlite3.Error as error:  # rows before the error are already in `taken`
             if quota.is_over():
                 raise
             problem = error
@@ -189,12 +189,12 @@ def _rows(
 
 
 def read_mcap(path: Path, limits: Limits) -> Iterator[Batch | Note]:
-    """Yield the messages of an MCAP file, and what cannot be read.
+    """Yield the messages of an MCAP file, and notes on what is unreadable.
 
     Raises:
         OSError: the file cannot be read.
-        ValueError: it is no MCAP file.
-        UsageError: a record of it would take more memory than the limits allow, or the library is not there.
+        ValueError: the file is not an MCAP file.
+        UsageError: a record needs more memory than the limits allow, or the library is not installed.
     """
     module = load("fltea.recording.scan", "mcap", "ros", "MCAP files need")
     schemas: dict[int, tuple[str, bytes]] = {}
@@ -237,12 +237,12 @@ def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: Mo
 
 @contextlib.contextmanager
 def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
-    """A bag file, unpacked for as long as it is used if it was packed as a whole.
+    """Yield the path of a bag file; a file that is compressed as a whole is decompressed for this time.
 
     Raises:
-        OSError: it cannot be read.
-        ValueError: it is damaged.
-        UsageError: it would take more room than the limits allow, or the library is not there.
+        OSError: the file cannot be read.
+        ValueError: the file is damaged.
+        UsageError: its content is larger than the limits allow, or the library is not installed.
     """
     if path.suffix != PACKED:
         yield path

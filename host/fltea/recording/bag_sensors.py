@@ -1,4 +1,4 @@
-"""Which messages of a topic are of the sensor that is read, by the fields that tell several apart (pure)."""
+"""Selects the messages of one sensor in a topic, by the fields that tell several sensors apart."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -12,20 +12,20 @@ from fltea.recording.reading import Missing, NotStated
 from fltea.recording.sample_times import Floats, Ints, Marks
 
 ALL_ARE_ONE = "1/1"
-"""What the user says where the fields tell something else."""
+"""Value of --sensor by which the user states that all messages are of one sensor."""
 
 FEWEST = 10
-"""Messages, each with another value, that say that a field counts and tells no sensors apart."""
+"""A field with this many messages, each with another value, is a counter and tells no sensors apart."""
 
 MOST_LOOKED_AT = 500
-"""Messages that show whether sensors take turns."""
+"""Number of first messages that are examined to see whether sensors take turns."""
 
 PUBLISHER = "publisher"
-"""In place of a field: who wrote the messages."""
+"""Name that stands for a field: the publisher of the messages."""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
-    """Whether several write messages at the same time; one after the other is one that began again."""
+    """Return whether several publishers write at the same time; a restart gives one after the other."""
     names, places = np.unique(publishers, return_inverse=True)
     arrivals = [arrival_ns[places == k] for k in range(len(names))]
     spans = sorted((int(one.min()), int(one.max())) for one in arrivals)
@@ -35,9 +35,11 @@ def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
 class Sensors:
     """The sensors of a topic.
 
-    names: of the fields. others: of fields behind them, which tell sensors apart if they take turns. value:
-    of the sensor that the user means, `NAME=VALUE` or VALUE.
-    which: what has to be asked, once there are several and none is meant; until then they are of the first.
+    `names`: fields that tell sensors apart. `others`: further fields, which count only if their values take
+    turns.
+    `value`: sensor that the user names, `FIELD=VALUE` or VALUE.
+    `which`: question for the user if there are several sensors and none is named; the first is read until
+    then.
     """
 
     def __init__(
@@ -51,7 +53,8 @@ class Sensors:
     def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
         """Mark the messages that are to be read.
 
-        values: of each field (n,). figures: numbers (n, columns) of the same messages.
+        `values`: value of each field in each message (n,). `figures`: numbers (n, columns) of the same
+        messages.
         """
         kept = np.ones(len(values[0]) if values else 0, np.bool_)
         if self._of is None and len(kept):
@@ -69,7 +72,7 @@ class Sensors:
         return kept
 
     def _look(self, values: Sequence[NDArray[np.str_]], figures: Floats) -> dict[int, OneSensor]:
-        """Take the fields that tell sensors apart, and that in which the user's value stands."""
+        """Choose the fields that tell sensors apart, and the field that holds the user's value."""
         column, mark, value = (self._value or "").rpartition("=")
         words = {place: {*one.tolist()} for place, one in enumerate(values)}
         fields = [k for k in range(self._named) if len(words[k]) < max(FEWEST, len(values[k]))]
@@ -91,7 +94,7 @@ class Sensors:
         return {place: OneSensor(self._where, self._names[place], named.get(place)) for place in fields}
 
     def lacks(self) -> str:
-        """Return what the topic has instead of the sensor that the user means, "" if it is there."""
+        """Return what the topic has instead of the sensor that the user names; "" if the sensor is there."""
         has = [
             f"{self._names[place]} has {listed(sorted(one.others))}"
             for place, one in (self._of or {}).items()

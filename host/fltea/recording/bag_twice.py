@@ -1,4 +1,4 @@
-"""Messages that a bag holds twice, since files of it overlap or are the same under two numbers (pure)."""
+"""Finds messages that a bag holds twice, because its files overlap or were copied under another number."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,16 +8,17 @@ from fltea.recording.sample_times import Marks
 from fltea.recording.spool import Spool
 
 FACTORS = np.random.default_rng(1).integers(1 << 62, 1 << 63, 6, dtype=np.uint64) | np.uint64(1)
-"""By which the bits of a message's six numbers become one number, which is another for other bits."""
+"""Random odd factors for a hash of the bits of a message's six numbers."""
 
 
 def held_twice(spool: Spool) -> Marks | None:
-    """Return which messages stood before in the bag already, (n,); None where times never run back.
+    """Return marks (n,) of messages that stood in the bag before; None if times never run backwards.
 
-    Two are the same if their stamps are, or their arrivals where they have no stamps, and all their numbers.
-    Those of one run of rising times are neighbours, which `bag_gather` compares; here they are of two runs.
+    Two messages are the same if all their numbers and their stamps are the same; without stamps, their
+    arrival times count. Only messages of different runs of rising times are compared here; `bag_gather`
+    compares neighbours.
 
-    spool: columns `gyro`, `accel`, `stamp` and `arrival`, the latter two in ns.
+    `spool`: columns `gyro`, `accel`, `stamp` [ns] and `arrival` [ns].
     """
     if not spool.length("stamp"):
         return None

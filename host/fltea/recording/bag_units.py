@@ -1,7 +1,8 @@
-"""What units the numbers of a bag are in: what is said of them against what they show at rest (pure).
+"""Finds the units of a bag's numbers: what is stated of them is compared with the values at rest.
 
-A convention can be broken: drivers write deg/s where ROS has rad/s, and g where it has m/s². At rest the
-length of gravity tells the one, and what noise MEMS gyroscopes have the other, since the two are 57 apart.
+Drivers break conventions: some write deg/s where ROS has rad/s, and g where ROS has m/s². At rest, the length
+of gravity shows the accelerometer's unit. The noise level of MEMS gyroscopes shows the gyroscope's unit,
+since rad/s and deg/s differ by a factor of 57.
 """
 
 import math
@@ -21,17 +22,17 @@ from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
 CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
-"""Means over a tenth of a second tell N where a low-pass has taken the noise of single samples, too."""
+"""Means over 0.1 s show the ARW N even if a low-pass filter removes the noise of single samples."""
 
 QUIET = 0.1
-"""Share of the stretches, the quietest, that count as rest."""
+"""Share of the stretches that counts as rest: the quietest ones."""
 
 MOVING = 0.05
-"""Spread of accelerations at rest, of gravity: no accelerometer has more, and what shakes has."""
+"""Largest spread of accelerations at rest, relative to gravity. A moving sensor exceeds it."""
 
 
 class Scale(NamedTuple):
-    """A unit, its factor to deg/s or m/s², and if it is counts LSB in 1 deg/s or 1 g."""
+    """A unit, its factor to deg/s or m/s², and for counts their number in 1 deg/s or 1 g."""
 
     said: Said
     factor: float
@@ -42,10 +43,10 @@ Parse = Callable[[str], tuple[float, float | None]]
 
 
 def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | None, list[Note]]:
-    """Return the units of both sensors, None where nothing says it, and what has to be told of them.
+    """Return the units of both sensors (None if unknown), and notes for the user.
 
     Raises:
-        UsageError: what the user says contradicts what the file states, or is no unit.
+        UsageError: the user's unit contradicts what the file states, or is unknown.
     """
     notes: list[Note] = []
 
@@ -89,9 +90,9 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
 
 
 class Rest(NamedTuple):
-    """The quietest stretches, in the file's own numbers: mean (3,), and noise (3,) as σ of a second's mean.
+    """The quietest stretches in the file's numbers: mean (3,), and noise (3,) as σ of a mean over 1 s.
 
-    gravity: (n, 3) mean accelerations of all stretches. moves: whether the quietest ones shake.
+    `gravity`: mean accelerations of all stretches (n, 3). `moves`: whether the quietest stretches shake.
     """
 
     mean: Floats
@@ -101,9 +102,10 @@ class Rest(NamedTuple):
 
 
 def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Rest | None:
-    """Look for the quietest stretches; None: there are too few samples.
+    """Find the quietest stretches; return None if there are too few samples.
 
-    blocks: of rates (n, 3), and accelerations (n, 3) or nothing. g: gravity in the unit of these.
+    `blocks`: rates (n, 3), and accelerations (n, 3) or nothing. `g`: gravity in the unit of the
+    accelerations.
     """
     noise, means, gravity, shakes = [], [], [], []
     for gyro, *accel in blocks:
@@ -137,9 +139,9 @@ def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Res
 
 
 class AtRest(NamedTuple):
-    """What is known of an accelerometer once it is compared with gravity.
+    """Result of the comparison of an accelerometer with gravity.
 
-    scale: None: nothing tells its unit. problem: how it contradicts gravity, and option what mends it.
+    `scale`: unit, None if unknown. `problem`: contradiction, in words. `option`: option that resolves it.
     """
 
     scale: Scale | None
@@ -148,7 +150,7 @@ class AtRest(NamedTuple):
 
 
 def measured_accel(layout: Layout, accel: Scale | None, rest: Rest, how: How) -> AtRest:
-    """Compare the accelerometer's unit with the length of gravity, or take it from there."""
+    """Compare the accelerometer's unit with the length of gravity; an unknown unit is derived from gravity."""
     units = gravity_units(rest.gravity) if len(rest.gravity) else []
     if not units or not layout.accel:
         return AtRest(accel)
@@ -180,12 +182,13 @@ def check_rates(
     table: Callable[[], str],
     options: Sequence[str],
 ) -> None:
-    """Compare a convention with the noise and the mean that gyroscopes have at rest.
+    """Check a unit by convention against the noise and the mean that gyroscopes have at rest.
 
-    accel: of the same stretches. table: makes lines on candidates. options: that the user gives.
+    `accel`: result for the accelerometer. `table`: returns the table of candidate units. `options`: the
+    user's options.
 
     Raises:
-        NotStated: none has these.
+        NotStated: no gyroscope has such noise or such a mean.
     """
     if rate.said.evidence != "convention" or rest.moves:
         return

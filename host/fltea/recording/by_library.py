@@ -1,10 +1,10 @@
-"""Formats of other programs, each by the library that is kept for it: run as a program by `apart`.
+"""Reads a file of another program's format with the library for it; `reader_process` runs this as a program.
 
-Into a pipe, whose descriptor is an argument, go pieces, each behind its length in four bytes. The first is a
-`SheetHead` as JSON, or null. After null come a `TextHead` and lines of text; after a head, and a line of JSON
-on stdin, the places of the columns that are wanted, rows of their numbers. The length 0 ends them; FAILED
-stands before a reason. Stdout is not for them, since libraries print, in Python and in C: `apart` has it lead
-nowhere.
+The output goes to a pipe, whose descriptor is an argument. It consists of pieces, each after its length in
+four bytes. The first piece is a `SheetHead` as JSON, or null.
+After null follow a `TextHead` and text. After a `SheetHead`, the program reads one JSON line from stdin, the
+wanted columns, and sends the rows of their numbers. The length 0 ends the output; the length FAILED stands
+before an error message. Stdout is not used, since libraries print to it; `reader_process` discards stdout.
 """
 
 import sys
@@ -24,7 +24,7 @@ from fltea.records.scarce import is_scarcity
 
 
 def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None:
-    """Read a file within `ProcessLimits`, and write nothing but to the pipe."""
+    """Read a file within `ProcessLimits`, and write only to the pipe."""
     held = msgspec.json.decode(limits, type=ProcessLimits)
     held.hold()
     out = open(int(descriptor), "wb")  # noqa: SIM115
@@ -49,7 +49,7 @@ def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None
         pass
     except UsageError as error:
         _fail(out, str(error).removeprefix(f"{path}: "))
-    except Exception as error:  # whatever a library raises on damaged bytes
+    except Exception as error:  # libraries raise various errors for damaged bytes
         if is_scarcity(error):
             sys.exit(OUT_OF_MEMORY)
         reason = str(error).partition("\n")[0] or type(error).__name__

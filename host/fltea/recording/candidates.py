@@ -1,6 +1,6 @@
-"""What each answer that is missing would mean for the numbers of a file, for a person to choose by (pure).
+"""Shows the user what each possible answer to a question would mean for the numbers of a file.
 
-Nothing is chosen here: a table shows what the columns hold and what each unit would make of them.
+Nothing is chosen here: a table shows what the columns hold, and the noise and mean in each candidate unit.
 """
 
 import math
@@ -24,38 +24,38 @@ GRAVITY = {
 """The length of gravity in each unit."""
 
 GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
-"""The length of gravity in counts of 16 bits, at ±16, ±8, ±4 and ±2 g."""
+"""The length of gravity in 16-bit counts at ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Offsets and scales of cheap accelerometers are off by some 5 %, so mg and cm/s², 2 % apart, are not told
-apart.
+"""Relative tolerance of the length of gravity. Cheap accelerometers are off by about 5 %, so mg and cm/s²,
+which differ by 2 %, cannot be distinguished.
 """
 
 STEADY = 0.1
-"""Spread of the length of gravity, to its mean: beyond it the sensor moves, or these are no accelerations."""
+"""Largest spread of the length of gravity, relative to its mean; above it, values count as no gravity at rest."""
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
-"""Counts of the commonest sensors at ±250, ±500, ±1000 and ±2000 deg/s."""
+"""Counts per deg/s of the commonest sensors at ±250, ±500, ±1000 and ±2000 deg/s."""
 
 MOST_N, MOST_MEAN_DPS = 5.0, 20.0
-"""What no MEMS gyroscope has at rest: noise in deg/√h, and an offset."""
+"""Largest plausible values of MEMS gyroscopes at rest: noise [deg/√h] and mean [deg/s]."""
 
 USUAL = "MEMS gyroscopes have N 0.1 to 3 deg/√h, and at rest a mean of up to some 10 deg/s."
 
 LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
-"""Rates that are shown, which is no claim: wider than what is believed."""
+"""Sampling rates that tables show [Hz]. The range is wider than that of accepted rates."""
 
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
-"""A number as large is none; the squares of smaller ones are still numbers."""
+"""Values of this size are not measurements. The squares of smaller values do not overflow."""
 
 
 def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
-    """Return a line for each unit that rates may be in: N and mean of the axes in it.
+    """Return a table with a row for each unit that rates may be in: N and mean of the axes.
 
-    values: (n, axes) as they stand in the file. rate_hz: None if it is not known; then the table shows σ.
-    when: the units that come into question, and the circumstances; None: the usual ones.
+    `values`: (n, axes) as in the file. `rate_hz`: sampling rate; if None, the table shows σ instead of N.
+    `when`: candidate units and the circumstances of each; None: the usual units.
     """
     values = values[np.isfinite(values).all(axis=1)] if values.size else values
     if len(values) < 3:
@@ -80,7 +80,7 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
 
 
 def columns_table(names: Sequence[str] | None, values: Floats) -> str:
-    """Return a line for each column: its position, name, mean and σ, and what can be measured of it."""
+    """Return a table with a row for each column: position, name, mean and σ, and what its values suggest."""
     if len(values) < 3:
         return ""
     values = np.where(np.abs(values) < NOBODY_MEASURES, values, math.nan)
@@ -99,9 +99,9 @@ def columns_table(names: Sequence[str] | None, values: Floats) -> str:
 
 
 def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: str = "") -> list[str]:
-    """Return for each unit in which a step between times is a gyroscope's the option and its rate.
+    """Return the options for each time unit by which `step` has a gyroscope's rate, with that rate.
 
-    also: what has to be said beside the unit.
+    `also`: further option to show after the unit.
     """
     rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()} if step > 0 else {}
     return [
@@ -112,14 +112,14 @@ def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: s
 
 
 def ticks_table(step: float, units: Sequence[str]) -> str:
-    """Return what a step between times would be by a `times_table`, or else."""
+    """Return a text for the user: `step`, the options of a `times_table`, and the option for unknown ticks."""
     return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"])
 
 
 def gravity_units(values: Floats) -> list[str]:
-    """Return what the unit of an accelerometer's axes (n, 3) at rest may be, by the length of gravity.
+    """Return the units that an accelerometer's axes (n, 3) at rest may have, by the length of gravity.
 
-    None if it may be counts as well as a unit.
+    The list is empty if both counts and a unit are possible.
     """
     values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)]
     length = np.linalg.norm(values, axis=1)
@@ -133,19 +133,19 @@ def gravity_units(values: Floats) -> list[str]:
 
 
 def length_of(values: Floats) -> float:
-    """Return the median length of vectors (n, 3), NaN if none has numbers that somebody measures."""
+    """Return the median length of vectors (n, 3); NaN if no vector has plausible numbers."""
     lengths = np.linalg.norm(values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)], axis=1)
     return float(np.median(lengths)) if len(lengths) else math.nan
 
 
 def is_rising(column: Floats) -> bool:
-    """Whether numbers never fall, as times do."""
+    """Return whether numbers never fall and sometimes rise, as times do."""
     steps = np.diff(column[np.isfinite(column)])
     return len(steps) > 1 and bool((steps >= 0).all() and steps.any())
 
 
 def _remarks(values: Floats) -> dict[int, str]:
-    """Return what can be measured: which columns rise, and which three have the length of gravity."""
+    """Return remarks on columns: which rise, and which three neighbours have the length of gravity."""
     found = {}
     numbers = []
     for place in range(values.shape[1]):
@@ -155,7 +155,9 @@ def _remarks(values: Floats) -> dict[int, str]:
             found[place] = ": rises, as times and counters do" + (f" ({rates})" if rates else "")
         elif np.isfinite(values[:, place]).any():
             numbers.append(place)
-    for first in sorted(range(len(numbers) - 2), key=lambda place: (place % 3, place)):  # threes side by side
+    for first in sorted(
+        range(len(numbers) - 2), key=lambda place: (place % 3, place)
+    ):  # aligned groups of three first
         three = numbers[first : first + 3]
         units = gravity_units(values[:, three])
         if units and not any(place in found for place in three):
@@ -170,7 +172,7 @@ def _remarks(values: Floats) -> dict[int, str]:
 
 
 def _white_std(values: Floats) -> Floats:
-    """Return σ of the white noise of each axis, which a drift does not enlarge."""
+    """Return σ of the white noise of each axis, from differences, since drift does not enlarge these."""
     steps = np.diff(values, axis=0)
     robust = 1.4826 * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0)
     return np.asarray(np.where(robust > 0, robust, steps.std(axis=0)) / math.sqrt(2))

@@ -1,4 +1,4 @@
-"""How often the bias stepped and the sensor moved, as the records of a recording say."""
+"""Counts the bias steps and the motions that the records of a recording report."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -12,33 +12,33 @@ if TYPE_CHECKING:
 
 
 class StepMark(Record, frozen=True, forbid_unknown_fields=False, tag="step"):
-    """What is counted of a `step` record; its fields may be another version's."""
+    """The fields of a `step` record that are needed to count it; a newer version may write others."""
 
     host_ns: int
 
 
 class MotionMark(Record, frozen=True, forbid_unknown_fields=False, tag="motion"):
-    """What is counted of a `motion` record."""
+    """The fields of a `motion` record that are needed to count it."""
 
     host_ns: int
     begins: bool
 
 
 CLASSES = ("step", "motion")
-"""Names of both classes, in NDJSON and as the last part of a topic."""
+"""Names of both record types, in NDJSON and as the last part of a topic."""
 
 _decode = msgspec.json.Decoder(StepMark | MotionMark).decode
 
 
 class Changes:
-    """Counts steps, and motions by their begins; None where a recording has no room for such records."""
+    """Counts of steps and of beginnings of motions; None if a recording has no channel for such records."""
 
     def __init__(self) -> None:
         self.steps: int | None = None
         self.motions: int | None = None
 
     def expect(self) -> None:
-        """Take note that such records would be here."""
+        """Note that the recording has a channel for such records, so that the counts begin at 0."""
         self.steps, self.motions = self.steps or 0, self.motions or 0
 
     def count(self, record: StepMark | MotionMark) -> None:
@@ -52,7 +52,7 @@ class Changes:
             self.motions += record.begins
 
     def count_in(self, messages: "Messages", topics: Mapping[int, str]) -> None:
-        """Count the records among messages; those that are damaged are left out. topics: by channel."""
+        """Count the records among `messages`, except damaged ones. `topics`: topic name of each channel."""
         channels = [channel for channel, topic in topics.items() if topic in CLASSES]
         if not channels:
             return
@@ -60,5 +60,5 @@ class Changes:
         for message in messages.of_channels(channels).each():
             try:
                 self.count(_decode(message.data))
-            except (ValueError, RecursionError):  # msgspec's errors, and brackets in brackets
+            except (ValueError, RecursionError):  # damaged, or nested too deeply
                 continue

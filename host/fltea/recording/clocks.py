@@ -1,4 +1,4 @@
-"""Whether the steps between times are those of a sensor's clock, and what its period is (pure)."""
+"""Decides whether the steps between times are those of a sensor's clock, and measures the sampling period."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -10,47 +10,51 @@ from fltea.recording.sample_numbers import Numbering
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, Elapsed, Floats, Ints
 
 Blocks = Callable[[], Iterable[Floats]]
-"""Gives elapsed times, a block at a time, each time it is called."""
+"""Function that yields elapsed times in blocks; each call begins anew."""
 
 MOST_IN_TURNS = 4
-"""Sensors whose turns are known by the times alone."""
+"""Most sensors in turns that the times alone can reveal."""
 
 SHORT_GAPS = 2, 3, 4
-"""Steps of so many periods are a clock's, too, however many there are. Bursts leave longer ones."""
+"""Steps of this many periods count as lost samples, however many there are. Bursts leave longer steps."""
 
 NEARLY = 1e-3
-"""Of a grain: times are on it."""
+"""Tolerance for a time to be a multiple of the grain, relative to the grain."""
 
 COARSEST_S = 1e-3 * (1 + NEARLY)
-"""Of a counter of milliseconds. In coarser times, where nearly all steps are one grain, a longer one lacks a
-sample: 99 Hz in hundredths of a second look like 100 Hz that lose each hundredth sample."""
+"""Coarsest grain of times whose period is examined: a counter of milliseconds [s].
+
+Coarser times, where nearly all steps are one grain, are ambiguous: 99 Hz in hundredths of a second look like
+100 Hz with every hundredth sample lost.
+"""
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
-"""Repeated times with other values by which a clock is as coarse as its samples: so many, and of all rows."""
+"""Repeated times with different values, as a number and a share of rows, from which a clock is too coarse."""
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""The shortest stretches lack no sample; and of those that tell a period so many lack none."""
+"""Quantile of stretches that counts as without lost samples, and smallest share of stretches without loss."""
 
 FEWEST_BURSTS, MANY_BURSTS, ALIKE_SHARE = 3, 10, 0.7
-"""Long steps tell bursts if so many of them are alike, or if nearly all time is in many of them."""
+"""Fewest long steps for regular bursts, for any bursts, and the share of long steps that have to be alike."""
 
 MOST_IN_STEPS, NEARLY_ALL = 0.5, 0.8
-"""Of the time, that is in long steps: then a clock would have lost most of its samples."""
+"""Share of the time in long steps, for regular and for any bursts: a clock would have lost most samples."""
 
 
 class Bursts(NamedTuple):
-    """Rows that come `rows` at a time, once in `every`, in the column's unit."""
+    """Rows that arrive `rows` at a time, once in each interval `every` (in the column's unit)."""
 
     rows: int
     every: float
 
 
 class Clock(NamedTuple):
-    """What steps say, in the column's unit.
+    """What the steps between times show, in the column's unit.
 
-    typical: the mean without gaps. even: they are a clock's. bursts: why they are none. is_coarse: times are
-    rounded, and some are the same that were not. is_rounded: they are, to a good part of the period. in_turn:
-    after so many steps they are the same again, as where so many sensors take turns; 0: they are not.
+    `typical`: mean step without gaps. `even`: the steps are those of a sensor's clock.
+    `bursts`: rows arrive in bursts. `is_coarse`: times are so rounded that different times became equal.
+    `is_rounded`: times are rounded to a large part of the period.
+    `in_turn`: number of sensors in turns, after which the steps repeat; 0: no turns.
     """
 
     typical: float
@@ -65,7 +69,10 @@ class Clock(NamedTuple):
 
 
 def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
-    """Look at elapsed times; None if there is no step. elapsed: what they are of, with all that were odd."""
+    """Examine elapsed times; return None if no time differs.
+
+    `elapsed`: their column, with its counted faults.
+    """
     medians, least, largest, count = [], math.inf, 0.0, 0
     for steps in _steps(blocks()):
         medians.append(float(np.median(steps)))
@@ -94,7 +101,7 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
 
 
 def _in_turn(steps: Floats, grain: float) -> int:
-    """After how many steps they are the same again; 0 if they are not, or only rounded to a grain."""
+    """Return after how many steps the steps repeat; 0 if they do not, or differ only by rounding to `grain`."""
     for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
         middle = np.array([np.median(steps[k::count]) for k in range(count)])
         usual = np.resize(middle, len(steps))
@@ -117,9 +124,9 @@ def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
 def _even_share(
     blocks: Iterable[Floats], median: float, tolerance: float, odd: int
 ) -> tuple[float, float, float]:
-    """The shares of steps near the median, and with those near a multiple, as short gaps are.
+    """Return the share of steps near `median`, this share with steps near 2 to 4 times `median`, and the mean step.
 
-    The third is the mean of the steps near the median.
+    The mean is that of the steps near `median`.
     """
     count, near, gaps, total = odd, 0, 0, 0.0
     for steps in _steps(blocks):
@@ -131,7 +138,7 @@ def _even_share(
 
 
 def _grain(blocks: Blocks, median: float) -> float:
-    """The power of ten on which all times are, if it is a good part of the period; else 0."""
+    """Return the power of ten by which all times are divisible, if it is a large part of the period; else 0."""
     grain = 10.0 ** math.floor(math.log10(median * (1 + NEARLY)))
     is_fine = grain <= EVENNESS * median
     on_it = (bool((np.abs(t / grain - np.rint(t / grain)) < NEARLY).all()) for t in blocks())
@@ -139,10 +146,11 @@ def _grain(blocks: Blocks, median: float) -> float:
 
 
 def _by_stretches(blocks: Blocks, median: float, grain: float) -> float | None:
-    """The period of rounded times by long stretches; None: it is the median, and longer steps lack samples.
+    """Return the period of rounded times, measured over long stretches; None: the period is the median step.
 
-    Steps of 1 and 2 ms are those of 800 Hz in whole ms if all stretches of as many steps are alike, to the
-    grain; of 1000 Hz with losses some are as many ms as steps. Infinite: the stretches are too short to tell.
+    Steps of 1 and 2 ms are those of 800 Hz in whole ms if all stretches of equally many steps have the same
+    length, except for the grain. With 1000 Hz and losses, some stretches have as many ms as steps. The result
+    is infinite if the stretches are too short to decide.
     """
     found = [(len(t), _of_block(t, median, grain)) for t in blocks() if len(t) > 1]
     total = sum(rows for rows, _ in found)
@@ -169,7 +177,7 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
     if period == math.inf:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
-    times = np.cumsum(steps)  # some of these stretches did lack samples; once all are numbered, none does
+    times = np.cumsum(steps)  # numbered samples, since some stretches lack samples
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )
@@ -181,7 +189,7 @@ def _shortest(times: Floats, rows: int) -> float:
 
 
 def _bursts(blocks: Iterable[Floats], period: float, longest: float) -> Bursts | None:
-    """Whether rows come in bursts, as where a board or a radio gathers them and the times are of arrival."""
+    """Return the bursts in which rows arrive, if a board or a radio gathers rows and times are arrival times."""
     places: list[Ints] = []
     found: list[Floats] = []
     count, total = 0, 0.0

@@ -1,6 +1,7 @@
-"""What the names of columns say, as loggers of all kinds write them: axis, time, unit (pure).
+"""Reads axis, time and unit from column names, as loggers of all kinds write them.
 
-A name is words, one of which may be an axis, and a unit: in brackets behind or before them, or at their end.
+A name consists of words, one of which may be an axis. A unit stands in brackets after or before the words, or
+at their end.
 """
 
 import re
@@ -31,7 +32,7 @@ _NO_SENSOR = r"(?!(?:avg|bias|cov|err|max|mean|min|std|var)\d)"
 _PREFIX = r"field|raw|data|sensor|board|device|motion|scaled|highres|imu|shimmer(?:_[\da-f]+)*"
 _PREFIX += rf"|{_NO_SENSOR}[a-z]{{2,7}}\d+[a-z]{{0,4}}\d*"
 _BEFORE = rf"(?:(?:{_PREFIX})_)*"
-"""Of a sensor: imu0, lsm6dsox, but no std0."""
+"""Words before an axis that name a sensor: imu0, lsm6dsox, but no std0."""
 
 _SORT = r"(?:_(?:raw|data|cal|calibrated|uncalibrated|uncal|scaled|adc|unfilt|smooth|ln|wr))*"
 _GYRO = "gyroscopes?|gyros?|gyr|(?:gyro_)?rotation_?rate|gyro_rotation|rot_?rate|w_rs_s|avel|omega"
@@ -44,14 +45,14 @@ def _axis(words: str) -> re.Pattern[str]:
 
 
 def _sensor(words: str, letters: str) -> re.Pattern[str]:
-    """Axes behind or before the words of a sensor, or behind a letter."""
+    """Compile a pattern of axes after or before the words of a sensor, or after one of `letters`."""
     behind, before = rf"(?:{words})\d?{_SORT}_?(?P<x>[xyz])", rf"(?P<before>[xyz])_?(?:{words})"
     return _axis(rf"{behind}|{before}|[{letters}]_?(?P<bare>[xyz])")
 
 
 _GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
-"""Of what the unit says. AsX is what WitMotion calls an angular speed."""
+"""Axes that only their unit shows to be rates or accelerations. WitMotion calls an angular rate AsX."""
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
@@ -75,20 +76,20 @@ _INDICES = {"0", "1", "2"}
 _CLOCKS = re.compile(
     r"\b(?:utc|gmt|local|unix|epoch|gps|tow|tai|iso|txt|text|string|datetime|date|time)\b|^[+-]\d|yyyy"
 )
-"""What stands in brackets behind times and says which clock they are of, or in which form, but no unit."""
+"""Words in brackets after times that state a clock or a form, but no unit."""
 
 _BODY_AXES = ("x", "y", "z"), ("p", "q", "r"), ("roll", "pitch", "yaw")
-"""What rates about the axes of a body are called, in aviation and of vehicles, too."""
+"""Names for rates about body axes in aviation and for vehicles."""
 
 _NOT_MEASURED = re.compile(
     "(?:.*_)?(?:bias|offset|std|stdev|sigma|var|variance|cov|err|error|noise|target|desired|des|setpoint|sp|ref"
     "|reference|cmd|command|demand|mean|avg|max|min|est|estimated|truth|gt|filtered|filt|lpf)(?:_.*)?"
 )
-"""Names of rates that no gyroscope measures, or only in part."""
+"""Names of rates that are not measured by a gyroscope alone."""
 
 
 class _Name(NamedTuple):
-    """A name taken apart. words: of `base`, in small letters with _ between them. unit: that it states."""
+    """A parsed name. `words`: words of `base` in small letters, joined by _. `unit`: unit in the name."""
 
     base: str
     words: str
@@ -103,7 +104,7 @@ def _parts(name: str) -> _Name:
         return _Name(name, "", "", is_in_brackets=False)
     if (found := _UNIT_BEHIND.fullmatch(name)) is not None:
         base, unit = found[1], next(filter(None, found.groups()[1:]), "").strip()
-        if unit in _INDICES:  # as PX4 and Betaflight call axes; with _rad PX4 means rad/s
+        if unit in _INDICES:  # PX4 and Betaflight number axes; PX4 writes _rad for rad/s
             inner = _parts(base)
             stated = "rad/s" if inner.unit == "rad" else inner.unit
             return _Name(base, f"{inner.words}_{'xyz'[int(unit)]}", stated, is_in_brackets=True)
@@ -124,12 +125,12 @@ def _parts(name: str) -> _Name:
 
 
 def unit_in(name: str) -> str:
-    """Return the unit that a name states, as it stands there; "" if it states none."""
+    """Return the unit that a name states, as written; "" if it states none."""
     return _parts(name).unit
 
 
 def time_unit_of(name: str) -> TimeUnit | None:
-    """Return the unit of times that a name states."""
+    """Return the unit of times that a name states, or None."""
     found = _parts(name)
     if found.unit:
         return time_unit(found.unit)
@@ -140,7 +141,7 @@ def time_unit_of(name: str) -> TimeUnit | None:
 
 
 def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
-    """Return the same, and how many of it one is; minutes, hours and days are in brackets, or in full."""
+    """Return the unit of times and its multiple; minutes, hours and days count in brackets or in full."""
     found = _parts(name)
     if found.unit:
         return time_scale(found.unit)
@@ -149,24 +150,24 @@ def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
 
 
 def counts_unknown(name: str, unit: str) -> str:
-    """Return what a file states as the unit of times, by their name or beside it, if that is not known."""
+    """Return the unit of times that the name or the file states if this unit is unknown, else ""."""
     stated = (unit or unit_in(name)).strip()
     is_clock = ":" in stated or _CLOCKS.search(stated.lower())
     return "" if not stated or is_clock or time_scale(stated) or time_scale_of(name) else stated
 
 
 def rate_unit_of(name: str) -> str | None:
-    """Return the unit of angular rates that a name states, by its name in `units.PER_UNIT`."""
+    """Return the unit of angular rates that a name states, as `units.PER_UNIT` names it, or None."""
     return rate_unit(_parts(name).unit)
 
 
 def accel_unit_of(name: str) -> float | None:
-    """Return m/s² in one of the unit of accelerations that a name states."""
+    """Return the unit of accelerations that a name states [m/s²], or None."""
     return accel_unit(_parts(name).unit)
 
 
 def is_time(name: str) -> bool:
-    """Whether a name is one of times; of a bare T see `times_in`."""
+    """Return whether a name is one of times; `times_in` decides on a bare T."""
     found = _parts(name)
     if is_physical(found.unit) and time_scale(found.unit) is None:
         return False
@@ -179,13 +180,13 @@ def is_time(name: str) -> bool:
 
 
 def times_in(names: Sequence[str]) -> list[str]:
-    """Return the names of times. A bare T, which may be a temperature, is one only if there is no other."""
+    """Return the names of times. A bare T may be a temperature, so it counts only if there is no other."""
     found = [name for name in names if is_time(name)]
     return [name for name in found if name.strip() != "T"] or found
 
 
 def tells_sensors(name: str) -> bool:
-    """Whether a column with this name tells sensors apart, where it holds more than one value."""
+    """Return whether a column of this name tells sensors apart if it holds more than one value."""
     words = _plain(name) if len(name) <= LONGEST_NAME else ""
     return (
         _plain(name.rpartition(".")[2]) in _SENSORS
@@ -194,12 +195,12 @@ def tells_sensors(name: str) -> bool:
 
 
 def states_units(name: str) -> bool:
-    """Whether a column with this name states a unit in each row."""
+    """Return whether a column of this name states a unit in each row."""
     return len(name) <= LONGEST_NAME and re.fullmatch("(?:.*_)?units?", _plain(name)) is not None
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return the places of whole seconds whose fraction has a column: its place, and its unit in seconds."""
+    """Map each column of whole seconds to the column of its fraction and that column's unit [s]."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
@@ -214,14 +215,15 @@ def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
 
 
 def axis_of(name: str, unit: str = "") -> str | None:
-    """Return the axis, x, y or z, of a gyroscope that a name is; unit: what the file states beside it."""
+    """Return the gyroscope axis (x, y or z) that a name means, or None; `unit`: unit that the file states."""
     return _axis_in(name, unit, _GYRO_AXIS, rate_unit)
 
 
 def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
-    """Return places of x, y, z that are called alike, whatever that is, and in a unit of angular rates.
+    """Return the columns of axes x, y, z with equal names of any kind and a unit of angular rates.
 
-    units: of the columns, where a row of them stands beside. None are found where there are two such triples.
+    `units`: unit of each column, if the file has a row of units. The result is empty if two such triples
+    exist.
     """
     found: dict[tuple[str, ...], list[tuple[str, int]]] = {}
     for place, name in enumerate(names):
@@ -241,12 +243,12 @@ def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
 
 
 def accel_axis_of(name: str, unit: str = "") -> str | None:
-    """Return the axis of an accelerometer that a name is; unit: what the file states beside it."""
+    """Return the accelerometer axis that a name means, or None; `unit`: unit that the file states."""
     return _axis_in(name, unit, _ACCEL_AXIS, accel_unit)
 
 
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
-    """The axis, unless its unit says that something else is measured; with its own unit a mere x is one."""
+    """Return the axis unless its unit is of another quantity; with a unit of its own, a mere x is an axis."""
     parts = _parts(name)
     stated = _stated(parts, unit)
     if is_physical(stated) and kind(stated) is None:
@@ -262,7 +264,7 @@ def _stated(parts: _Name, unit: str) -> str:
 
 
 def named_axis(name: str, axis: int) -> str:
-    """Return the name of an axis, from 0, of an array with three columns: `gyro_dps` has `gyro_x_dps`."""
+    """Return the name of axis number `axis` (from 0) of an array: `gyro_dps` has `gyro_x_dps`."""
     found = _parts(name)
     if found.is_in_brackets and found.unit:
         return f"{found.base}_{'xyz'[axis]} [{found.unit}]"
@@ -270,12 +272,12 @@ def named_axis(name: str, axis: int) -> str:
 
 
 def _plain(name: str) -> str:
-    """In small letters, with _ for all that separates words, and between the words of `gyroX`."""
+    """Return a name in small letters, with _ between its words, also in `gyroX`."""
     return _SEPARATOR.sub("_", _HUMP.sub("_", name.strip()).lower()).strip("_")
 
 
 def common_beginning(names: Sequence[str]) -> str:
-    """Return what all names begin with."""
+    """Return the longest text with which all names begin."""
     first, last = min(names, default=""), max(names, default="")
     same = (k for k, (a, b) in enumerate(zip(first, last, strict=False)) if a != b)
     return first[: next(same, min(len(first), len(last)))]

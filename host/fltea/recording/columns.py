@@ -1,7 +1,4 @@
-"""Which columns are meant, in which units, by which clock, of which sensor.
-
-A reading, with its evidence (pure).
-"""
+"""Chooses the columns to read, their units, the clock and the sensor, each with its evidence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,15 +25,18 @@ NOTHING = Facts()
 
 @dataclass(frozen=True)
 class Chosen:
-    """What to read: places from 0 of the axes and of the times (None without), and what they are counted in.
+    """The columns to read and their units. Columns are indices from 0.
 
-    axes: of the places in `gyro`, x, y or z. units: as `--units` takes them. factor, lsb: as of
-    `parse_units`. time_unit: None if nothing says it. time_factor: of that unit, for 1 in the column. accel:
-    places of the accelerometer's axes x, y, z, or none; accel_ms2: m/s² in one of their unit. fine: place of
-    what is added to whole seconds, fine_s: seconds in one of its unit. rate_hz: the rate that is given or
-    stated; is_given: by the user. sensor: place of the column that tells several sensors apart, and the value
-    of the one that is read, None: the only one. turn: of several sensors in turns which one, and of how many.
-    answers: the reading so far. notes: what the user has to know.
+    `gyro`: columns of the axes; `axes`: x, y or z of each.
+    `units`: unit in the notation of `--units`; `factor`, `lsb`: as `parse_units` returns them.
+    `time`: column of times, None without; `time_unit`: its unit, None if unknown; `time_factor`: multiple of
+    the unit.
+    `fine`: column that is added to whole seconds; `fine_s`: its unit [s].
+    `accel`: columns of the accelerometer's axes x, y, z, or empty; `accel_ms2`: their unit [m/s²].
+    `rate_hz`: sampling rate that the user gives or the file states; `is_given`: whether the user gives it.
+    `sensor`: column that tells sensors apart, and the value of the sensor to read, None: the only value.
+    `turn`: index of the sensor to read among sensors in turns, and their number.
+    `answers`: the choices so far, with evidence. `notes`: warnings for the user.
     """
 
     names: list[str]
@@ -62,33 +62,33 @@ class Chosen:
 
     @cached_property
     def time_name(self) -> str:
-        """The column of times."""
+        """Name of the column of times, "" without."""
         return "" if self.time is None else self.names[self.time]
 
     @cached_property
     def times(self) -> TimeColumn:
-        """The same as a column of times."""
+        """The column of times with its unit and the options that concern it."""
         return TimeColumn(
             self.time_name, self.time_unit, self.rate_hz, self.is_given, self.overrule, self.time_factor
         )
 
     @cached_property
     def needed(self) -> tuple[int, ...]:
-        """Without which a row is no sample: the axes, then the times."""
+        """Columns that every sample needs: the axes, then the times."""
         return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
 
     @cached_property
     def time_at(self) -> int | None:
-        """Where the times stand among the columns that are read."""
+        """Index of the times among the columns that are read."""
         return None if self.time is None else len(self.gyro)
 
     @cached_property
     def places(self) -> tuple[int, ...]:
-        """All that is read as numbers."""
+        """All columns that are read as numbers."""
         return (*self.needed, *self.accel)
 
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Numbers of the columns that are read, (n, places): in place to deg/s or counts, and m/s²."""
+        """Scale the columns that are read (n, columns) in place, to deg/s or counts, and to m/s²."""
         with np.errstate(over="ignore", invalid="ignore"):
             axes = len(self.gyro)
             values[:, :axes] *= self.factor
@@ -102,7 +102,7 @@ class Chosen:
 
     @cached_property
     def read(self) -> list[str]:
-        """The names at these places."""
+        """The names of the columns that are read."""
         return [self.names[place] for place in self.places]
 
 
@@ -115,15 +115,16 @@ def choose(
     facts: Facts = NOTHING,
     tag: str = "",
 ) -> Chosen:
-    """Find what is meant.
+    """Choose the columns to read, from names, options, the file's facts and the first rows.
 
-    where: for messages, the file and, where there is one, the line of the names. names: of all columns; None:
-    they have none, and there are `width`. units: of each, where a line of them follows the names. tag: the
-    first field of a row, of files with rows of several kinds.
+    `where`: file, and line of the names, for messages. `names`: names of all columns; None: the file has
+    none, and
+    `width` columns. `units`: unit of each column, if a row of units follows the names. `tag`: first field of
+    a row, in files with rows of several kinds.
 
     Raises:
-        NotStated: a fact has no evidence; the text asks for it, with what each candidate would mean.
-        UsageError: a column is not there, or twice, or two pieces of evidence contradict each other.
+        NotStated: a fact has no evidence; the message asks for it and shows what each candidate would mean.
+        UsageError: a column is missing or ambiguous, or two pieces of evidence contradict each other.
     """
     wanted = wanted_of(how)
     dialect = dialect_of(names or (), facts, tag=tag, fields=width)
@@ -170,10 +171,10 @@ def choose(
 
 
 def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
-    """Look once more for several sensors, as live text has shown more of its rows.
+    """Check again for several sensors, since live text has shown more rows.
 
     Raises:
-        NotStated: a column tells several apart.
+        NotStated: a column tells several sensors apart.
     """
     found = Choice(where, chosen.names, chosen.names, [], wanted_of(how), how, facts, None)
     choose_sensor(found, "", chosen.gyro)
@@ -184,9 +185,9 @@ def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
 def _labels(
     where: str, names: Sequence[str] | None, width: int, wanted: Wanted
 ) -> tuple[list[str], Sequence[str]]:
-    """Return what the user may call the columns, and their names.
+    """Return the labels by which the user may name the columns, and the columns' names.
 
-    Without names these are positions from 1.
+    Columns without names have their positions from 1 as names.
     """
     positions = [str(place + 1) for place in range(width)]
     if wanted.columns is None and wanted.time is None:

@@ -1,4 +1,4 @@
-"""Recordings that are packed: gzip, bzip2, xz, or the one file with a gyroscope of an archive (.zip)."""
+"""Reads compressed recordings: gzip, bzip2, xz, or the one file with a gyroscope in an archive (.zip)."""
 
 import bz2
 import contextlib
@@ -30,26 +30,26 @@ PACKERS: dict[bytes, tuple[Any, str]] = {
     b"BZh": (bz2.open, "bzip2 -dk {}"),
     b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
 }
-"""By the first bytes: what opens it, and the command that unpacks it."""
+"""Function that opens compressed data, and command that decompresses it, by the first bytes of the file."""
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
-"""What libraries raise on damaged bytes, and RuntimeError for an archive with a password."""
+"""Errors that libraries raise for damaged data; an archive with a password raises RuntimeError."""
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")
-"""Words in names of files with a gyroscope, the likeliest first: phone apps write a file for each sensor."""
+"""Words in names of files with gyroscope data, the likeliest first: phone apps write one file per sensor."""
 
 BESIDE = ("meta", "__macosx", "readme", "license")
-"""Words in the paths of files that hold none."""
+"""Words in the paths of files without gyroscope data."""
 
 BUFFER_BYTES = 1 << 18
 
 
 def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
-    """Read what is inside by what it is: text as it comes, other files from a temporary one without a name.
+    """Read a compressed file by the kind of its content: text directly, other kinds from a temporary file.
 
     Raises:
-        UsageError: it is damaged, unpacks to more than the quota, is of a kind that has to be unpacked first,
-            or which file of an archive is meant is not clear.
+        UsageError: the file is damaged, its content exceeds the quota or is of a kind that has to be
+            decompressed first, or several files of an archive come into question.
     """
     quota = Quota(path, limits)
     try:
@@ -81,7 +81,10 @@ def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
 def _open_inside(
     place: Path, content: io.BufferedReader, how: How, limits: Limits, advice: str
 ) -> Stored | Printed:
-    """Open what was packed. place: its name, for messages. advice: what to do where it cannot be read so."""
+    """Open the content.
+
+    `place`: its name, for messages. `advice`: what the user can do if it is not readable.
+    """
     inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "packed" else place
     with nameless_file() as whole:
         try:
@@ -121,18 +124,21 @@ def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipIn
 
 
 class _Counted(io.RawIOBase):
-    """What unpacks, a piece at a time; each is counted. is_cut: the end of it was missing."""
+    """Decompressed data; their length counts against the quota.
+
+    `is_cut`: the compressed data end too early.
+    """
 
     def __init__(self, stream: Any, quota: Quota) -> None:
         self.is_cut = False
         self._stream, self._quota = stream, quota
 
     def readable(self) -> bool:
-        """Return True, as `io.BufferedReader` asks."""
+        """Return True, as `io.BufferedReader` requires."""
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Unpack the next piece."""
+        """Decompress the next piece into `buffer`."""
         try:
             data: bytes = getattr(self._stream, "read1", self._stream.read)(len(buffer))
         except EOFError:

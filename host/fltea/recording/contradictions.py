@@ -1,4 +1,4 @@
-"""Whether answers about columns contradict each other, the dialect, or what the first rows show (pure)."""
+"""Checks the answers about columns for contradictions, with each other, the dialect, or the first rows."""
 
 import math
 import re
@@ -19,10 +19,10 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
-"""A longer mean is no usual offset of a gyroscope at rest; one of 1 deg/s, as long as gravity in g, is."""
+"""Largest usual offset at rest [deg/s]. An offset of 1 deg/s is as long as gravity in g."""
 
 FEWEST_STEPS = 8
-"""Of two clocks, that tell whether they run alike."""
+"""Fewest common steps by which two clocks are compared."""
 
 
 def check_clock(
@@ -32,14 +32,14 @@ def check_clock(
     factor: float,
     fine: tuple[int | None, float] = (None, 0.0),
 ) -> None:
-    """Compare the clock that is read with the dialect, the rate in the head, and other columns of times.
+    """Compare the chosen clock with the dialect, the rate in the file's head, and other columns of times.
 
-    time: its place. unit, factor: what it counts. fine: place and unit in s of what is added to whole
-    seconds.
+    `time`: column of times. `unit`, `factor`: its unit and multiple. `fine`: column that is added to whole
+    seconds, and its unit [s].
 
     Raises:
-        UsageError: the user's rate is not that in the head.
-        NotStated: two clocks run at different rates, and none was chosen.
+        UsageError: the user's rate differs from the rate in the head.
+        NotStated: two clocks run at different rates, and the user chose none.
     """
     how, dialect = choice.how, choice.dialect
     given_hz = how.rate_hz or 0.0
@@ -90,7 +90,7 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
             other_s = unit_s
         if other_s is not None and unit_s is not None:
             ratio = found * other_s / unit_s
-        else:  # whatever its unit is, a power of 1000 makes it that of the other
+        else:  # unknown units: a power of 1000 between the clocks is taken as the units' ratio
             ratio = found / 1000 ** round(math.log(found, 1000))
         if abs(ratio - 1) > SAME_RATE:
             what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
@@ -98,14 +98,14 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
 
 
 def _of_dialect(choice: Choice) -> list[str]:
-    """Return the names of times whose unit the dialect says."""
+    """Return the names of time columns whose unit the dialect states."""
     dialect = choice.dialect
     patterns = dialect.time if dialect is not None and dialect.time_unit else ()
     return [name for name in choice.names if any(re.fullmatch(pattern, name) for pattern in patterns)]
 
 
 def _runs_as(times: Floats, others: Floats) -> float | None:
-    """Return how far times advance while others advance by 1; None if one of them is no even clock."""
+    """Return the ratio of the steps of `times` to those of `others`; None if either clock is not even."""
     steps, ahead = np.diff(times), np.diff(others)
     known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)
     if known.sum() < FEWEST_STEPS:
@@ -119,10 +119,10 @@ def _runs_as(times: Floats, others: Floats) -> float | None:
 def check_gravity(
     choice: Choice, gyro: Sequence[int], dps: float, accel: Sequence[int], accel_ms2: float
 ) -> None:
-    """Compare the length of gravity with the user's unit, and look for it in the gyroscope's columns.
+    """Compare the length of gravity with the user's unit, and search the gyroscope's columns for gravity.
 
-    dps: deg/s in one of the gyroscope's numbers. accel: places of the accelerometer's axes, which has
-    `accel_ms2` m/s² in one.
+    `dps`: unit of the gyroscope's numbers [deg/s]. `accel`: columns of the accelerometer's axes; `accel_ms2`:
+    their unit [m/s²].
 
     Raises:
         UsageError: gravity has the length of another unit than the user's, or is in the gyroscope's columns.
@@ -157,7 +157,7 @@ def check_gravity(
 
 
 def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
-    """Refuse columns that only the user says to be rates, and that have the length of gravity."""
+    """Raise UsageError if columns that only the user calls rates have the length of gravity."""
     names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []

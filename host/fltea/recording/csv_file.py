@@ -1,4 +1,4 @@
-"""Recordings as text: CSV and its relatives, whatever separates their columns, and objects of JSON."""
+"""Reads text recordings: CSV with any separator, and JSON objects."""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 BLOCK_BYTES = 1 << 18
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 10_000
-"""In which the columns have to be named, or the first row has to stand."""
+"""Number of lines within which the names of the columns or the first row have to stand."""
 
 
 def open_csv(
@@ -26,13 +26,13 @@ def open_csv(
     file: BinaryIO | None = None,
     head: Sequence[str] = (),
 ) -> Stored:
-    """Read the columns of a gyroscope out of a text file, once, as `TextReader` does of live text.
+    """Read a gyroscope's columns from a text file in one pass, as `TextReader` reads live text.
 
-    file: what is behind the path, if it has been opened already. head: lines that stand elsewhere in the file
-    and say something of these.
+    `file`: the open file, if `path` is opened already. `head`: lines from elsewhere in the file that describe
+    these columns.
 
     Raises:
-        UsageError: the columns are not clear, or no line holds a sample; names file, line and reason.
+        UsageError: the columns are ambiguous, or no line holds a sample; names file, line and reason.
     """
     if how.units is not None:
         parse_units(how.units)
@@ -60,7 +60,7 @@ def open_csv(
 
 
 def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
-    """All rows; the columns have to be known near the beginning."""
+    """Yield all rows; raise UsageError unless the columns are known within the first HEAD_BYTES."""
     size = 0
     while data := stream.read1(BLOCK_BYTES) if hasattr(stream, "read1") else stream.read(BLOCK_BYTES):
         size += len(data)
@@ -71,7 +71,7 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
 
 
 def _notes(path: Path, reader: TextReader) -> list[Note]:
-    """What a person has to know of the lines that hold no sample."""
+    """Return the warnings about lines that hold no sample."""
     notes, first = list(reader.notes), reader.first
     if reader.left_out and first is not None:
         text = f"the first of {reader.left_out} lines that hold no sample and are left out: {first.why}"

@@ -1,13 +1,16 @@
-"""Packed data, unpacked no further than to a limit: a few bytes can claim to hold any number of them."""
+"""Decompresses data up to a limit, since a few bytes can claim to hold any amount."""
 
 import bz2
 
 SMALLEST_WINDOW_BYTES = 8 << 20
-"""A reader of zstd has to have that much, says its format, however small the content."""
+"""Smallest window that the zstd format requires a reader to support, however small the content [bytes]."""
 
 
 def decompressed_zstd(data: bytes, most: int, window: int = 0) -> bytes:
-    """What a frame of zstd holds, up to `most` bytes. window: the memory that it may ask for."""
+    """Return the content of a zstd frame, up to `most` bytes.
+
+    `window`: largest window that it may need [bytes].
+    """
     import zstandard  # an extra, and not every bag needs it
 
     unpacker = zstandard.ZstdDecompressor(max_window_size=max(window, SMALLEST_WINDOW_BYTES))
@@ -15,7 +18,7 @@ def decompressed_zstd(data: bytes, most: int, window: int = 0) -> bytes:
 
 
 def decompressed_lz4(data: bytes, most: int) -> bytes:
-    """What a frame of LZ4 holds, up to `most` bytes; of one that is cut, what is there."""
+    """Return the content of an LZ4 frame, up to `most` bytes; a truncated frame gives what it holds."""
     import lz4.frame
 
     unpacker = lz4.frame.LZ4FrameDecompressor()
@@ -28,5 +31,5 @@ def decompressed_lz4(data: bytes, most: int) -> bytes:
 
 
 def decompressed_bz2(data: bytes, most: int) -> bytes:
-    """What a stream of bzip2 holds, up to `most` bytes; of one that is cut, what is there."""
+    """Return the content of a bzip2 stream, up to `most` bytes; a truncated stream gives what it holds."""
     return bz2.BZ2Decompressor().decompress(data, most)

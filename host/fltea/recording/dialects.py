@@ -1,4 +1,4 @@
-"""Dialects: what loggers write, from a table that is data (`dialects.toml`), and which one a file is in."""
+"""Dialects: the forms in which loggers write files, from the table `dialects.toml`, and their recognition."""
 
 import math
 import re
@@ -20,35 +20,42 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 _SHARED = re.compile(r"(?:.*[\s._/:-])?")
-"""Of a beginning, what ends with a whole word."""
+"""Matches the longest beginning that ends with a whole word."""
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the files of one logger look like and mean.
+    """The form and the meaning of one logger's files.
 
-    Everything under "recognised" that is given has to hold.
+    `name`: the logger, for people. `docs`: address of the form's documentation. `guide`: entry in the table
+    of
+    `files.md`. `corpus`: example files in `tests/recording/corpus`, each with the first options that read it.
 
-    name: of the logger, for people. docs: where its form is documented. guide: what the table of `files.md`
-    says of it. corpus: files of `tests/recording/corpus` that are in it; the first options of each that read
-    it.
+    A file is in this dialect if all of these that are given hold:
 
-    Recognised by. names: regular expressions, each of which matches the whole name of a column. head: regular
-    expressions, each of which is found in the lines before the first row (`^` and `$` are those of a line).
-    tag: a regular expression that matches the whole first field of its rows; files in which rows of several
-    kinds stand. fields: how many fields a row has, of files without names. file: a regular expression that is
-    found in the name of the file, whatever its case.
+    `names`: regular expressions; each matches the whole name of a column.
+    `head`: regular expressions; each is found in the lines before the first row (`^` and `$` match at line
+    ends).
+    `tag`: regular expression that matches the whole first field of a row, in files with rows of several
+    kinds.
+    `fields`: number of fields in a row, in files without names.
+    `file`: regular expression that is found in the file's name, in any case.
 
-    Said by it. Columns are regular expressions of whole names, or positions from 1 where there are no names.
-    gyro: the axes x, y, z; several such triples, the best first. gyro_unit: their unit, as `--units` takes
-    it; "" where the names or a row of units say it. gyro_scale: the name of a number in the head
-    (`NAME,NUMBER`), by which the numbers are multiplied. ask_unit: where the file cannot tell the unit: what
-    it may be, and when. accel, accel_unit, accel_scale: the same of the accelerometer. time: the columns of
-    times, the best first; `A+B` are seconds and the nanoseconds that are added to them. time_unit: s, ms, us
-    or ns; time_ticks: so many of that unit are 1; time_scale: the name of a number in the head. convention:
-    others write these names too, in other units: what it says is a convention. rate: a regular expression for
-    the head, whose first group is the rate in Hz. sensor: the column that tells several sensors apart.
-    no_time: columns that are no times, whatever they are called. unread: why there is no gyroscope in it.
-    note: what the user has to know.
+    The dialect states these facts. Columns are regular expressions of whole names, or positions from 1:
+
+    `gyro`: the axes x, y, z; several such triples, the best first.
+    `gyro_unit`: their unit in the notation of `--units`; "" if the names or a row of units state it.
+    `gyro_scale`: name of a factor for the numbers, which the head gives as `NAME,NUMBER`.
+    `ask_unit`: units that are possible, each with its circumstances, if the file cannot tell the unit.
+    `accel`, `accel_unit`, `accel_scale`: the same facts for the accelerometer.
+    `time`: columns of times, the best first; `A+B` are seconds and the nanoseconds to add.
+    `time_unit`: s, ms, us or ns; `time_ticks`: multiple of this unit; `time_scale`: name of a factor in the
+    head.
+    `convention`: other loggers use the same names with other units, so these facts are only a convention.
+    `rate`: regular expression for the head; its first group is the sampling rate [Hz].
+    `sensor`: column that tells several sensors apart.
+    `no_time`: columns that are no times, whatever their names are.
+    `unread`: reason why the file holds no gyroscope data.
+    `note`: warning for the user.
     """
 
     name: str
@@ -85,29 +92,31 @@ class _Table(msgspec.Struct, forbid_unknown_fields=True):
 
 @cache
 def dialects() -> tuple[Dialect, ...]:
-    """Return all dialects, in the order of the table: the first that a file is in is its dialect."""
+    """Return all dialects in the order of the table; the first that fits a file is used."""
     text = files("fltea.recording").joinpath("dialects.toml").read_text(encoding="utf-8")
     return tuple(msgspec.convert(tomllib.loads(text), _Table).dialect)
 
 
 MOST_NAMES = 1000
-"""Columns of a table that a logger writes.
+"""Most columns in a logger's table.
 
-A file may hold more names, and each is compared with each dialect.
+Files with more columns are not compared with the dialects, since each name is compared with each dialect.
 """
 
 GRAVITY_TOLERANCE = 0.05
-"""Of the accelerometer's length in a dialect that is known by the number of its fields only."""
+"""Tolerance of the length of gravity, for dialects that only the number of fields identifies."""
 
 
 class Facts(NamedTuple):
-    """What a file says beside the names of its columns.
+    """What a file states in addition to the names of its columns.
 
-    head: the lines before them. file: its name. rates: sample rates in Hz by what states them, such as
-    `imu.fs`. sample: gives the first rows of all columns, (n, width), NaN where there is no number.
-    units_from: what says the units that stand beside the names. beside: names that stand on other lines, as
-    boards write them. cells: gives what stands in a column, by its place, of the same first rows as it is
-    typed. changed: columns whose numbers may still have to be changed, and by what.
+    `head`: the lines before the names. `file`: the file's name.
+    `rates`: sampling rates [Hz], by what states each, such as `imu.fs`.
+    `sample`: returns the first rows of all columns (n, width), with NaN where there is no number.
+    `units_from`: evidence and source of the units of the columns.
+    `beside`: names on other lines, as boards write them.
+    `cells`: returns the texts of a column, by its index, in the same first rows.
+    `changed`: columns whose numbers may need a further scale or offset, and which.
     """
 
     head: str = ""
@@ -120,28 +129,28 @@ class Facts(NamedTuple):
     changed: Mapping[str, str] = MappingProxyType({})
 
     def number(self, name: str) -> float | None:
-        """Return the number that the head gives for a name, as `tscale,0.001`."""
+        """Return the number that the head gives for a name, as in `tscale,0.001`; None if there is none."""
         found = re.search(rf"^\W*{re.escape(name)}\s*[,:=;\t ]\s*({NUMBER})", self.head, re.M)
         return None if found is None else float(found[1])
 
 
 @cache
 def _of_kind(by_names: bool) -> list[Dialect]:
-    """The dialects that are known by names of columns, or those that are not."""
+    """Return the dialects that names of columns identify, or the other dialects."""
     return [one for one in dialects() if bool(one.names) == by_names]
 
 
 @cache
 def _a_first_name() -> re.Pattern[str]:
-    """What the first pattern of any dialect matches: most lines of most files hold no such name."""
+    """Return a pattern of every dialect's first name; a quick test, since most lines match none."""
     return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
 
 
 def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
-    """Return the dialect that a file is in, if it is in one.
+    """Return the dialect of a file, or None.
 
-    names: of the columns, or none. tag, fields: of rows without names, their first field and how many there
-    are.
+    `names`: names of the columns, or empty. `tag`, `fields`: first field and number of fields of rows without
+    names.
     """
     if names and not may_be_of_a_dialect((*names, *facts.beside)):
         return None
@@ -149,12 +158,12 @@ def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int
 
 
 def may_be_of_a_dialect(names: Sequence[str]) -> bool:
-    """Whether one of some names stands in a dialect."""
+    """Return whether any of these names is one of a dialect."""
     return len(names) <= MOST_NAMES and any(map(_a_first_name().fullmatch, names))
 
 
 def names_kinds(line: str) -> bool:
-    """Whether a line is of the head of a dialect whose rows are of several kinds, before any row has come."""
+    """Return whether a line belongs to the head of a dialect with rows of several kinds."""
     return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
 
 
@@ -175,7 +184,7 @@ def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: i
 
 
 def _has_gravity(one: Dialect, facts: Facts) -> bool:
-    """Whether the accelerometer's columns, by their positions, have the length of gravity in its unit."""
+    """Return whether the accelerometer's columns, by position, have the length of gravity in their unit."""
     values = facts.sample()
     if not one.accel or values.ndim != 2 or values.shape[1] != one.fields or not len(values):
         return False
@@ -185,9 +194,9 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 
 
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
-    """Return the places of the first triple of patterns that has one column an axis; none if there is none.
+    """Return the columns of the first triple of patterns with one column for each axis; empty if there is none.
 
-    near: what the names of the sensor begin with, which tells its columns from those of another one.
+    `near`: beginning of the sensor's column names, which decides between the columns of several sensors.
     """
     for triple in triples:
         places = [[k for k, name in enumerate(names) if re.fullmatch(one, name)] for one in triple]
@@ -198,7 +207,7 @@ def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str
 
 
 def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]:
-    """Return of several columns those that share the most of their names' beginning with a sensor's."""
+    """Return the columns whose names share the longest beginning with `near`."""
     alike = {place: _shared(names[place], near) for place in places}
     return [place for place in places if alike[place] == max(alike.values())]
 

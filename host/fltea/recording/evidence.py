@@ -1,4 +1,4 @@
-"""Answers about columns, each with its evidence, one question after the other; and what is missing (pure)."""
+"""Answers the questions about columns one after the other, each with evidence, and lists what is missing."""
 
 import math
 import re
@@ -35,21 +35,21 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
 PREFERRED_TIMES = (
-    lambda name: name == "seconds_elapsed",  # phones' own count of seconds, beside their clock
+    lambda name: name == "seconds_elapsed",  # phones write elapsed seconds in addition to clock time
     lambda name: name.endswith("header.stamp"),  # rostopic echo -p
-    lambda name: name not in ("date", "datum"),  # a date beside a time of day
+    lambda name: name not in ("date", "datum"),  # files may have a date in addition to a time of day
 )
-"""Which of several columns of times, the first rule that any fits."""
+"""Rules that choose between several columns of times; the first rule that any column satisfies decides."""
 
 _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
-"""Whole seconds and nanoseconds, by position."""
+"""Columns of whole seconds and of nanoseconds, by position."""
 
 ENOUGH = 10
-"""Rows that say that a column is empty."""
+"""Number of rows without a number after which a column counts as empty."""
 
 
 class Choice:
-    """The answers so far, and what is missing. labels: what the user calls the columns."""
+    """The answers so far, and what is missing. `labels`: names by which the user may call the columns."""
 
     def __init__(
         self,
@@ -75,11 +75,11 @@ class Choice:
         self.by_dialect: Evidence = "convention" if dialect is not None and dialect.convention else "dialect"
 
     def answer(self, question: Question, value: str, evidence: Evidence, why: str) -> None:
-        """Add an answer."""
+        """Add an answer with its evidence."""
         self.answers.append(Answer(question, value, evidence, why))
 
     def state_units(self) -> None:
-        """Take the units that columns of words state in each of the rows that are read."""
+        """Take the units from columns that state one unit in every row."""
         columns = {
             name: {*self.facts.cells(k)} - {""} for k, name in enumerate(self.names) if states_units(name)
         }
@@ -89,12 +89,12 @@ class Choice:
         self.units = [unit or units.get(name, "") for name, unit in zip(self.names, self.units, strict=True)]
 
     def first_rows(self) -> Floats | None:
-        """Return the first rows (n, width) of all columns; None if not all columns are at hand."""
+        """Return the first rows (n, width) of all columns; None if some columns are not available."""
         values = self.facts.sample()
         return values if values.ndim == 2 and values.shape[1] == len(self.names) else None
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
-        """Find the axes: their places, and what they are called."""
+        """Return the columns of the axes and the axes' letters; add a question if they are unknown."""
         names = self.names
         if self.wanted.columns is not None:
             gyro = tuple(self.labels.index(name) for name in self.wanted.columns)
@@ -124,15 +124,15 @@ class Choice:
                 )
 
     def scale(self, name: str) -> float | None:
-        """Return the number that the head gives for a scale of the dialect, 1 for none.
+        """Return the factor that the head gives for `name`, or 1 if `name` is empty.
 
-        None if it is no scale.
+        The result is None if the head gives no positive number.
         """
         scale = self.facts.number(name) if name else 1.0
         return scale if scale is not None and math.isfinite(scale) and scale > 0 else None
 
     def is_of_dialect(self, gyro: Sequence[int]) -> bool:
-        """Whether the dialect speaks of these columns."""
+        """Return whether the dialect describes these columns."""
         if self.dialect is None:
             return False
         if not self.dialect.gyro:
@@ -150,7 +150,7 @@ class Choice:
         in_unit: Callable[[str], object],
         flag: str,
     ) -> None:
-        """Refuse columns whose names and row of units state two units; flag: the option that says which."""
+        """Raise UsageError if a column's name and the row of units state different units; `flag`: option to ask for."""
         for place in places if not self.how.overrule else ():
             name, unit = self.names[place], self.units[place]
             by_name, beside = in_name(name), in_unit(unit)
@@ -161,9 +161,10 @@ class Choice:
                 )
 
     def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
-        """Find the times.
+        """Find the column of times and its unit.
 
-        Place, unit, factor to that unit, and place and unit in s of what is added to them.
+        The result is the column, its unit and the multiple of this unit, and the column of fractions and its
+        unit [s].
         """
         place, by_dialect = self._time_column(gyro)
         given, factor = self.how.time_unit, 1.0
@@ -210,7 +211,7 @@ class Choice:
             self.tables.append(candidates.ticks_table(step, units))
 
     def _step(self, place: int) -> float | None:
-        """The step from one of the first times to the next, if it is that of an even clock."""
+        """Return the median step between the first times if they form an even clock, else None."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= place or len(values) < ENOUGH:
             return None
@@ -221,7 +222,7 @@ class Choice:
         return step if is_even else None
 
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
-        """Return the place of the times, and whether the dialect says what they count."""
+        """Return the column of times, and whether the dialect states its unit."""
         names = self.names
         dialect, near = self.dialect, common_beginning([names[place] for place in gyro])
         of_dialect = [
@@ -260,7 +261,7 @@ class Choice:
         return (found[0] if found else None), False
 
     def _is_empty(self, place: int) -> bool:
-        """Whether none of the first rows has a number in a column."""
+        """Return whether a column has no number in any of the first rows."""
         values = self.first_rows()
         least = 1 if self.stated_rates() else ENOUGH
         if values is None or len(values) < least:
@@ -268,7 +269,7 @@ class Choice:
         return not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:
-        """Find the rate that is given or stated."""
+        """Return the sampling rate that the user gives or the file states; add a question if it is needed."""
         if self.how.rate_hz is not None:
             self.answer("clock", f"{self.how.rate_hz:g} Hz", "given", "--rate")
             return self.how.rate_hz
@@ -283,26 +284,26 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Whether the columns are asked for, and a group of columns has times: then they tell the clock."""
+        """Return whether the axes are asked for and a group of columns has times, which then tell the clock."""
         is_asked = any(one.option.startswith("--columns") for one in self.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
-        """Return the rates in Hz that the file states, by what states each; those of several lines differ."""
+        """Return the stated sampling rates [Hz], by what states each; several lines may state different rates."""
         dialect, head = self.dialect, self.facts.head
         if dialect is not None and dialect.rate and (said := re.search(dialect.rate, head, re.M)):
             return {f"the head: {said[0].strip()}": float(said[1])}
         return self.facts.rates or {f"the head: {line}": hz for line, hz in stated_in(head).rates.items()}
 
     def measured_hz(self, time: int, unit: TimeUnit | None, factor: float) -> float | None:
-        """Return the rate by the first times, if they are a clock's and their unit is known."""
+        """Return the sampling rate measured from the first times, if they are even and their unit is known."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= time or len(values) < 3:
             return None
         return rate_of(values[:, time] * factor, unit)
 
     def error(self, gyro: Sequence[int], rate_hz: float | None) -> UsageError:
-        """Return what asks for all that is missing."""
+        """Return an error that asks for everything that is missing."""
         values = self.first_rows()
         tables = []
         has_names = self.names != [str(place + 1) for place in range(len(self.names))]
@@ -316,12 +317,11 @@ class Choice:
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
-    """Return places of the axes x, y, z.
+    """Return the columns of the axes x, y, z; empty if two columns are of one axis.
 
-    By our names, else those that others use; none if two are of one axis.
-
-    Where no name is a gyroscope's, those in a unit of rates that are called alike but for the axis. units: of
-    the columns, where a row of them stands beside.
+    Fltea's own names count first, then names that other programs use. If no name is a gyroscope's, columns in
+    a unit of angular rates whose names differ only in the axis are used. `units`: unit of each column, if the
+    file has a row of units.
     """
     places: dict[str, list[int]] = {}
     for place, name in enumerate(names):

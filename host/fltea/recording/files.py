@@ -1,7 +1,7 @@
-"""Recording files that are one file: .npz and CSV, each a `Stored`, read a block of rows at a time.
+"""Stored recordings: files that are checked as a whole and then read in blocks of rows.
 
-A file is checked as a whole before its first sample goes out, so that bad input gives one clear error (file,
-line, reason) and no half of an output.
+The check comes before the first sample is used, so that bad input causes one clear error (file, line, reason)
+and no partial output.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,28 +19,29 @@ from fltea.records.errors import UsageError
 
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
-"""Hundreds of times what any gyroscope measures; beyond it the unit is wrong, and squares overflow."""
+"""Largest accepted rate, far above any gyroscope's. Beyond it the unit is wrong, and squares overflow."""
 
 LONGEST_NAME, MOST_NAMES = 60, 30
-"""How much of what a file says of itself goes into a message."""
+"""Longest name and most names from a file that a message shows."""
 
 LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
-"""Of a sensor's register, and what a float tells from its neighbours."""
+"""Largest count of a sensor's register, and largest whole number that a float holds exactly."""
 
 HOST_TOLERANCE = 0.05
 
 AT_ONCE = 8192
-"""Rows of a block."""
+"""Rows in a block."""
 
 
 class Recording(NamedTuple):
-    """A resting gyroscope, as recorded.
+    """Samples of a gyroscope at rest.
 
-    gyro: (n, axes) counts where lsb_per_dps is given, else deg/s.
-    accel: (n, 3) counts or None, accel_lsb_per_g their scale. accel_ms2: (n, 3) m/s² or None, where there are
-    no counts. device_s: (n,) time of each sample by the device's clock.
-    host_s: (n,) arrival times by the host's clock, or None where they were not recorded.
-    seq: (n,) number of each sample, or None: then the times number them. epoch: (n,) number of the epoch.
+    `gyro`: (n, axes) in counts if `lsb_per_dps` is given, else in deg/s.
+    `accel`: (n, 3) in counts, or None; `accel_lsb_per_g`: their scale. `accel_ms2`: (n, 3) in m/s², or None.
+    `device_s`: (n,) time of each sample by the device's clock [s].
+    `host_s`: (n,) arrival times by the host's clock [s], or None if they were not recorded.
+    `seq`: (n,) sequence number of each sample; None: derived from the times. `epoch`: (n,) number of the
+    epoch.
     """
 
     gyro: NDArray[np.float64]
@@ -56,18 +57,21 @@ class Recording(NamedTuple):
 
 
 class Note(NamedTuple):
-    """What whoever uses a recording has to be told. kind: of an `error` record."""
+    """A warning for the user of a recording. `kind`: kind of the `error` record that reports it."""
 
     kind: str
     text: str
 
 
 class Stored(NamedTuple):
-    """A recording that was checked as a whole and is read a block of rows at a time.
+    """A recording that was checked as a whole and is read in blocks of rows.
 
-    blocks: gives all its rows again, each time it is called. start_unix_ns: when it begins; 0: not known.
-    about: what else it says of itself, for a person. topic: of a bag, "" of other files. reading: how it was
-    understood. axes: of the gyroscope, x, y or z each; none: the first ones.
+    `blocks`: yields all rows; each call begins anew.
+    `start_unix_ns`: time of the beginning, 0 if unknown.
+    `about`: further description, for people.
+    `topic`: topic of a bag, "" for other files.
+    `reading`: the answers by which the file was read, with evidence.
+    `axes`: x, y or z for each gyroscope column; empty: the first letters.
     """
 
     samples: int
@@ -83,7 +87,7 @@ class Stored(NamedTuple):
     axes: tuple[str, ...] = ()
 
     def whole(self) -> Recording:
-        """All of it in memory."""
+        """Return all samples in memory."""
         blocks = list(self.blocks())
         columns: dict[str, Any] = {}
         for name in ("gyro", "device_s", "host_s", "accel", "accel_ms2", "seq", "epoch"):
@@ -101,6 +105,6 @@ def check_span(path: Path, rate_hz: float, samples: int, span_s: float) -> None:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names of columns or arrays, for a message."""
+    """Return names of columns or arrays as a list for a message."""
     known = [name if name.isprintable() and len(name) < LONGEST_NAME else shown(name) for name in names]
     return ", ".join(known[:MOST_NAMES]) + (f", … {len(known)} in all" if len(known) > MOST_NAMES else "")

@@ -1,7 +1,8 @@
-"""Logs of ArduPilot as text, in which each kind of rows has its names in a row FMT (pure).
+"""Reads text logs of ArduPilot, in which a row FMT gives the names for each kind of rows.
 
-`FMT, 131, 43, IMU, QBff, TimeUS,I,GyrX,GyrY` says what `IMU, 1745135, 0, 0.01, 0.02` holds. The rows of one
-kind become a table with a header, `IMU.TimeUS,IMU.I`, as pymavlink writes it; all other lines become empty.
+`FMT, 131, 43, IMU, QBff, TimeUS,I,GyrX,GyrY` names the fields of `IMU, 1745135, 0, 0.01, 0.02`. The rows of
+one kind become a table with a header, `IMU.TimeUS,IMU.I`, as pymavlink writes it; all other lines become
+empty.
 """
 
 import re
@@ -14,13 +15,13 @@ _KIND = re.compile(r"(\w+),\s*(.*)")
 
 
 class FlashLines:
-    """Takes lines, and gives as many.
+    """Converts lines; the number of lines stays the same.
 
-    Columns: that the user names, whose kind is read; else the first with axes.
+    `columns`: columns that the user names, which choose the kind of rows; None: the first kind with axes.
     """
 
     begins = re.compile(rb"^FMT,[ \t]*\d+,[ \t]*\d+,", re.M)
-    """Whether there is such a row among lines."""
+    """Finds a row FMT among lines."""
 
     def __init__(self, columns: Sequence[str] | None) -> None:
         self._wanted = {name.partition(".")[0] for name in columns or () if "." in name}
@@ -30,11 +31,11 @@ class FlashLines:
 
     @property
     def holds(self) -> bool:
-        """Whether these are such lines."""
+        """Whether a row FMT was found."""
         return bool(self._formats)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the lines before the first row; the header stands in place of the last of them."""
+        """Return the converted lines; the header replaces the last line before the first row."""
         found: list[str] = []
         for line in lines:
             format_ = _FORMAT.fullmatch(line.strip().removeprefix("\ufeff"))
@@ -56,7 +57,7 @@ class FlashLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return what is held back."""
+        """Return the line that was held back."""
         held, self._held = self._held, []
         return held
 

@@ -1,10 +1,12 @@
-"""Every kind of file that is read, or is known and not read: one table, from which all else is derived.
+"""The table of all file formats that are read, or that are recognized and not read.
 
-What files are taken for, who reads them, help, errors and the table of `host/docs/guide/files.md` come from
-here. A new format is a row, its reader (`readers/tdms.py` is a short example), a writer of its example in
-`tests/rig/corpus_files.py`, that file and its line in `tests/recording/corpus`; one that needs a library,
-also an extra in `pyproject.toml`, in the extra `files`, its version in `constraints.txt`, and `make hashes`.
-`make gen` then writes the table.
+Recognition, readers, help, errors and the table of `host/docs/guide/files.md` are derived from it.
+A new format needs a row here, a reader (`readers/tdms.py` is a short example), a writer of its example file
+in
+`tests/rig/corpus_files.py`, and that file with its line in `tests/recording/corpus`. A format that needs a
+library also needs an extra in `pyproject.toml`, an entry in the extra `files`, its version in
+`constraints.txt`, and
+`make hashes`. `make gen` then writes the table of the guide.
 """
 
 import importlib
@@ -18,22 +20,23 @@ Kind = str
 """A key of `FORMATS`."""
 
 ALL = ("columns", "units", "rate_hz", "time_column", "time_unit", "topic", "accel_units", "overrule")
-"""Fields of `How`."""
+"""Fields of `How`: all options that describe a file."""
 
 ZIP = b"PK\x03\x04"
 
 
 class Format(NamedTuple):
-    """A kind of file that is read.
+    """A format that is read.
 
-    title: for people. guide: what the documents say of it; its endings follow. suffixes: of names.
-    is_certain: a file with such an ending is of this kind, even if it begins with none of `magic`. corpus:
-    files of `tests/recording/corpus`, each with the options that read it. magic: beginnings, each of which is
-    of this kind alone. member: a file in an archive (.zip) that makes it one of this kind.
-
-    opener: MODULE:FUNCTION that reads it here. reader: of one that a process apart runs, of path and topic.
-    library, extra: what the reader needs, and what installs it. options: what may be said of such a file, as
-    fields of `How`. pipe: it may come through one.
+    `title`: name for people. `guide`: description in the documents. `suffixes`: endings of file names.
+    `is_certain`: a file with such an ending has this format, even if it begins with none of `magic`.
+    `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
+    `magic`: first bytes, each of this format alone. `member`: file in an archive (.zip) that shows this
+    format.
+    `opener`: MODULE:FUNCTION that reads it in this process. `reader`: MODULE:FUNCTION that reads a path and a
+    topic in a reader process.
+    `library`, `extra`: library that the reader needs, and the extra that installs it.
+    `options`: fields of `How` that may be given. `pipe`: the file may be a pipe.
     """
 
     title: str
@@ -85,7 +88,7 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
             (".gz", ".bz2", ".xz", ".zip"),
             _each("plain.csv.gz plain.csv.bz2 plain.csv.xz"),
             magic=(b"\x1f\x8b", b"BZh", b"\xfd7zXZ", ZIP),
-            opener="fltea.recording.compressed:open_packed",
+            opener="fltea.recording.compressed:open_compressed",
         ),
         "xlsx": Format(
             "Excel",
@@ -240,11 +243,11 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
 
 
 class Unread(NamedTuple):
-    """A kind of file that is known and not read.
+    """A format that is recognized and not read.
 
-    what: it is, and what is to be done. command: what makes a file of it that is read, with {path}; guide:
-    what the documents call it. magic: how it begins, or what stands in it `at` some byte; member: as of
-    `Format`. corpus: a file of it there.
+    `what`: its name and advice. `command`: command that converts it, with {path}. `guide`: name in the
+    documents.
+    `magic`: bytes at offset `at`. `member`: as in `Format`. `corpus`: example file.
     """
 
     what: str
@@ -256,7 +259,7 @@ class Unread(NamedTuple):
     corpus: str = ""
 
     def told(self, path: Path) -> str:
-        """Return what is said of such a file."""
+        """Return the message for such a file."""
         command = self.command.format(path=shlex.quote(str(path)))
         return f"{path}: is {self.what}{': ' + command if command else '.'}"
 
@@ -323,17 +326,17 @@ UNREAD = (
 )
 
 KINDS: Mapping[str, Kind] = {suffix: kind for kind, one in FORMATS.items() for suffix in one.suffixes}
-"""By the ending. Of an .mcap file and of a folder the content says whether it is ROS' or ours."""
+"""Format by ending. For .mcap files and folders, the content shows whether ROS or fltea wrote them."""
 
 MAGIC: Mapping[bytes, Kind] = {begin: kind for kind, one in FORMATS.items() for begin in one.magic}
 
 ENDINGS = f"text ({', '.join(FORMATS['csv'].suffixes)}), packed or not; " + ", ".join(
     suffix for suffix, kind in KINDS.items() if kind not in ("csv", "packed")
 )
-"""For help: what a FILE may be."""
+"""Endings of files that are read, for help texts."""
 
 
 def loaded(name: str) -> Any:
-    """Return what MODULE:NAME is; the module loads now."""
+    """Import MODULE and return its NAME, for `name` as MODULE:NAME."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)

@@ -1,4 +1,4 @@
-"""Groups of columns by their names, as files hold them: `left.gyro_x` is in `left` (pure)."""
+"""Groups of columns by their names: `left.gyro_x` is in the group `left`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -6,25 +6,25 @@ from fltea.recording.column_names import accel_axis_of, axis_of, is_time
 from fltea.recording.files import LONGEST_NAME
 
 DEEPEST = 4
-"""Groups around a column that are looked at."""
+"""Most enclosing groups of a column that are examined."""
 
 
 def group_of(name: str) -> str:
-    """Return the path of the group that a column is in, "" where it is in none."""
+    """Return the path of the group that a column is in; "" without a group."""
     return name.rpartition(".")[0]
 
 
 def around(name: str) -> list[str]:
-    """Return the paths of the groups that a column is in, the nearest first."""
+    """Return the paths of the groups that contain a column, innermost first."""
     parts = name.split(".")[:-1]
     return [".".join(parts[:end]) for end in range(len(parts), 0, -1)]
 
 
 def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, list[int]]:
-    """Return the places of the axes of gyroscopes, by their group.
+    """Return the columns of gyroscope axes, by the group of each gyroscope.
 
-    What the group is called may tell the sensor: `gyroscope.x` is an axis, and `accelerometer.x` is none. If
-    several groups do, as `gyro1` and `gyro2`, each is one.
+    The name of a group may identify the sensor: `gyroscope.x` is an axis, and `accelerometer.x` is not.
+    Several such groups, as `gyro1` and `gyro2`, are separate gyroscopes.
     """
     groups: dict[str, list[tuple[int, str]]] = {}
     for place, name in enumerate(names):
@@ -44,19 +44,19 @@ def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, 
 
 
 def is_of_accelerometer(name: str) -> bool:
-    """Whether a column or the group that it is in is called as an axis of an accelerometer is."""
+    """Return whether a column, alone or with its groups, has the name of an accelerometer axis."""
     return any(accel_axis_of(inner) is not None for _, inner in inner_names(name))
 
 
 def tells_gyroscope(group: str) -> bool:
-    """Whether a group is called as a gyroscope is, whatever is in it."""
+    """Return whether a group has a gyroscope's name, whatever it contains."""
     return axis_of(f"{group.rpartition('.')[2]}_x") is not None
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
-    """Return the groups of other sensors that have times of their own, if the groups `of` ours have some.
+    """Return groups of other sensors with times of their own, if the groups `of` have times, too.
 
-    Which of their rows belong to which of ours is then not known.
+    Their rows cannot be assigned to the rows of `of`.
     """
     times = {group_of(name) for name in names if is_time(name.rpartition(".")[2])}
     if not times & {*of, ""}:
@@ -73,9 +73,10 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
 def short_names(
     names: Sequence[str], of: Sequence[str], fixed: Mapping[int, str], keep: Sequence[int]
 ) -> dict[int, str]:
-    """Return what columns are called from within the groups `of`, the nearest first, by their places.
+    """Return short names of columns, relative to the groups `of` (innermost first), by column.
 
-    fixed: names that stay. keep: places of all; those that are called as one that is nearer are left out.
+    `fixed`: names that stay as they are. `keep`: columns to name; of equal short names, the one in the
+    nearest group stays.
     """
     found: dict[int, tuple[int, str]] = {}
     nearest = dict.fromkeys(fixed.values(), -1)
@@ -89,7 +90,7 @@ def short_names(
 
 
 def inner_names(name: str) -> Iterator[tuple[str, str]]:
-    """Yield the groups around a column, the nearest first, and the rest of its name."""
+    """Yield the groups around a column, innermost first, each with the rest of the column's name."""
     parts = name.split(".") if len(name) < LONGEST_NAME else [name]
     for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
         yield ".".join(parts[:first]), ".".join(parts[first:])

@@ -1,7 +1,7 @@
-"""What was chosen of each header of a text: one that comes again is not looked at anew (pure).
+"""Keeps the columns that were chosen for each header of a text, so that a repeated header costs no time.
 
-To choose columns, their units and their sensor takes milliseconds. A sender that prints its header before
-each row, or one that nobody can read, would cost them with every row.
+Choosing the columns, their units and their sensor takes milliseconds. Without this, a sender that prints its
+header before each row would cost that time with every row.
 """
 
 from collections.abc import Callable, Hashable
@@ -10,22 +10,22 @@ from fltea.recording.columns import Chosen
 from fltea.records.errors import UsageError
 
 MOST = 64
-"""Headers of a text that has had rows; the columns of others are not looked for."""
+"""Most different headers of a text that has rows; the columns of further headers are not chosen."""
 
 
 class Choices:
-    """The columns of each header of a text, or why they cannot be told."""
+    """The columns for each header of a text, or the error for a header that cannot be read."""
 
     def __init__(self) -> None:
         self._found: dict[Hashable, Chosen | UsageError] = {}
 
     def of(self, header: Hashable, choose: Callable[[], Chosen], *, had_rows: bool = True) -> Chosen:
-        """Return the columns of a header as they were chosen when it came first.
+        """Return the columns for a header, as they were chosen at its first appearance.
 
-        had_rows: the text has had rows, so that it can be read without this header.
+        `had_rows`: the text has had rows, so it can be read without this header.
 
         Raises:
-            UsageError: they cannot be told, or it is one of too many headers that differ.
+            UsageError: the columns cannot be chosen, or there are too many different headers.
         """
         if header not in self._found:
             if had_rows and len(self._found) >= MOST:
@@ -38,5 +38,5 @@ class Choices:
                 self._found[header] = error
         found = self._found[header]
         if isinstance(found, UsageError):
-            raise found.with_traceback(None)  # or it would grow with each time
+            raise found.with_traceback(None)  # else the traceback grows with each raise
         return found

@@ -1,11 +1,11 @@
-"""Whether a program writes a recording at this moment, which holds its file locked."""
+"""Tells whether a program is writing a recording now; such a program holds a lock on the file."""
 
 import fcntl
 from typing import BinaryIO
 
 
 def is_in_use(file: BinaryIO) -> bool:
-    """Whether the file is locked by who writes it; False where the file system has no locks."""
+    """Return whether a writer has locked the file; False if the file system has no locks."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

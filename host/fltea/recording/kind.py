@@ -1,4 +1,4 @@
-"""What kind of recording a path is: its first bytes say it, or else its ending; and what others are."""
+"""Finds the format of a recording by its first bytes, or else by the ending of its name."""
 
 import contextlib
 import os
@@ -20,22 +20,22 @@ from fltea.records.small_file import open_stream
 
 BEGIN_BYTES = 512
 FEWEST_ROWS = 2
-"""Rows of numbers that make a file one of text, whatever its name says."""
+"""Fewest rows of numbers by which a file counts as text, whatever its name says."""
 
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
-"""How our NDJSON begins, and an array of objects."""
+"""Beginnings of fltea's NDJSON, and of an array of objects."""
 
 
 class Opened(NamedTuple):
-    """A recording that is not our MCAP. file: of a pipe, at its beginning; all else is opened by its path."""
+    """A recording that is not fltea's MCAP. `file`: a pipe at its beginning; None: open the path."""
 
     kind: Kind
     file: BinaryIO | None
 
 
 def is_one_file(path: Path) -> bool:
-    """Whether a path names a recording that is read whole: not our MCAP, whose sessions have many files."""
+    """Return whether a path is one recording as a whole: anything except MCAP files of fltea's sessions."""
     if path.is_dir():
         return is_bag_folder(path)
     if is_stream(path):
@@ -45,12 +45,12 @@ def is_one_file(path: Path) -> bool:
         with path.open("rb") as file:
             kind = kind_of(file.read(BEGIN_BYTES)) or kind
     except (OSError, ValueError):
-        return kind not in (None, "mcap")  # opening it will tell why
+        return kind not in (None, "mcap")  # opening the file later reports the error
     return kind != "mcap" or is_ros_mcap(path)
 
 
 def is_stream(path: Path) -> bool:
-    """Whether a path is a pipe, a terminal or the like: read once, from its beginning to its end."""
+    """Return whether a path is a pipe, a terminal or a socket, which can be read only once."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -59,20 +59,20 @@ def is_stream(path: Path) -> bool:
 
 
 def is_of_this_process(path: Path) -> bool:
-    """Whether other processes may find something else behind a path, as behind /dev/stdin."""
+    """Return whether other processes may find something else at a path, as at /dev/stdin."""
     return is_stream(path) or path.is_relative_to("/dev") or path.is_relative_to("/proc")
 
 
 def kind_of(begin: bytes) -> Kind | None:
-    """The kind that the first bytes of a file say without a doubt."""
+    """Return the format that the first bytes of a file show without a doubt, or None."""
     return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
 
 
 def open_one_file(path: Path) -> Opened:
-    """Open a recording that `is_one_file`. Of a pipe this waits for its first bytes.
+    """Open a recording that `is_one_file`. A pipe is waited for until it sends its first bytes.
 
     Raises:
-        UsageError: it cannot be opened, is of a kind that cannot come through a pipe, or that is not read.
+        UsageError: it cannot be opened, its format cannot come through a pipe, or its format is not read.
     """
     if path.is_dir():
         return Opened("bag", None)
@@ -94,13 +94,13 @@ def open_one_file(path: Path) -> Opened:
 
 
 def kind_of_file(path: Path, file: Any) -> Kind:
-    """Return what an open file is, by its first bytes or the ending of its name.
+    """Return the format of an open file, by its first bytes or the ending of its name.
 
-    file: with `peek`, or else one that says nothing before it is read, such as a terminal.
+    `file`: has `peek`; a file without it, such as a terminal, is judged by its name.
 
     Raises:
-        UsageError: it is empty, or of no kind that is read.
-        OSError: it cannot be read.
+        UsageError: the file is empty, or its format is not read.
+        OSError: the file cannot be read.
     """
     begin = file.peek() if hasattr(file, "peek") else b""
     known, by_end = kind_of(begin), KINDS.get(path.suffix.lower())
@@ -119,7 +119,7 @@ def kind_of_file(path: Path, file: Any) -> Kind:
 
 
 def _has_rows(begin: bytes) -> bool:
-    """Whether the first bytes are text with rows of numbers, whatever the name says."""
+    """Return whether the first bytes are text with rows of numbers, whatever the name says."""
     if any(byte < ord("\t") or ord("\r") < byte < ord(" ") for byte in begin[:BEGIN_BYTES]):
         return False
     kind, rows = rows_alike(begin[:BEGIN_BYTES].decode("latin-1").splitlines()[:-1])
@@ -127,7 +127,7 @@ def _has_rows(begin: bytes) -> bool:
 
 
 def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
-    """Our own lines, one document of JSON, or all other text; by_end: what the name says."""
+    """Return the kind of a text: fltea's NDJSON, a JSON document, or other text; `by_end`: kind by the name."""
     text = begin.removeprefix(BOM).lstrip()
     if OURS.match(text) or (by_end == "ndjson" and not _is_foreign(text)):
         return "ndjson"
@@ -143,8 +143,8 @@ def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
 
 
 def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
-    """What an archive is: numpy's arrays, a book of Excel, or a wrapping."""
-    by_end = "npz" if path.suffix.lower() == ".npz" else "packed"  # which say what is wrong
+    """Return the format of an archive: arrays of numpy, an Excel workbook, or a compressed file."""
+    by_end = "npz" if path.suffix.lower() == ".npz" else "packed"  # their readers report what is wrong
     try:
         with zipfile.ZipFile(file) as archive:
             names = archive.namelist()
@@ -165,7 +165,7 @@ def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
 
 
 def _is_foreign(begin: bytes) -> bool:
-    """Whether the first line is an object that fltea has not written: then its keys name columns of text."""
+    """Return whether the first line is an object that fltea did not write; its keys then name columns."""
     line, end, _ = begin.partition(b"\n")
     try:
         return bool(end) and "class" not in msgspec.json.decode(line, type=dict[str, Any])

@@ -1,4 +1,4 @@
-"""Lines that hold one number each, such as `>gx:1.2`, gathered to one line a sample (pure)."""
+"""Joins lines with one number each, such as `>gx:1.2`, to one line for each sample."""
 
 import re
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from fltea.recording.text_labels import COMMA, LONGEST_LABEL
 from fltea.recording.wanted import NUMBER
 
 MOST_LINES = 64
-"""Of a sample; beyond them lines do not belong together."""
+"""Most lines of a sample; more lines do not belong together."""
 
 _ONE = re.compile(
     rf"\s*(?P<mark>>?)\s*(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"§]{{0,{LONGEST_LABEL}}}?)\s*[:=]\s*"
@@ -19,7 +19,10 @@ _AXIS = re.compile(r"(?:.*[^\W_]|.*_|)([xyzXYZ])")
 
 
 class _One(NamedTuple):
-    """A line. label: "" if it does not hold one number with its label. text: this, as labels are written."""
+    """A line.
+
+    `label`: its label, "" if it has no labelled number. `text`: label and number in a common form.
+    """
 
     line: str
     label: str = ""
@@ -27,14 +30,14 @@ class _One(NamedTuple):
 
 
 class LabelLines:
-    """Takes lines, and gives as many: the last of a sample holds all its numbers, those before it are empty.
+    """Converts lines; their number stays the same. The last line of a sample gets all its numbers, others are empty.
 
-    A sample ends where a label comes again, or one that stands before the last one in the first samples. With
-    Teleplot's mark `>` a number may have its time in front, which is in ms: `>gx:1000:1.2`.
+    A sample ends where a label repeats, or where a label comes that precedes the last one in the first
+    samples. With Teleplot's mark `>`, a time in ms may stand before a number: `>gx:1000:1.2`.
     """
 
     begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
-    """Whether there may be such a line among others."""
+    """Finds a line that may be of this kind among other lines."""
 
     def __init__(self) -> None:
         self._order: dict[str, int] = {}
@@ -43,11 +46,11 @@ class LabelLines:
 
     @property
     def holds(self) -> bool:
-        """Whether lines are gathered, or may be."""
+        """Whether lines are joined, or held back until this is decided."""
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the lines that are complete. is_known: how lines are to be read was found out already."""
+        """Return the lines that are complete. `is_known`: the form of the text is known already."""
         if is_known and not self._is_on:
             return [*self.finish(), *lines]
         found: list[str] = []
@@ -60,7 +63,7 @@ class LabelLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return what is held back, as no more lines come."""
+        """Return the lines that are held back, at the end of the text."""
         held, self._held = self._held, []
         return _joined(held) if self._is_on else [one.line for one in held]
 
@@ -79,7 +82,7 @@ class LabelLines:
         return found
 
     def _begin(self, one: _One) -> list[str]:
-        """Hold lines until a label comes again."""
+        """Hold lines back until a label repeats."""
         labels = [held.label for held in self._held if held.label]
         is_row = not one.label and _NUMBERS.search(one.line) is not None
         if is_row or len(self._held) > MOST_LINES or labels == [one.label]:
@@ -101,7 +104,7 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Where a sample begins among labels that go round: behind a z, if else an axis came before an x."""
+    """Return the index at which a sample begins in a cycle of labels: after a z, if an axis precedes x otherwise."""
     axes = [found[1].lower() if (found := _AXIS.fullmatch(label)) else "" for label in labels]
     for first in (0, *(k + 1 for k, axis in enumerate(axes) if axis == "z")):
         order = "".join([*axes[first:], *axes[:first]])
@@ -119,7 +122,7 @@ def _one(line: str) -> _One:
 
 
 def _joined(held: list[_One]) -> list[str]:
-    """The lines of a sample with its numbers in the last of them."""
+    """Return the lines of a sample, all its numbers in the last labelled line."""
     texts = [one.text for one in held if one.label]
     last = max((k for k, one in enumerate(held) if one.label), default=-1)
     return [", ".join(texts) if k == last else "" if one.label else one.line for k, one in enumerate(held)]

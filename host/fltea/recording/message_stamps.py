@@ -1,8 +1,8 @@
-"""What the times of messages tell: the rate, what is missing, and how far they can be believed (pure).
+"""Measures rate and lost samples from the times of messages, and how reliable these times are.
 
-A driver stamps samples with its computer's clock, late by milliseconds, or with the sensor's own. Either way
-the sensor measures evenly. So messages are numbered in the order in which they came, and a sample is
-missing only where the stamps are late and stay late.
+A driver stamps samples with its computer's clock, milliseconds late, or with the sensor's clock. In both
+cases the sensor samples evenly. So messages are numbered in order of arrival, and a sample counts as lost
+only where the stamps are late and stay late.
 """
 
 from typing import NamedTuple
@@ -15,46 +15,47 @@ from fltea.recording.sample_times import EVEN_SHARE, EVENNESS
 Times = NDArray[np.int64]
 
 AROUND = 64
-"""Samples before and after a gap that tell how long it is: as many as a driver hands over in one go."""
+"""Samples before and after a gap that determine its length: as many as a driver delivers at once."""
 
 LATE = 1.5
-"""Periods from which on a step is looked at."""
+"""Steps longer than this many periods are examined as gaps."""
 
 ALIKE = 0.1
-"""Periods: a stamp so close behind the one before repeats it, and may be too early."""
+"""A stamp within this many periods after the one before repeats it, and may be too early."""
 
 SET_BACK = 10
-"""Periods: a clock that jumps back by no more still leaves no doubt how many samples there are."""
+"""A clock that jumps back by at most this many periods leaves the number of samples certain."""
 
 SET_FORWARD_NS = 1_000_000_000
-"""A jump of the stamps that arrivals know nothing of is of the clock, not a gap."""
+"""A larger jump of the stamps that the arrivals do not show is a change of the clock, not a gap."""
 
 STEPS, MORE = 1000, 1.05
-"""Over so many a rate is found where one step tells nothing; a period too long takes no batch for a gap."""
+"""Steps over which the rate of batches is measured, and a factor that keeps batches from looking like gaps."""
 
 MOST_PASSES, SAME = 5, 1e-6
-"""Until the period does not change any more."""
+"""Most iterations, and the relative change of the period at which they end."""
 
 LEAST_IN_BATCHES = 3
-"""Missing samples that can be told where samples come in batches."""
+"""Fewest lost samples that can be detected where samples come in batches."""
 
 SURE = 100
-"""Missing samples whose number does not depend on how well the period is known."""
+"""Most lost samples whose number is certain even if the period is not known exactly."""
 
 MANY = 1 << 20
-"""Steps that are enough for a median."""
+"""Enough steps for a median."""
 
 WILD_NS = 60_000_000_000
-"""Arrivals whose steps are so far from those of the stamps are no times of arrival."""
+"""Arrivals whose steps differ by more than this from those of the stamps are no times of arrival."""
 
 
 class Stamps(NamedTuple):
-    """What the stamps tell of n samples.
+    """What the stamps of n samples show.
 
-    period_ns: between two of them. gap_row, missing: rows before which samples are missing, and how many.
-    epoch_row: rows before which the clock was set, so that nobody knows what is missing. uneven, alike,
-    backward: steps that are off by more than a fifth, that are none, and that run backwards. spread_ns: of
-    the steps that are no gaps, the root of the mean square.
+    `period_ns`: sampling period [ns]. `gap_row`, `missing`: rows before which samples were lost, and how
+    many.
+    `epoch_row`: rows before which the clock was set, so the number of lost samples is unknown.
+    `uneven`, `alike`, `backward`: number of steps that are off by more than a fifth, are 0, or run backwards.
+    `spread_ns`: root mean square deviation of the steps without gaps from the period [ns].
     """
 
     period_ns: float
@@ -67,24 +68,24 @@ class Stamps(NamedTuple):
     spread_ns: float
 
     def sequence(self, begin: int, end: int) -> Times:
-        """Numbers of the samples in some rows, missing ones counted."""
+        """Return the sequence numbers of rows, with lost samples counted."""
         lost = np.concatenate([[0], np.cumsum(self.missing)])
         rows = np.arange(begin, end)
         return np.asarray(rows + lost[np.searchsorted(self.gap_row, rows, "right")])
 
     def epoch(self, begin: int, end: int) -> Times:
-        """Number of the epoch of some rows."""
+        """Return the epoch numbers of rows."""
         return np.searchsorted(self.epoch_row, np.arange(begin, end), "right").astype(np.int64)
 
 
 def even(period_ns: float) -> Stamps:
-    """Return stamps of samples of which only the period is known."""
+    """Return stamps of samples if only the sampling period is known."""
     none = np.empty(0, np.int64)
     return Stamps(period_ns, none, none, none, 0, 0, 0, 0.0)
 
 
 def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
-    """Look at stamps (n,), n > 1, and at the arrivals of the same messages, if they are known.
+    """Analyse stamps (n,), n > 1, and the arrival times of the same messages, if known.
 
     Raises:
         ValueError: the stamps do not advance.
@@ -114,18 +115,18 @@ def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
 
 
 def is_uneven(stamps: Stamps, samples: int) -> bool:
-    """Whether the stamps are less even than a device's clock."""
+    """Return whether the stamps are less even than a device's clock."""
     return stamps.uneven > (1 - EVEN_SHARE) * max(samples - 1, 1)
 
 
 def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
-    """Whether arrivals can be those of samples with these numbers."""
+    """Return whether arrival times are plausible for samples with these sequence numbers."""
     off = np.abs(np.diff(arrival_ns) - np.diff(sequence) * period_ns)
     return bool(len(off) == 0 or off.max() <= WILD_NS)
 
 
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
-    """The commonest step, or of samples that come in batches the mean of many; and whether they do."""
+    """Return the most common step, or for batches the mean of many steps; and whether samples come in batches."""
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
     far = min(STEPS, max(1, len(steps) // 4))
@@ -138,7 +139,7 @@ def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
 
 
 def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> Times:
-    """Rows before which the clock jumped: back, or forward without a gap of the arrivals."""
+    """Return rows before which the clock jumped: back, or forward without a gap of the arrival times."""
     was_set = steps < -SET_BACK * period_ns
     if arrival_ns is not None:
         arrivals = np.diff(arrival_ns)
@@ -150,10 +151,10 @@ def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> 
 def _gaps(
     times_ns: Times, steps: Times, period_ns: float, epoch_row: Times, in_batches: bool
 ) -> tuple[Times, Times]:
-    """Rows before which samples are missing, and how many.
+    """Return rows before which samples were lost, and how many.
 
-    Before and after a late step, the samples that are least late tell the time of theirs. A stamp that
-    repeats the one before tells nothing, except in batches, where most do.
+    The least late samples before and after a late step give its true length. A stamp that repeats the one
+    before is ignored, except in batches, where most stamps do.
     """
     rows, missing = [], []
     of_epochs = [0, *epoch_row.tolist(), len(times_ns)]
@@ -167,7 +168,7 @@ def _gaps(
         tells[1:] = steps > ALIKE * period_ns
     for row, epoch in zip(late.tolist(), epochs.tolist(), strict=True):
         begin = max(begin, of_epochs[epoch], row - AROUND)
-        if row == of_epochs[epoch]:  # the clock was set here
+        if row == of_epochs[epoch]:  # no gap, since the clock was set
             continue
         end = min(row + AROUND, of_epochs[epoch + 1])
         after = times_ns[row:end] - times_ns[row - 1] - ahead[: end - row]
@@ -183,7 +184,7 @@ def _gaps(
 
 
 def _refined(times_ns: Times, gap_row: Times, missing: Times, epoch_row: Times, period_ns: float) -> float:
-    """The mean step over all stretches without a long gap."""
+    """Return the mean step over all stretches without a long gap [ns]."""
     sure = missing <= SURE
     breaks = np.union1d(gap_row[~sure], epoch_row)
     begin = np.concatenate([[0], breaks]).astype(np.int64)

@@ -1,4 +1,4 @@
-"""Columns of lines that name each number: objects of JSON, and numbers with labels (pure)."""
+"""Chooses columns from lines that name each number: JSON objects, and numbers with labels."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,16 +12,16 @@ from fltea.recording.wanted import wanted_of
 from fltea.settings.how import How
 
 MOST_LOOKED_AT = 200
-"""Lines whose labels are known before the columns are chosen."""
+"""Number of lines whose labels are collected before the columns are chosen."""
 
 
 class NamedLines:
-    """Finds out what such lines hold.
+    """Chooses the columns of lines that name their numbers.
 
-    Where: for messages. sample: gives the lines at hand, facts what is known.
-
-    are_names: whether names, with the units beside them, are those that are meant. why_not: why the columns
-    of a line cannot be read, "" as long as there was none.
+    `where`: file, for messages. `sample`: returns the lines read so far. `facts`: returns what is known of a
+    file.
+    `are_names`: returns whether names, with their units, are the wanted columns.
+    `why_not`: reason why a line's columns cannot be read, "" if there is none.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class NamedLines:
         return choose(at, names, units, len(names), self._how, facts)
 
     def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
-        """Whether a line has the columns that are meant, where positions are those of the commonest lines."""
+        """Return whether a line has the wanted columns; positions refer to the most common kind of lines."""
         if not self._wanted.by_position or self._wanted.is_in(names):
             return self._are_names(names, units)
         lines = self._sample()

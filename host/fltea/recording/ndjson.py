@@ -1,4 +1,4 @@
-"""fltea's own NDJSON read back: `hello`, `epoch`, `sample`, `step` and `motion` records in their order."""
+"""Reads fltea's own NDJSON: `hello`, `epoch`, `sample`, `step` and `motion` records in their order."""
 
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class EpochMark(Record, frozen=True, forbid_unknown_fields=False, tag="epoch"):
-    """What a replay needs of an `epoch` record; versions differ in the settings that it holds."""
+    """The fields of an `epoch` record that a replay needs; versions differ in the other fields."""
 
     reason: EpochReason
     host_ns: int
@@ -28,16 +28,16 @@ Kept = Hello | EpochMark | Sample | StepMark | MotionMark
 def read_ndjson(
     path: Path, *, limits: Limits = DEFAULT_LIMITS, file: BinaryIO | None = None
 ) -> tuple[list[Kept], str | None]:
-    """Read what a replay needs of fltea's own output.
+    """Read the records of fltea's own output that a replay needs.
 
-    file: what is behind the path, if it has been opened already.
+    `file`: the open file, if `path` is opened already.
 
-    Returns the records, and a text if the last line was cut in the middle (as a power failure leaves it)
-    and had to be left out; else None.
+    Returns the records, and a warning if the last line is truncated (as after a power failure) and left out,
+    else None.
 
     Raises:
-        UsageError: a line that is damaged or without end, samples without a hello, none (recorded without
-            --samples), or more through a pipe than the limits allow.
+        UsageError: a line is damaged or too long, samples come before a hello, there are no samples (recorded
+            without --samples), or a pipe sends more than the limits allow.
     """
     most = limits.whole_bytes if is_stream(path) else None
     kept = 0
@@ -68,10 +68,10 @@ def read_ndjson(
 
 
 def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
-    """One line as an object; None for a last line that is cut."""
+    """Return a line as an object; None for a truncated last line."""
     try:
         record = msgspec.json.decode(line)  # refuses NaN, which json.loads takes
-    except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets in brackets
+    except (ValueError, RecursionError) as error:  # damaged, or nested too deeply
         if number > 1 and not line.endswith(b"\n"):
             return None
         raise UsageError(f"{path}:{number}: is not JSON ({error}).") from error

@@ -1,4 +1,4 @@
-"""Recordings in .npy files: one array; its columns have positions for names, unless its type has fields."""
+"""Reads .npy files: one array, whose columns are named by position unless its type has fields."""
 
 from pathlib import Path
 from typing import Any
@@ -20,11 +20,11 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
     """Read an array (n,), (n, columns) or of a type with fields.
 
-    Up to three columns beside the times are the axes; of more `how.columns` has to say which, by their
-    positions from 1.
+    Up to three columns besides the times are the axes. With more columns, `how.columns` has to name the axes
+    by their positions from 1.
 
     Raises:
-        UsageError: not such a file, numbers without a unit, or what `open_sheet` refuses.
+        UsageError: the file is no such array, its unit is unknown, or `open_sheet` refuses it.
     """
     array, said = _mapped(path), how
     if array.dtype.names is not None:
@@ -53,7 +53,7 @@ def _mapped(path: Path) -> NDArray[Any]:
         if not isinstance(found, np.ndarray):
             found.close()
             raise ValueError("it is an archive of arrays; call it .npz")
-    except Exception as error:  # whatever numpy raises on damaged bytes
+    except Exception as error:  # numpy raises various errors for damaged bytes
         reason = str(error) or type(error).__name__
         raise UsageError(f"{path}: cannot be read as .npy ({reason}).") from error
     if found.dtype.names is None and found.dtype.kind not in KINDS:

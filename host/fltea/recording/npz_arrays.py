@@ -1,4 +1,4 @@
-"""Arrays out of an .npz file: what each says of itself is checked before memory is taken for it."""
+"""Reads arrays from an .npz file; the size that each array declares is checked before memory is used."""
 
 import contextlib
 import io
@@ -20,38 +20,38 @@ from fltea.settings.limits import Limits
 SUFFIX = ".npy"
 MAGIC = b"\x93NUMPY"
 LENGTHS = {1: struct.Struct("<H"), 2: struct.Struct("<I"), 3: struct.Struct("<I")}
-"""Of the header, by the version of the format."""
+"""Format of the header's length, by the version of the format."""
 
 LONGEST_HEADER = 10_000
-"""Characters, as numpy's own limit; numpy reads a longer one before it looks at its length."""
+"""Longest header [characters], as numpy limits it; numpy itself reads a longer one before it checks."""
 
 KINDS = "biuf"
-"""Of numpy's types: truths and numbers. What is done with them is done in 8 bytes each."""
+"""Accepted types of numpy: booleans and numbers. Calculations use 8 bytes for each number."""
 
 UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""What numpy writes; Python unpacks the others without a limit."""
+"""Compression methods that numpy writes; Python decompresses other methods without a limit."""
 
 NUMBER_BYTES = 8
 COPY_BYTES = 1 << 20
 
 
 class Header(NamedTuple):
-    """What an array says of itself. length: of all that, in bytes."""
+    """What an array declares. `length`: length of the whole header [bytes]."""
 
     shape: tuple[int, ...]
     columns_first: bool
-    """columns stand one after the other, as Fortran has them"""
+    """Whether columns are stored one after the other (Fortran order)."""
     dtype: "np.dtype[Any]"
     length: int
 
 
 class NpzArrays:
-    """Those of the wanted arrays that a file has, unpacked to temporary files.
+    """The wanted arrays of a file, decompressed to temporary files.
 
-    names: of all that it has.
+    `names`: names of all arrays in the file.
 
     Raises:
-        UsageError: no such file, a damaged one, arrays that are no numbers, or larger ones than allowed.
+        UsageError: the file is no .npz or is damaged, or an array holds no numbers or is larger than allowed.
     """
 
     def __init__(self, path: Path, wanted: Collection[str], limits: Limits) -> None:
@@ -68,21 +68,21 @@ class NpzArrays:
         return name in self._headers
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """The shape that an array declares."""
+        """Return the shape that an array declares."""
         return self._headers[name].shape
 
     def whole(self, name: str) -> NDArray[Any]:
-        """One array."""
+        """Return one array."""
         return self._arrays[name]
 
     def rows(self, names: Sequence[str], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:
-        """So many rows at a time of arrays that are alike in length."""
+        """Yield blocks of `at_once` rows of arrays with equal lengths."""
         for begin in range(0, self.shape(names[0])[0], at_once):
             yield {name: self._arrays[name][begin : begin + at_once] for name in names}
 
 
 def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header) -> NDArray[Any]:
-    """An array in a temporary file, whose rows come into memory where they are looked at."""
+    """Return an array in a temporary file, whose rows are loaded into memory when they are used."""
     if not math.prod(header.shape):
         return np.empty(header.shape, header.dtype)
     with archive.open(info) as packed, nameless_file() as file:
@@ -101,7 +101,7 @@ def _archive_of(path: Path) -> Iterator[zipfile.ZipFile]:
                 yield archive
     except FlteaError:
         raise
-    except Exception as error:  # whatever zipfile, zlib and numpy raise on damaged bytes
+    except Exception as error:  # zipfile, zlib and numpy raise various errors for damaged bytes
         reason = str(error) or type(error).__name__
         raise UsageError(f"{path}: cannot be read as .npz ({reason}).") from error
 
@@ -134,7 +134,7 @@ def _header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Header:
 
 
 def read_header(file: IO[bytes], name: str) -> Header:
-    """Read what an array says of itself; ValueError if it makes no sense."""
+    """Read the header of an array; raise ValueError if it is invalid."""
     begin = file.read(len(MAGIC) + 2)
     if not begin.startswith(MAGIC) or begin[-2] not in LENGTHS:
         raise ValueError(f"{name} is no array of numpy")
@@ -147,6 +147,6 @@ def read_header(file: IO[bytes], name: str) -> Header:
     read = np.lib.format.read_array_header_1_0 if size.size == 2 else np.lib.format.read_array_header_2_0
     try:
         shape, columns_first, dtype = read(whole)
-    except (MemoryError, RecursionError) as error:  # brackets in brackets
+    except (MemoryError, RecursionError) as error:  # nested too deeply
         raise ValueError(f"{name} has a broken header") from error
     return Header(shape, columns_first, dtype, len(begin) + len(packed) + length)

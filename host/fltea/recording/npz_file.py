@@ -1,4 +1,4 @@
-"""Recordings in .npz files."""
+"""Reads and checks .npz recordings in fltea's own form."""
 
 import math
 from collections.abc import Collection, Iterator
@@ -28,20 +28,21 @@ from fltea.records.records import AXES
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
-"""Arrays that may stand beside the gyroscope's, a row a sample."""
+"""Optional arrays with a row for each sample."""
 
 NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g", *BESIDE)
-"""What is read of a file, whatever else may be in it."""
+"""All arrays that are read; other arrays in a file are ignored."""
 
 
 def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Check `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; and what else there may be.
+    """Check and open `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; and optional arrays.
 
-    That is `t_host_s`, and `accel_raw` with `accel_lsb_per_g`, or `accel_ms2`. A recording with gaps
-    also has `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
+    Optional are `t_host_s`, and `accel_raw` with `accel_lsb_per_g`, or `accel_ms2`. A recording with gaps
+    also has
+    `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
 
     Raises:
-        UsageError: not such a file, values that are not finite, or more of them than the limits allow.
+        UsageError: the file is no such recording, holds values that are not finite, or exceeds the limits.
     """
     arrays = NpzArrays(path, NPZ_ARRAYS, limits)
     key = next((k for k in ("gyro_raw", "gyro_dps") if k in arrays), None)
@@ -78,7 +79,7 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
 
 
 def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answer, ...]:
-    """What the names say, each of which has one meaning."""
+    """Return the answers that the names of the arrays give; each name has one meaning."""
     unit, by = ("deg/s", key) if like.lsb_per_dps is None else (f"lsb:{like.lsb_per_dps:g}", "lsb_per_dps")
     found = [
         Answer("columns", f"{key} as {', '.join('xyz'[: like.gyro.shape[1]])}", "stated", "its name"),
@@ -93,7 +94,7 @@ def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answe
 
 
 def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recording) -> Iterator[Recording]:
-    """The rows, each block as a recording."""
+    """Yield the rows in blocks."""
     row = 0
     for block in arrays.rows(columns, AT_ONCE):
         found = {name: _numeric(path, name, values, row) for name, values in block.items()}
@@ -118,7 +119,7 @@ def _npz_blocks(path: Path, arrays: NpzArrays, columns: list[str], like: Recordi
 
 
 class _Check:
-    """Looks at the blocks of an .npz recording, one after the other."""
+    """Checks the blocks of an .npz recording one after the other."""
 
     def __init__(self, path: Path, key: str) -> None:
         self._path, self._key = path, key
@@ -130,7 +131,7 @@ class _Check:
         self._has_host = False
 
     def add(self, block: Recording) -> None:
-        """The next one."""
+        """Check the next block; raise UsageError for impossible values."""
         path, key = self._path, self._key
         counts = block.gyro if block.lsb_per_dps is not None else None
         for name, extra in ((key, counts), ("accel_raw", block.accel), ("accel_ms2", block.accel_ms2)):
@@ -147,7 +148,7 @@ class _Check:
         epoch = np.zeros(len(host_s)) if block.epoch is None else block.epoch
         lost = np.where(np.diff(epoch, prepend=self._epoch) == 0, np.diff(seq, prepend=self._seq) - 1, 0)
         took = np.diff(block.device_s, prepend=self._last[0]) * block.rate_hz - 1
-        lacks = (lost > 0) & (took < lost / 2 - 1)  # less by 1, since stamps of messages come early and late
+        lacks = (lost > 0) & (took < lost / 2 - 1)  # 1 is subtracted, since message stamps jitter
         self._seq, self._epoch = float(seq[-1]) if block.seq is not None else -1.0, float(epoch[-1])
         beyond = np.abs(block.gyro).max(axis=1) > LARGEST_DPS * (block.lsb_per_dps or 1.0)
         for bad, what in (
@@ -163,7 +164,7 @@ class _Check:
         self._rows += len(host_s)
 
     def end(self) -> None:
-        """Arrivals may come in bursts, but not at another rate than the one stated."""
+        """Check that arrivals span the time that the stated rate gives; they may come in bursts."""
         assert self._first is not None
         expected_s, seconds = (last - first for last, first in zip(self._last, self._first, strict=True))
         check_span(self._path, self._rate_hz, self._rows, expected_s)
@@ -176,7 +177,10 @@ class _Check:
 
 
 def _numeric(path: Path, name: str, array: NDArray[Any], first: int = 0) -> NDArray[np.float64]:
-    """As floats; first: the row of the first of them."""
+    """Return an array as floats; raise UsageError unless all are finite.
+
+    `first`: row number of the first value.
+    """
     values = np.asarray(array, dtype=np.float64)
     finite = np.isfinite(np.atleast_1d(values))
     if not finite.all():

@@ -1,4 +1,4 @@
-"""The rows of one of several sensors in a table, and whether a column tells them apart (pure)."""
+"""Selects the rows of one sensor in a table of several, and detects columns that tell sensors apart."""
 
 import math
 from collections import Counter
@@ -13,30 +13,32 @@ from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.records.errors import UsageError
 
 MOST_SENSORS = 64
-"""Values beyond which a column counts samples and tells no sensors apart."""
+"""A column with more different values counts samples and tells no sensors apart."""
 
 MOST_IN_TURN, FEWEST_ROWS = 16, 25
-"""Sensors that are known by how they take turns alone, and rows that show it."""
+"""Most sensors that are detected by their turns alone, and fewest rows that show turns."""
 
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
-"""Rows until all sensors had their turns; the share of rows in which one has the same value as so many rows
-before; and as the row before, beyond which a column changes too seldom, as a status does."""
+"""Thresholds for turns: the longest cycle [rows], and two shares of rows.
 
-CHANCE_SIGMA, APART = 5.0, 5.0
-"""How much more regular turns are than chance, in its deviations.
-
-And sensors of two kinds are apart, in theirs.
+REGULAR: smallest share of rows with the same value as one cycle before. SELDOM: largest share of rows with
+the same value as the row before; a column that changes less often is a status.
 """
 
+CHANCE_SIGMA, APART = 5.0, 5.0
+"""Thresholds in standard deviations: of regular turns above chance, and between two kinds of sensors."""
+
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""Of the rows that each sensor has, to an equal share of them; and numbers that a counter goes through."""
+"""Smallest share of rows for each sensor, relative to equal shares; fewest numbers in a counter's cycle."""
 
 
 class OneSensor:
-    """Tells which rows are of the sensor that is read.
+    """Selects the rows of the sensor to read.
 
-    where: for messages. column: the name of the column. value: the sensor's; None: that of the first row, and
-    any other value is asked for, since samples of two sensors are never mixed. known: options of the user.
+    `where`: file, for messages. `column`: name of the column that tells sensors apart.
+    `value`: value of the sensor to read; None: the value of the first row, and any other value raises an
+    error, since samples of two sensors are never mixed.
+    `known`: options that the user gave.
     """
 
     def __init__(self, where: str, column: str, value: str | None, known: Sequence[str] = ()) -> None:
@@ -46,10 +48,10 @@ class OneSensor:
         self.others: Counter[str] = Counter()
 
     def keep(self, values: Sequence[str]) -> Marks:
-        """Mark the rows with these values that are to be read.
+        """Mark the rows that are to be read, by their values.
 
         Raises:
-            NotStated: there are several sensors, and none was chosen.
+            NotStated: there are several sensors, and the user named none.
         """
         if self.value is None and values:
             self.value = values[0]
@@ -63,7 +65,7 @@ class OneSensor:
         return marks
 
     def why_none(self) -> UsageError | None:
-        """Return that no row was of the sensor that the user names, if it is so."""
+        """Return an error if rows were read and none was of the sensor that the user names, else None."""
         if self._kept or not self.others:
             return None
         has = listed(sorted(self.others))
@@ -73,18 +75,18 @@ class OneSensor:
 
 
 def which_of(column: str, values: Collection[str]) -> Missing:
-    """Return the question which sensor is meant of those that a column tells apart."""
+    """Return the question which sensor to read, of those that a column tells apart."""
     what = f"which sensor is meant: column {column} tells several apart ({listed(sorted(values))})"
     return Missing(what, "--sensor ?")
 
 
 def as_word(value: float) -> str:
-    """Return what a number that tells sensors apart is called; those of devices have many digits."""
+    """Return a number that tells sensors apart as text, without a useless `.0`; device numbers are long."""
     return repr(as_float(value)).removesuffix(".0")
 
 
 def as_float(value: float) -> float:
-    """Return a number as JSON and protobuf give it; a whole one of hundreds of digits is infinite."""
+    """Return a number of JSON or protobuf as a float; a whole number beyond all floats is infinite."""
     try:
         return float(value)
     except OverflowError:
@@ -92,12 +94,14 @@ def as_float(value: float) -> float:
 
 
 def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> bool:
-    """Whether the values of a column, which is neither a time nor an axis, take turns as sensors do.
+    """Return whether the values of a column, which is neither a time nor an axis, take turns as sensors do.
 
-    A status changes seldom; a digit that is noise changes by chance. Sensors take turns: each value comes
-    again after as many rows; or none comes twice at one time; or the times begin again wherever it changes;
-    or the figures are of two kinds. cells: of the first rows. times: of the same, if they are known. values:
-    of the same rows, (n, columns), the figures that may be of two kinds.
+    A status changes seldom, and a noisy digit changes by chance. Values of sensors show one of these
+    patterns: they repeat in a fixed cycle; no value comes twice at one time; the times restart wherever the
+    value changes; or the numbers are of two kinds.
+
+    `cells`: values in the first rows. `times`: times of these rows, if known. `values`: numbers (n, columns)
+    of these rows.
     """
     n, counts = len(cells), Counter(cells)
     if n < FEWEST_ROWS or not 2 <= len(counts) <= MOST_IN_TURN:
@@ -113,7 +117,7 @@ def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> b
 
 
 def _is_counter(cells: Sequence[str]) -> bool:
-    """Whether whole numbers go up by one each row, and from the last of five or more to the first."""
+    """Return whether whole numbers rise by one each row, in a cycle of five or more numbers."""
     if not all(cell.isdecimal() for cell in cells):
         return False
     numbers = [int(cell) for cell in cells]
@@ -136,7 +140,7 @@ def _is_regular(codes: Ints, counts: Counter[str]) -> bool:
 
 
 def _is_once_a_time(codes: Ints, times: Floats) -> bool:
-    """Whether rows have the same time, and never the same value beside it."""
+    """Return whether several rows share a time, and no value comes twice at one time."""
     known = np.isfinite(times)
     alone = len(np.unique(times[known]))
     together = len({*zip(times[known].tolist(), codes[known].tolist(), strict=True)})
@@ -144,13 +148,13 @@ def _is_once_a_time(codes: Ints, times: Floats) -> bool:
 
 
 def _begins_again(codes: Ints, times: Floats) -> bool:
-    """Whether the times step back where the value changes, and nowhere else."""
+    """Return whether the times step back where the value changes, and nowhere else."""
     back = np.diff(times) < 0
     return bool(back.any() and (back == (np.diff(codes) != 0)).all())
 
 
 def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
-    """Whether the rows with one value are far from those with any other, and the values change often."""
+    """Return whether the numbers of each value are far from those of any other, and the value changes often."""
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False
     groups = [values[codes == code] for code in range(codes.max() + 1)]

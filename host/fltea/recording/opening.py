@@ -1,4 +1,4 @@
-"""A recording that is one file, opened by what it is: the table of formats says who reads it."""
+"""Opens a recording that is one file; the table of formats determines the reader."""
 
 import re
 import shlex
@@ -17,17 +17,17 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class Printed(NamedTuple):
-    """The output of fltea itself. cut: what is said of a last line that is not whole; None: it is."""
+    """Records of fltea's own output. `cut`: warning about a truncated last line, or None."""
 
     records: list[Kept]
     cut: str | None
 
 
 def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored | Printed:
-    """Open what `kind.is_one_file`; libraries load where they are needed.
+    """Open a recording that `kind.is_one_file`; libraries are imported only if needed.
 
     Raises:
-        UsageError: a missing, bad or too large file, or an option that such a file does not take; the text
+        UsageError: the file is missing, damaged or too large, or an option does not apply to it; the message
             names file, line and reason.
     """
     if not (path.exists() or is_stream(path)):
@@ -56,17 +56,17 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
 
 
 def _with_command(text: str, path: Path, how: How) -> str:
-    """Return what asks for options with the whole command: what the user gave, and what is to be said."""
+    """Return a question's text with the whole command: the user's options, and those to add."""
     before, asks, rest = text.partition(ASK)
     options, end, table = rest.partition("\n")
     asked = dropwhile(lambda option: "?" not in option, re.split(r" (?=--)", options))
-    name = f"./{path}" if str(path).startswith("-") else str(path)  # which is no option
+    name = f"./{path}" if str(path).startswith("-") else str(path)  # otherwise taken as an option
     command = ["fltea identify", shlex.quote(name), *given_options(how), *asked]
     return f"{before}{asks}{' '.join(command)}{end}{table}" if asks else text
 
 
 def check_options(path: Path, kind: Kind, how: How) -> None:
-    """Raise UsageError for options that a kind of file does not take, since it says itself what they say."""
+    """Raise UsageError for options that do not apply to a format, since its files state the same facts."""
     form = FORMATS[kind]
     if flags := how.flags(form.options):
         verb = "are" if len(flags) > 1 else "is"

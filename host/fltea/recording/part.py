@@ -1,4 +1,4 @@
-"""Writes one MCAP file of a recording, so that a program killed at any moment leaves what can be read."""
+"""Writes one MCAP file of a recording; a program killed at any moment leaves a readable file."""
 
 import contextlib
 import struct
@@ -37,7 +37,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class _Packer(threading.local):
-    """Packs chunks; for all files that a thread writes, since it takes a megabyte of memory."""
+    """Compressor of chunks, one for each thread, since it takes a megabyte of memory."""
 
     def __init__(self) -> None:
         self.packed = ZstdCompressor(level=1, write_checksum=True).compress
@@ -56,12 +56,12 @@ def _bytes_of(*records: McapRecord) -> bytes:
 class PartWriter:
     """One file: the session's metadata, then messages in compressed chunks.
 
-    records: classes of the records that get a channel each. reserve_bytes: room that has to be there; it is
-    not kept.
+    `records`: record class of each channel. `reserve_bytes`: free space that the disk must have at the start;
+    it is not kept.
 
     Raises:
-        OSError: from the constructor and from `flush` and `finish`, the disk's; call `abandon` then.
-        Meddled: from `flush` and `finish`, which is an OSError too: the file is gone, or has been cut short.
+        OSError: the disk failed, in the constructor, `flush` or `finish`; then call `abandon`.
+        Meddled: the file was deleted, moved or truncated, in `flush` or `finish`; this is an OSError, too.
     """
 
     def __init__(
@@ -98,30 +98,33 @@ class PartWriter:
         self._end_large()
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Append what came over the wire, a message a read. offset_ns: from its clock to log times."""
+        """Append the data of serial reads, one message for each.
+
+        `offset_ns`: from the reads' clock to log times.
+        """
         end, host_ns = reads.end, reads.host_ns
         times = host_ns + offset_ns, host_ns + reads.unix_offset_ns
         self._chunks.add_reads(self._channels[WIRE].id, sequence, reads.data, end, *times)
         self._end_large()
 
     def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
-        """Append a message a line."""
+        """Append one message for each line."""
         self._chunks.add_lines(self._channels[topic].id, log_ns, lines)
         self._end_large()
 
     def note_hello(self, hello: Hello) -> None:
-        """Write what a device says of itself as metadata."""
+        """Write a device's hello as metadata."""
         fields = msgspec.structs.asdict(hello)
         self._note(HELLO, {key: str(value) for key, value in fields.items() if value is not None})
 
     def flush(self) -> None:
-        """End the chunk and hand everything to the operating system."""
+        """End the chunk and write everything to the file."""
         self._file.check()
         self._end_chunk()
         self._file.flush()
 
     def finish(self, *, moved: bool = False) -> None:
-        """Write summary and indexes, and close. moved: also where the file has another path by now."""
+        """Write summary and indexes, and close the file. `moved`: the file may have another path now."""
         if not moved:
             self._file.check()
         self._end_chunk()
@@ -139,17 +142,17 @@ class PartWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close a file that cannot be written any more; what was flushed before stays readable."""
+        """Close a file after a failure; everything that was flushed before stays readable."""
         self._file.cut()
 
     def discard(self) -> None:
-        """Close and remove a file in which there is nothing yet."""
+        """Close and delete a file that holds no data yet."""
         self._file.close()
         with contextlib.suppress(OSError):
             self.path.unlink()
 
     def _describe(self, device: str, name: str, kind: type[msgspec.Struct] | None) -> None:
-        """Describe a channel in the first chunk; kind: of its records, None for bytes."""
+        """Describe a channel in the first chunk. `kind`: class of its records, None for bytes."""
         schema, encoding = 0, "application/octet-stream"
         if kind is not None:
             schema, encoding = len(self._schemas) + 1, "json"
@@ -175,7 +178,7 @@ class PartWriter:
         self._file.write(self._chunks.end(self._file.tell(), _packer.packed))
 
     def _summary(self) -> dict[int, bytes]:
-        """Return the records of the summary by their kind."""
+        """Return the records of the summary, by opcode."""
         index, first_ns, last_ns, chunks, counts = self._chunks.summary()
         statistics = Statistics(
             attachment_count=0,

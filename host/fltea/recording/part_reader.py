@@ -1,4 +1,4 @@
-"""Reads one file of a recording: what it says of itself, its messages, and what is wrong with it."""
+"""Reads one file of a recording: its metadata, its messages, and notes on damage."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,17 +33,17 @@ class Part(NamedTuple):
 
 
 class Torn(NamedTuple):
-    """The end of a file without its index. text: for a person; is_open: a program still writes it."""
+    """A file ends without its index. `text`: warning for people; `is_open`: a program is still writing it."""
 
     text: str
     is_open: bool
 
 
 def read_info(path: Path) -> PartInfo:
-    """Return what a file says of itself.
+    """Return the session's metadata in a file.
 
     Raises:
-        UsageError: it cannot be read, or is no recording of fltea.
+        UsageError: the file cannot be read, or is no recording of fltea.
     """
     try:
         for item in Scan(path):
@@ -57,22 +57,22 @@ def read_info(path: Path) -> PartInfo:
 
 
 class Batch(NamedTuple):
-    """Successive messages of a file. topics: by channel, without the device."""
+    """Successive messages of a file. `topics`: topic of each channel, without the device."""
 
     messages: Messages
     topics: dict[int, str]
 
 
 def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
-    """Yield all messages of a file; at its end a `Torn` if it was not finished.
+    """Yield all messages of a file; the last item is a `Torn` if the file was not finished.
 
     Raises:
-        UsageError: the file cannot be read any more, or would take more memory than the limits allow.
+        UsageError: the file is no longer readable, or needs more memory than the limits allow.
     """
     topics = dict(OWN_CHANNELS)
     prefix = f"/{part.info.device}/"
     scan = Scan(part.path, limits)
-    is_open = _is_open(part.path)  # asked before: whoever finishes it meanwhile was not killed
+    is_open = _is_open(part.path)  # checked before reading, since the writer may finish meanwhile
     try:
         for item in scan:
             match item:
@@ -93,7 +93,7 @@ def _is_open(path: Path) -> bool:
         with open_file(path) as file:
             return is_in_use(file)
     except OSError:
-        return False  # reading it says why
+        return False  # reading it reports the error
 
 
 def _torn(path: Path, scan: Scan, is_open: bool) -> Torn:
@@ -109,12 +109,12 @@ def _torn(path: Path, scan: Scan, is_open: bool) -> Torn:
 
 
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
-    """Yield the messages one by one; those that are damaged, or were torn off, are left out."""
+    """Yield the messages one by one, without damaged ones and those in a truncated end."""
     return entries_of(read_batches(part, limits))
 
 
 def entries_of(items: Iterator[Batch | Damage | Torn]) -> Iterator[Entry]:
-    """Yield the messages of a file one by one."""
+    """Yield the messages in `items` one by one."""
     for batch in items:
         if not isinstance(batch, Batch):
             continue

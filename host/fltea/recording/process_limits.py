@@ -1,8 +1,7 @@
-"""What a process apart may take that reads a file, and why it ended if it took more: all limits of it.
+"""Limits of a reader process, and the message if a limit ended the process.
 
-The system enforces each of them, whatever a library does: processor time, the time in which nothing comes,
-memory, and no byte on the disk. Where the session has lower limits of its own, those count. The process ends
-with the one that started it.
+The operating system enforces each limit, whatever a library does: processor time, silence, memory, and no
+writing to files. Lower limits of the session apply. The process ends when the process that started it ends.
 """
 
 import contextlib
@@ -21,28 +20,29 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.scarce import LEAST_BYTES, MB, is_scarcity, least_of
 
 STARTUP_S = 10
-"""Of processor time, to load a library: on a Raspberry Pi the largest takes four."""
+"""Processor time to import a library; the largest takes 4 s on a Raspberry Pi."""
 
 STARTUP_BYTES = 2 << 30
-"""Of address space that interpreter and libraries reserve."""
+"""Address space that the interpreter and libraries reserve."""
 
 SILENT_RATIO = 4
-"""How many times its processor time a process may be silent: it may share a processor, or wait for a disk."""
+"""Longest silence, as a ratio to the processor time: the process may share a processor or wait for a disk."""
 
 OUT_OF_MEMORY = 75
-"""The exit code of a process that gets no more."""
+"""Exit code of a process that ran out of memory."""
 
 PR_SET_PDEATHSIG = 1
-"""Of prctl(2) in Linux."""
+"""Operation number for prctl(2) in Linux: a signal at the end of the parent process."""
 
 FALLS = signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS
 
 
 class ProcessLimits(msgspec.Struct, frozen=True):
-    """Limits of one process. parent: the number of the one that starts it.
+    """Limits of one reader process. `parent`: process ID of the process that starts it.
 
-    cpu_s: processor time. silent_s: between two pieces that it sends. memory_bytes: of addresses.
-    is_cpu_ours, is_memory_ours: whether these are of the file's quota, not lower ones of the session.
+    `cpu_s`: processor time [s]. `silent_s`: longest time between two pieces of output [s]. `memory_bytes`:
+    address space. `is_cpu_ours`, `is_memory_ours`: whether the limit comes from the file's quota, not from
+    the session.
     """
 
     parent: int
@@ -54,7 +54,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, quota: Quota) -> "ProcessLimits":
-        """Return the limits for a file's quota, within those of this session."""
+        """Return the limits for a file's quota, or the session's where these are lower."""
         cpu_s = STARTUP_S + round(quota.seconds)
         memory_bytes = STARTUP_BYTES + 2 * quota.limits.whole_bytes
         least_s = least_of(resource.RLIMIT_CPU, cpu_s)
@@ -64,12 +64,12 @@ class ProcessLimits(msgspec.Struct, frozen=True):
         return cls(os.getpid(), least_s, silent_s, least_bytes, *ours)
 
     def hold(self) -> None:
-        """Hold this process, which is to read, to its limits, and end it with its parent."""
+        """Apply the limits to this process, and end it when its parent ends."""
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != self.parent:  # it ended before that
+        if os.getppid() != self.parent:  # the parent ended before prctl
             os._exit(1)
-        for number in (signal.SIGXCPU, signal.SIGALRM):  # which another program may have set aside
+        for number in (signal.SIGXCPU, signal.SIGALRM):  # the parent may have ignored or blocked them
             signal.signal(number, signal.SIG_DFL)
         signal.pthread_sigmask(signal.SIG_SETMASK, ())
         for what, most in (
@@ -80,13 +80,13 @@ class ProcessLimits(msgspec.Struct, frozen=True):
             most = _within(what, most)
             resource.setrlimit(what, (most, most))
         hard = _within(resource.RLIMIT_CPU, self.cpu_s + 1)
-        # SIGXCPU comes a second before SIGKILL, and tells what ended the process.
+        # SIGXCPU comes one second before SIGKILL, and shows which limit ended the process.
         resource.setrlimit(resource.RLIMIT_CPU, (min(self.cpu_s, max(1, hard - 1)), hard))
         signal.alarm(self.silent_s)
 
     @contextlib.contextmanager
     def waiting(self) -> Iterator[None]:
-        """Do not count the time in which the one that started this process is waited for."""
+        """Suspend the limit of silence while this process waits for its parent."""
         signal.alarm(0)
         try:
             yield
@@ -94,7 +94,10 @@ class ProcessLimits(msgspec.Struct, frozen=True):
             signal.alarm(self.silent_s)
 
     def ended(self, quota: Quota, code: int) -> FlteaError:
-        """Return why a process that had to send more ended. code: as `subprocess` gives it."""
+        """Return the error for a process that ended too early.
+
+        `code`: exit code as `subprocess` reports it.
+        """
         path = quota.path
         number = -code if code < 0 else 0
         if code == OUT_OF_MEMORY and self.is_memory_ours:
@@ -130,7 +133,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
 
 
 def _within(what: int, most: int) -> int:
-    """The limit, or the one that cannot be exceeded."""
+    """Return `most`, or the hard limit if that is lower."""
     hard = resource.getrlimit(what)[1]
     return most if hard == resource.RLIM_INFINITY else min(most, hard)
 
@@ -148,7 +151,7 @@ def _ended(code: int) -> str:
 
 
 def not_started(path: object, error: OSError) -> FlteaError:
-    """Return what to raise where no process can be started."""
+    """Return the error to raise if no process can be started."""
     advice = "Close other programs, or raise the limit of processes (ulimit -u) or of memory."
     if error.errno in (errno.EMFILE, errno.ENFILE):
         advice = "Raise the limit of open files (ulimit -n)."

@@ -1,14 +1,15 @@
-"""What reading one file may cost. It is one rule for every reader, since a file can claim what it likes.
+"""Limits of what reading one file may cost. They are the same for every reader, since a file can claim anything.
 
-- **Kept** in memory or in temporary files: at most `replay.max_mb`, whatever the file's own size.
-- **Unpacked**: as much, and no more than `RATIO` times the size of the file. Readings of a sensor are noise,
-  which packs ten times at most; a few bytes that unpack to a gigabyte are no recording.
-- **Processor time**, where a reader may be sent round in circles (SQLite, messages that a schema describes,
-  libraries for other people's formats): `Limits.seconds` and `SECONDS_PER_MB` for every megabyte of the file,
-  and `SECONDS_PER_MESSAGE`. That is a hundred times what a large recording takes.
-- **Fields** of one message: `MOST_FIELDS`, since a schema can say that a message of some bytes has thousands.
+- **Memory** and temporary files: at most `replay.max_mb`, whatever the file's size.
+- **Decompressed data**: the same limit, and at most `RATIO` times the size of the file. Sensor readings are
+noise,
+  which compresses to a tenth at most, so a few bytes that decompress to a gigabyte are no recording.
+- **Processor time**, where a file can make a reader loop (SQLite, messages with a schema, libraries for other
+  formats): `Limits.seconds`, plus `SECONDS_PER_MB` for each megabyte and `SECONDS_PER_MESSAGE` for each
+  message. A large recording takes a hundredth of this.
+- **Fields** of one message: `MOST_FIELDS`, since a short schema can declare thousands of fields.
 
-A process apart is held to these by the system: `process_limits`.
+The operating system applies these limits to a reader process: see `process_limits`.
 """
 
 import time
@@ -20,19 +21,19 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import MB, Limits
 
 RATIO, SMALLEST_BYTES = 200, 4 * MB
-"""Of what is unpacked to what is packed. So much any file may unpack to: a short file of zeros is no harm."""
+"""Largest ratio of decompressed to compressed data, and the size that any file may decompress to [bytes]."""
 
 SECONDS_PER_MB = 5.0
 SECONDS_PER_MESSAGE = 0.005
 
 MOST_FIELDS = 1000
-"""Of one message, those in its parts among them. A robot's whole state has some hundreds."""
+"""Most fields of one message, nested ones included. A robot's whole state has some hundreds."""
 
 T = TypeVar("T")
 
 
 class TooManyFields(ValueError):
-    """A message has more fields than are looked at."""
+    """A message has more fields than are examined."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -42,7 +43,7 @@ class TooManyFields(ValueError):
 
 
 class Quota:
-    """Counts what reading one file has cost so far. size_bytes: of it, if it is not behind the path."""
+    """Counts what reading one file has cost so far. `size_bytes`: its size, if the path does not give it."""
 
     def __init__(self, path: Path, limits: Limits, size_bytes: int | None = None) -> None:
         self.path, self.limits = path, limits
@@ -52,10 +53,10 @@ class Quota:
         self._unpacked = 0
 
     def unpack(self, size_bytes: int) -> None:
-        """Count bytes that were unpacked.
+        """Count decompressed bytes.
 
         Raises:
-            UsageError: they are too many.
+            UsageError: there are too many bytes.
         """
         self._unpacked += size_bytes
         if self._unpacked > self.limits.whole_bytes:
@@ -67,10 +68,10 @@ class Quota:
             )
 
     def messages(self, messages: Iterable[T]) -> Iterator[T]:
-        """Yield messages that are to be decoded, each while there is time left for it.
+        """Yield messages to decode, as long as time is left.
 
         Raises:
-            UsageError: they took too much.
+            UsageError: decoding took too much time.
         """
         for one in messages:
             self.check()
@@ -83,11 +84,11 @@ class Quota:
             raise self.too_slow()
 
     def is_over(self) -> bool:
-        """Whether reading has taken more of this thread's processor time than it may."""
+        """Return whether reading has taken more of this thread's processor time than allowed."""
         return time.thread_time() - self._begin_s > self.seconds
 
     def too_slow(self) -> UsageError:
-        """What to raise then."""
+        """Return the error to raise if reading took too much time."""
         return UsageError(
             f"{self.path}: reading its {self.size_bytes / MB:.3g} MB took more than {self.seconds:.0f} s of "
             "processor time, which no recording does. It is damaged, or made to keep whoever opens it busy."

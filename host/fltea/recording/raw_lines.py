@@ -1,4 +1,4 @@
-"""Lines of a text recording, none of them without end, from a file or a pipe."""
+"""Reads lines of a text recording from a file or a pipe, with a limit of their length."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,19 +7,19 @@ from typing import IO, AnyStr
 from fltea.records.errors import UsageError
 
 LONGEST_LINE = 1_000_000
-"""Bytes or characters; a line of a recording has a few hundred."""
+"""Longest line [bytes or characters]; a line of a recording has a few hundred."""
 
 LONGEST_SHOWN = 60
 
 BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
-"""How text may begin: the mark of UTF-8, and those of UTF-16."""
+"""Byte order marks of UTF-8 and UTF-16."""
 
 
 def lines(path: Path, file: IO[AnyStr]) -> Iterator[AnyStr]:
-    """The lines of a file, with their ends.
+    """Yield the lines of a file, with their ends.
 
     Raises:
-        UsageError: a line is longer than any of a recording.
+        UsageError: a line is longer than any line of a recording.
     """
     number = 0
     while line := file.readline(LONGEST_LINE + 1):
@@ -33,5 +33,5 @@ def lines(path: Path, file: IO[AnyStr]) -> Iterator[AnyStr]:
 
 
 def shown(text: str) -> str:
-    """What a file holds, for a message: in quotes, short, and with nothing that a terminal would obey."""
+    """Return text from a file for a message: quoted, shortened, and with control characters escaped."""
     return repr(text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "…")

@@ -1,12 +1,13 @@
-"""A reading: how a file was understood, each answer with its evidence; and what is missing for one.
+"""A reading: how a file was understood, as answers with evidence, and questions without an answer.
 
-There are five kinds of evidence, the strongest first. What has none of them is missing: nothing is made up.
+There are five kinds of evidence, the strongest first. A fact without evidence is missing; none is guessed.
 
-- given: the user says it, by an option;
-- stated: the file says it itself, by a name, a row of units, its head or its metadata;
-- dialect: the logger is recognised, and its documentation says it (`dialects.toml`);
-- convention: the format's, which programs can break (messages of ROS are in rad/s);
-- measured: the numbers show it (the steps of the times are the rate, gravity is the accelerometer's unit).
+- given: the user states it by an option;
+- stated: the file states it, by a name, a row of units, its head or its metadata;
+- dialect: the logger is recognized, and its documentation states it (`dialects.toml`);
+- convention: the format prescribes it, but programs can break it (messages of ROS are in rad/s);
+- measured: the numbers show it (the steps of the times give the rate, gravity gives the accelerometer's
+unit).
 """
 
 import shlex
@@ -24,7 +25,7 @@ Question = Literal["rows", "sensor", "columns", "unit", "clock", "accelerometer"
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """One answer: `value` for a person, such as "gx, gy, gz"; `why` names the evidence, such as "--units"."""
+    """One answer: `value` for people, such as "gx, gy, gz"; `why` names the evidence, such as "--units"."""
 
     question: Question
     value: str
@@ -37,21 +38,21 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Missing(msgspec.Struct, frozen=True):
-    """One fact that nothing tells: what it is, and the option that says it, with `?` for the value."""
+    """One missing fact: what it is, and the option that states it, with `?` for the value."""
 
     what: str
     option: str
 
 
 OVERRULE = "If the file is wrong, add --overrule."
-"""Ends the text of what contradicts the file."""
+"""Last sentence of a message about options that contradict the file."""
 
 ASK = "Say it, with the right value for each ?: "
-"""Before the options in the text of `NotStated`; whoever knows the file puts the command between."""
+"""Text before the options in a `NotStated` message; callers insert the command after it."""
 
 
 class NotStated(UsageError):
-    """Facts are missing, and the user has to say them. missing, table: as `not_stated` has them."""
+    """Facts are missing, and the user has to state them. `missing`, `table`: as in `not_stated`."""
 
     missing: Sequence[Missing] = ()
     table: str = ""
@@ -62,8 +63,8 @@ def not_stated(
 ) -> NotStated:
     """Return the error that asks for what is missing.
 
-    where: the file, for messages. known: options with their values that the user gave. missing: what has to
-    be said. table: lines that show what each candidate would mean for these data.
+    `where`: file, for messages. `known`: options with values that the user gave. `missing`: facts to state.
+    `table`: lines of text that show what each candidate would mean for these data.
     """
     what = "; and ".join(one.what for one in missing)
     options = " ".join([*known, *(one.option for one in missing if one.option)])
@@ -74,18 +75,18 @@ def not_stated(
 
 
 def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
-    """Return the error that asks for a fact, and for all that `then` lacks beside it."""
+    """Return the error that asks for `first`, and also for everything that `then` finds missing."""
     try:
         then()
     except NotStated as error:
         return not_stated(where, [first, *error.missing], known, error.table)
     except UsageError:
-        pass  # it depends on what is asked for
+        pass  # the answer to `first` decides whether this error remains
     return not_stated(where, [first], known)
 
 
 def given_options(how: How) -> list[str]:
-    """Return what the user said, as it is typed."""
+    """Return the options that the user gave, as they are typed."""
     given = {
         "--columns": None if how.columns is None else ",".join(how.columns),
         "--units": how.units,

@@ -1,4 +1,4 @@
-"""Makes a whole MCAP file of a torn or damaged one: what can be read, with summary and indexes."""
+"""Makes a complete MCAP file from a truncated or damaged one, with summary and indexes."""
 
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class Recovered(NamedTuple):
-    """What became of a file. out: the new one, None if there was nothing to mend."""
+    """Result of a recovery. `out`: path of the new file, None if no recovery was needed."""
 
     out: Path | None
     messages: int
@@ -26,11 +26,11 @@ class Recovered(NamedTuple):
 
 
 def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> Recovered:
-    """Write what can be read of a torn file to `NAME.recovered.mcap` beside it, or in its place.
+    """Write the readable part of a damaged file to `NAME.recovered.mcap` in its folder, or in its place.
 
     Raises:
-        UsageError: no such file, no MCAP file, one that a program still writes, the copy exists already,
-            or it would take more memory than the limits allow.
+        UsageError: the file does not exist, is no MCAP file or is still being written, the copy already
+            exists, or recovery needs more memory than the limits allow.
         FlteaError: the copy cannot be written.
     """
     out = path if in_place else path.with_name(f"{path.stem}.recovered.mcap")
@@ -58,7 +58,7 @@ def _check_unused(path: Path, file: BinaryIO) -> None:
 
 
 def _examine(path: Path, limits: Limits) -> Recovered:
-    """How much can be saved. A message whose channel was described in a damaged chunk cannot be."""
+    """Count what can be saved. A message is lost if its channel was described in a damaged chunk."""
     scan = Scan(path, limits)
     known: set[int] = set()
     messages = damaged = 0

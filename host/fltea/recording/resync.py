@@ -1,4 +1,4 @@
-"""Finds the next record of an MCAP file behind bytes that are none: a hole, or a length that lies."""
+"""Finds the next record of an MCAP file after invalid bytes: a hole, or a wrong length."""
 
 import errno
 import os
@@ -10,31 +10,31 @@ from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC
 
 HEAD = struct.Struct("<BQ")
-"""Of every record: its kind and the length of what follows."""
+"""Header of every record: its opcode and the length of its data."""
 
 DATA_END_BYTES = 4
 FOOTER = struct.Struct("<BQQQI")
 
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-"""How a chunk names what packed it. Of chunks that are not packed there is nothing to search for."""
+"""Compression names as chunks hold them. Uncompressed chunks cannot be searched for."""
 
 PACKER_AT = HEAD.size + 28
-"""Where that stands in a chunk: behind its times, size and checksum."""
+"""Offset of the compression's name in a chunk: after its times, size and checksum."""
 
 WINDOW_BYTES = 1 << 16
 IN_A_ROW = 3
-"""Heads that have to follow each other where only their lengths tell that they are heads."""
+"""Number of consecutive valid headers that confirm a position."""
 
 
 LAST_KIND = Opcode.DATA_END
-"""Kinds above are of other programs, or of a later format."""
+"""Higher opcodes belong to other programs, or to a later version of the format."""
 
 
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
-    """Whether a record may begin at byte `at`, or the file ends there.
+    """Return whether a record may begin at byte `at`, or the file ends there.
 
-    A length takes eight bytes, so bytes that are no head hardly ever look like one; but the end of a time
-    with a small number behind it does. Behind a kind that is not known, one that is has to follow.
+    A length takes eight bytes, so other bytes rarely look like a header; the end of a time followed by a
+    small number can. Therefore a known opcode has to follow a record with an unknown opcode.
     """
     file.seek(at)
     head = file.read(HEAD.size)
@@ -50,14 +50,14 @@ def begins_record(file: BinaryIO, at: int, size: int) -> bool:
 
 
 class ChunkLength(NamedTuple):
-    """Two lengths of a chunk: what its head claims, and what follows from the fields in it."""
+    """Two lengths of a chunk: the length in its header, and the length computed from its fields."""
 
     claimed: int
     by_fields: int
 
 
 def chunk_length(file: BinaryIO, at: int) -> ChunkLength | None:
-    """Return the lengths of the chunk that begins at byte `at`; None if none can begin there."""
+    """Return the lengths of the chunk that begins at byte `at`; None if no chunk can begin there."""
     file.seek(at)
     data = file.read(PACKER_AT + 64)
     if len(data) < PACKER_AT + 12 or data[0] != Opcode.CHUNK:
@@ -71,7 +71,7 @@ def chunk_length(file: BinaryIO, at: int) -> ChunkLength | None:
 
 
 def chunk_bytes(chunk: Chunk) -> int:
-    """Return how many bytes a chunk has behind its head."""
+    """Return the length of a chunk's data after its header [bytes]."""
     return _chunk_bytes(len(chunk.compression), len(chunk.data))
 
 
@@ -80,7 +80,7 @@ def _chunk_bytes(packer: int, packed: int) -> int:
 
 
 def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
-    """Return where zeros from byte `at` on end, if some records follow each other there."""
+    """Return the end of the zeros from byte `at` on, if several valid records follow there, else None."""
     data_at = begin = _data_at(file, at, size)
     for _ in range(IN_A_ROW):
         if begin is None or not begins_record(file, begin, size):
@@ -96,13 +96,13 @@ def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
 
 
 def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return where the next packed chunk begins whose two lengths agree; None if there is none."""
+    """Return the offset of the next compressed chunk whose two lengths agree; None if there is none."""
     at = begin
     while (data_at := _data_at(file, at, size)) is not None:
         at = max(begin, data_at - PACKER_AT)
         file.seek(at)
         window = file.read(WINDOW_BYTES)
-        if not window:  # it was cut since
+        if not window:  # the file was truncated meanwhile
             return None
         for place in _places(window):
             one = at + place - PACKER_AT
@@ -116,7 +116,7 @@ def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return where the summary begins, if a file that was finished has one behind byte `begin`."""
+    """Return the offset of the summary, if a finished file has one after byte `begin`."""
     at = size - FOOTER.size - len(MCAP0_MAGIC)
     if at < begin:
         return None
@@ -129,7 +129,7 @@ def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return where the first byte is that is not 0; what the disk does not hold is not read."""
+    """Return the offset of the next byte that is not 0; holes of a sparse file are skipped."""
     at = begin
     while at < size:
         try:
@@ -137,7 +137,7 @@ def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
         except OSError as error:
             if error.errno == errno.ENXIO:
                 return None
-            file.seek(at)  # a file system that does not tell
+            file.seek(at)  # the file system does not report holes
         window = file.read(WINDOW_BYTES)
         if rest := window.lstrip(b"\0"):
             return at + len(window) - len(rest)
@@ -146,7 +146,7 @@ def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def _places(window: bytes) -> list[int]:
-    """Where a packer is named."""
+    """Return the offsets of all compression names."""
     found = []
     for name in PACKERS:
         place = window.find(name)

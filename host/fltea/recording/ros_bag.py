@@ -1,4 +1,4 @@
-"""Recordings in bags of ROS 1 and ROS 2 and in other MCAP files: the topic of a gyroscope, without ROS."""
+"""Reads the topic of a gyroscope from bags of ROS 1 and 2 and from other MCAP files, without ROS."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,20 +21,20 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 MOST_NOTES = 5
-"""Places of damage that are reported one by one."""
+"""Most notes on damage that are reported individually."""
 
 
 def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Read the Imu topic of a bag, or the one that `how` names, once; its numbers wait in a temporary file.
+    """Read the Imu topic of a bag, or the topic that `how` names, in one pass, through a temporary file.
 
-    What `how` says of units and the rate wins over a convention; with what the bag states it has to agree.
+    Units and rate in `how` override a convention; they have to agree with what the bag states.
 
-    path: a .bag, .db3 or .mcap file, or the folder of a bag of ROS 2.
+    `path`: a .bag, .db3 or .mcap file, or the folder of a bag of ROS 2.
 
     Raises:
-        NotStated: there are several Imu topics (they are listed), or nothing says the unit or the rate.
-        UsageError: no such bag, no Imu topic, no angular velocity in it, what `how` says cannot be, or more
-            than the limits allow.
+        NotStated: there are several Imu topics (the message lists them), or the unit or the rate is unknown.
+        UsageError: there is no such bag, Imu topic or angular velocity, an option in `how` is impossible, or
+            the bag exceeds the limits.
     """
     counts: dict[Topic, int] = {}
     layouts: dict[Topic, Layout | None] = {}
@@ -65,7 +65,7 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
             gathered.add(item, layout)
     if chosen is None or gathered is None:
         likely = _alike(layouts)
-        if how.topic is not None and len(likely) == 1:  # it names a sensor in the only topic
+        if how.topic is not None and len(likely) == 1:  # the option names a sensor in the only topic
             return open_bag(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
         raise _none(path, counts, layouts, how.topic, notes)
     several = _alike(layouts)
@@ -88,11 +88,11 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
 
 
 def _quota(path: Path, limits: Limits) -> Quota:
-    """What decoding the messages of all files of a bag may take."""
+    """Return the quota for decoding the messages in all files of a bag."""
     try:
         files = files_of(path) if path.is_dir() else [path]
         return Quota(path, limits, sum(file.stat().st_size for file in files))
-    except OSError:  # opening it tells why
+    except OSError:  # opening it reports the error
         return Quota(path, limits, 0)
 
 
@@ -104,7 +104,7 @@ def _layout(path: Path, batch: Batch, sensor: str | None, quota: Quota) -> Layou
 
 
 def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
-    """Whether a topic is meant, as TOPIC or TOPIC:SENSOR, and which sensor of several in it."""
+    """Return whether the user names this topic, as TOPIC or TOPIC:SENSOR, and the sensor in it."""
     name, given = topic.name.lstrip("/"), how.topic
     if given is None or given.lstrip("/") == name:
         return True, None
@@ -113,7 +113,7 @@ def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
 
 
 def _alike(layouts: dict[Topic, Layout | None]) -> set[str]:
-    """Topics whose type is made for a gyroscope, or all with one if there are none."""
+    """Return the topics whose type is made for a gyroscope; without such topics, all with a gyroscope's numbers."""
     there = {topic: layout for topic, layout in layouts.items() if layout is not None}
     some_known = any(layout.is_known for layout in there.values())
     return {topic.name for topic, layout in there.items() if layout.is_known or not some_known}
@@ -139,7 +139,7 @@ def _none(
 
 
 def _listed(topics: dict[Topic, int]) -> str:
-    """A line a topic. Of what cannot be read messages are not always counted."""
+    """Return a list of topics for people. Messages of unreadable topics are not always counted."""
     known = sorted(topics.items(), key=lambda item: item[0][:2])
     lines = []
     for topic, count in known[:MOST_NAMES]:
@@ -156,7 +156,7 @@ def _about(chosen: Topic, topics: dict[Topic, int]) -> str:
 
 
 def _few(notes: list[Note]) -> list[Note]:
-    """The first ones, and how many there are of each kind."""
+    """Return the first notes, and a note on how many more there are."""
     left = len(notes) - MOST_NOTES
     return notes[:MOST_NOTES] + (
         [Note(notes[-1].kind, f"… and {left} more such places.")] if left > 0 else []
@@ -164,7 +164,7 @@ def _few(notes: list[Note]) -> list[Note]:
 
 
 def _batches(path: Path, limits: Limits) -> Iterator[Batch | Note]:
-    """All messages of a bag, from all its files."""
+    """Yield all messages of a bag, from all its files."""
     files = files_of(path) if path.is_dir() else [path]
     if not files:
         raise UsageError(f"{path}: no .db3 or .mcap file in this folder.")

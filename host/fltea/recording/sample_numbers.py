@@ -1,4 +1,4 @@
-"""Numbers samples by their times, by the rules of `sample_times`: a long step lacks samples (pure)."""
+"""Numbers samples by their times, by the rules of `sample_times`: a long step means lost samples."""
 
 import math
 from typing import NamedTuple
@@ -15,23 +15,25 @@ from fltea.recording.sample_times import (
 )
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
-"""How much of what is left over goes on to the next step: the rate is known to 0.1 %, or better."""
+"""Factors for the remainder that is carried to the next step; the rate is known to 0.1 % or better."""
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""More steps than the first are numbered together; LEAK to the second is a number, to the third 0."""
+"""Numbers of steps: FEW and fewer are numbered one by one, others in a STRETCH; FADED: LEAK**FADED is 0."""
 
 NO_DOUBT = 0.499
-"""Of a period: what is left over does not change a number."""
+"""Largest remainder, in periods, that cannot change a number."""
 
 DOUBT_OF_ROUNDED = 0.6
-"""Of a period: more than this has to be left over before a sample counts as missing, else half. Of times
-rounded to 0.99 of a period the steps that are longer leave some 0.5 over, wherever the first of them was."""
+"""Smallest remainder, in periods, that counts as a lost sample if times are rounded; otherwise 0.5.
+
+Times rounded to 0.99 of a period leave a remainder of about 0.5 at longer steps, wherever the first one is.
+"""
 
 
 class Numbered(NamedTuple):
-    """Numbers of samples. kept: (rows,) marks those that are one; the others are (samples,).
+    """Sequence numbers of samples. `kept`: marks (rows,) of the rows that are samples; other fields: (samples,).
 
-    begins: marks the samples that begin a new run. elapsed: their times, which always increase.
+    `begins`: marks of samples that begin a new run. `elapsed`: times of the samples, strictly increasing.
     """
 
     kept: Marks
@@ -41,9 +43,10 @@ class Numbered(NamedTuple):
 
 
 class Numbering:
-    """Numbers samples by elapsed times, from 0. period: from one to the next. rate_hz: of the same.
+    """Numbers samples by elapsed times, from 0.
 
-    is_rounded: the times are, to a good part of the period.
+    `period`: sampling period in the unit of the times. `rate_hz`: sampling rate. `is_rounded`: the times are
+    rounded to a large part of the period.
     """
 
     def __init__(self, period: float, rate_hz: float, *, is_rounded: bool = False) -> None:
@@ -56,7 +59,7 @@ class Numbering:
         self._ahead = self._shift = 0.0
 
     def add(self, elapsed: Floats, begins: Marks) -> Numbered:
-        """Number the next rows, at least one; marks as of `Elapsed.add`."""
+        """Number the next rows, at least one; `begins`: marks as `Elapsed.add` returns them."""
         before = elapsed[0] - self._period if self._last is None else self._last
         steps = differences(elapsed, before)
         self._last = float(elapsed[-1])
@@ -76,7 +79,7 @@ class Numbering:
         return Numbered(kept, sequence, begins, elapsed)
 
     def _whole(self, periods: Floats) -> Ints:
-        """Steps as numbers of periods, at least 1; what is left over goes on to the next one."""
+        """Return steps as whole periods, at least 1; the remainder is carried to the next step."""
         off = periods - 1
         if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - self._leak) < NO_DOUBT:
             last = off[-FADED:]
@@ -91,7 +94,7 @@ class Numbering:
         return found
 
     def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
-        if len(periods) > FEW:  # where rounding each by itself leaves less than half over, it is right
+        if len(periods) > FEW:  # individual rounding is right if all remainders stay below one half
             weights = self._leak ** np.arange(1, len(periods) + 1)
             ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
             if (np.abs(ahead) < NO_DOUBT).all():
