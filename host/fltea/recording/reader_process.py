@@ -1,8 +1,8 @@
-"""Files of other programs, read by their own libraries in a process apart, which the system holds to a quota.
+"""Runs a reader process for a file of another program's format; the system limits what the process may use.
 
-A library in C may be sent round in circles, or fall, by a file that was made for it; here it takes nothing
-with it. What the process may take is set before it opens the file, by `process_limits`. It sends columns, or
-lines of text, as `foreign.main` says, through a pipe of its own: what a library prints goes nowhere.
+A damaged or malicious file may crash a C library or make it loop; in a process of its own, the library does
+no further harm. `process_limits` sets the limits before the process opens the file. The process sends columns
+or text through a pipe, as `by_library` describes; what a library prints is discarded.
 """
 
 import contextlib
@@ -37,17 +37,18 @@ from fltea.settings.limits import Limits
 
 LENGTH = struct.Struct("<I")
 FAILED = (1 << 32) - 1
-"""In place of a length: a reason follows."""
+"""Value in place of a length: an error message follows."""
 
 
 def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
-    """Read a file of a kind that has a reader of its own.
+    """Read a file of a format that has a reader.
 
-    file: where the content is, if it is not behind the path, which then is its name only.
+    `file`: the content, if it is not at `path`, which is then only its name.
 
     Raises:
-        UsageError: the library is not installed, the file is none of its kind or damaged, it takes more than
-            the quota, or what `open_sheet` and `open_csv` refuse.
+        UsageError: the library is not installed, the file is damaged or of another format, its quota is
+            exceeded, or
+            `open_sheet` or `open_csv` refuses it.
     """
     form = FORMATS[kind]
     library = form.library
@@ -62,7 +63,7 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     with opened as content:
-        # Behind /dev/stdin another process finds its own, and nothing behind the name of what was packed.
+        # In another process, /dev/stdin is its own stdin, and the name of a compressed file's content leads nowhere.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
         limits_of_it = ProcessLimits.of(quota)
@@ -78,11 +79,11 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
 
 
 def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limits: Limits) -> Stored:
-    """Read lines of text, of one of several parts of a file.
+    """Read the text in one of several parts of a file.
 
     Raises:
-        NotStated: which part is meant is not known.
-        UsageError: what `open_csv` refuses.
+        NotStated: the user has to choose a part.
+        UsageError: `open_csv` refuses the text.
     """
     inner = replace(how, topic=None) if head.topic else how
     read = partial(open_csv, path, inner, limits, cast(BinaryIO, _Text(lines)), head.head)
@@ -100,10 +101,10 @@ def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limi
 def _process(
     path: Path, words: list[str], file: BinaryIO, limits: ProcessLimits
 ) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
-    """Start `foreign.main`, which has the file open too, and end it. Yields it and what it sends."""
+    """Start `by_library.main`, which inherits the open file; yield the process and its output; end it."""
     held = msgspec.json.encode(limits).decode()
     command = [sys.executable, "-B", "-P", "-m", "fltea.recording.by_library", held]
-    # One thread a library: each more reserves memory, and takes processor time that is counted here.
+    # One thread per library: each further thread reserves memory, and uses processor time that counts here.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {
         **os.environ,
@@ -126,12 +127,12 @@ def _process(
             raise not_started(path, error) from error
         process = ends.enter_context(started)
         ends.callback(process.kill)
-        frames.close()  # so that what is sent ends with the process
+        frames.close()  # so that the output ends when the process ends
         yield process, sent
 
 
 def _pipe() -> tuple[BinaryIO, BinaryIO]:
-    """Make a pipe, to read and to write, which no standard stream of a child can replace."""
+    """Open a pipe for reading and writing, with descriptors that no standard stream of a child replaces."""
     ends = os.pipe()
     read, write = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 3) for end in ends)
     for end in ends:
@@ -140,7 +141,7 @@ def _pipe() -> tuple[BinaryIO, BinaryIO]:
 
 
 def _trusted_folders() -> list[str]:
-    """Where the process may import from: not the current folder, whose files may be anybody's."""
+    """Return the folders to import from, without the current folder, whose files are not trusted."""
     here = os.getcwd()
     return [folder for folder in sys.path if os.path.isabs(folder) and folder != here]
 
@@ -148,11 +149,11 @@ def _trusted_folders() -> list[str]:
 def _frames(
     path: Path, process: "subprocess.Popen[bytes]", sent: BinaryIO, quota: Quota, limits: ProcessLimits
 ) -> Iterator[bytes]:
-    """What the process sends, each piece as it was sent.
+    """Yield the pieces that the process sends.
 
     Raises:
-        UsageError: the process failed, or fell.
-        FlteaError: it was killed, or lacks what the system gives no more of.
+        UsageError: the process failed or crashed.
+        FlteaError: the process was killed, or the system denies it a resource.
     """
     while len(head := sent.read(LENGTH.size)) == LENGTH.size:
         (length,) = LENGTH.unpack(head)
@@ -167,7 +168,7 @@ def _frames(
 
 
 def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -> Iterator[Floats]:
-    with contextlib.suppress(BrokenPipeError):  # it has failed, and the next frame says why
+    with contextlib.suppress(BrokenPipeError):  # the process failed; the next frame holds the reason
         stdin.write(msgspec.json.encode(list(places)) + b"\n")
         stdin.flush()
     for data in frames:
@@ -175,7 +176,7 @@ def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -
 
 
 class _Text(contextlib.AbstractContextManager["_Text"]):
-    """Lines from the process, as a file."""
+    """The text from the process, as a file."""
 
     def __init__(self, frames: Iterator[bytes]) -> None:
         self._frames = frames
@@ -184,5 +185,5 @@ class _Text(contextlib.AbstractContextManager["_Text"]):
         pass
 
     def read1(self, _: int) -> bytes:
-        """The next piece."""
+        """Return the next piece."""
         return next(self._frames, b"")

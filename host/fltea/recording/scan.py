@@ -1,4 +1,4 @@
-"""Reads one MCAP file as far as it can be read: whole, torn at its end, damaged, or with holes."""
+"""Reads one MCAP file as far as possible: complete, truncated, damaged, or with holes."""
 
 import zlib
 from collections.abc import Collection, Iterator
@@ -33,20 +33,23 @@ from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 CHUNK_HEAD_BYTES = 1 << 10
-"""More than what stands before the data in a chunk."""
+"""Upper limit of the bytes before the data in a chunk."""
 
 MAX_DESCRIPTION_BYTES = 16 << 20
-"""Of metadata, a schema or a channel: thousands of times what ours have. In memory it is ten times larger."""
+"""Longest metadata, schema or channel; fltea's are a thousand times shorter.
+
+Memory use is ten times larger.
+"""
 
 MOST_DAMAGED_FILES, MOST_DAMAGED_BYTES = 4, 64 << 20
-"""So many times the file, and so much more, is read of what is damaged, in search of what is not."""
+"""Limit of the search through damaged parts: four times the file's size plus 64 MB."""
 
 BEGIN, END, CHANNEL, SEQUENCE, LOG_TIME, PUBLISH_TIME = range(1, 7)
 """Columns of `Messages.table`."""
 
 
 class Message(NamedTuple):
-    """As the library's, which takes five times as long to read."""
+    """A message. The MCAP library's own class takes five times as long to read."""
 
     channel_id: int
     sequence: int
@@ -57,28 +60,28 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class Messages:
-    """Successive messages: of a recording there are millions, so they stay in a table.
+    """Successive messages, kept in a table, since a recording has millions.
 
-    table: (n, 7), of each message its kind, where its content begins and ends in `data`, channel, sequence,
-    log and publish time.
+    `table`: (n, 7): kind, begin and end of the content in `data`, channel, sequence, log time and publish
+    time.
     """
 
     data: bytes
     table: Ints
 
     def of_channels(self, channels: Collection[int]) -> "Messages":
-        """Those of some channels."""
+        """Return the messages of some channels."""
         rows = np.isin(self.table[:, CHANNEL], list(channels))
         return self if rows.all() else Messages(self.data, self.table[rows])
 
     def each(self) -> Iterator[Message]:
-        """One by one."""
+        """Yield the messages one by one."""
         for _, begin, end, channel, sequence, log_ns, publish_ns in self.table.tolist():
             yield Message(channel, sequence, log_ns, publish_ns, self.data[begin:end])
 
 
 class Damage(NamedTuple):
-    """A record or hole that cannot be read; what is behind it can. size: 0 if all is read [bytes]."""
+    """An unreadable record or hole. `size`: number of bytes that are skipped, 0 if everything is read."""
 
     offset: int
     text: str
@@ -86,24 +89,24 @@ class Damage(NamedTuple):
 
     @property
     def said(self) -> str:
-        """The same for a person."""
+        """Description for people."""
         if not self.size:
             return f"has a wrong length at byte {self.offset} ({self.text})"
         return f"is damaged at byte {self.offset} ({self.text})"
 
 
 class ChunkEnd(NamedTuple):
-    """All messages of a chunk have been given."""
+    """Marks that all messages of a chunk were yielded."""
 
 
 Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
 
 
 class Scan:
-    """One pass through a file; memory for one chunk.
+    """One pass through a file, with memory for one chunk.
 
-    After it, `whole` says whether the file was finished in an orderly way, `lost_bytes` how much of its end
-    cannot be read, and `why` what is wrong there, if more than that it ends.
+    Afterwards, `whole` tells whether the file was finished properly, `lost_bytes` how many bytes at its end
+    are unreadable, and `why` what is wrong there, unless the file merely ends.
     """
 
     def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
@@ -113,19 +116,17 @@ class Scan:
         self.lost_bytes = 0
         self.why = ""
         self._size = 0
-        self._known = (
-            0  # behind the last chunk that could be read: what a wrong length has skipped is searched
-        )
-        self._last = 0, 0  # where the newest record began, and how long it claimed to be
+        self._known = 0  # end of the last readable chunk; a search for skipped chunks begins here
+        self._last = 0, 0  # offset and claimed length of the newest record
         self._spent_bytes = 0
 
     def __iter__(self) -> Iterator[Item]:
-        """Yield what is in the file, in its order.
+        """Yield the contents of the file in their order.
 
         Raises:
             OSError: the file cannot be read.
-            ValueError: it is no MCAP file.
-            UsageError: a record of it would take more memory than the limits allow.
+            ValueError: the file is not MCAP.
+            UsageError: a record needs more memory than the limits allow.
         """
         with open_file(self.path) as file:
             self._size = size = file.seek(0, 2)
@@ -157,7 +158,7 @@ class Scan:
             self.lost_bytes = size - at
 
     def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
-        """Return the length of a chunk by its fields, if its head claims another and a record follows."""
+        """Return a chunk's length by its fields if its header claims another length and a record follows there."""
         found = chunk_length(file, at)
         if found is None or found.by_fields == length:
             return None
@@ -165,7 +166,7 @@ class Scan:
         return found.by_fields if end <= self._size and begins_record(file, end, self._size) else None
 
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
-        """Return what cannot be read from byte `at` on, and where to go on; None if nothing follows."""
+        """Return the damage at byte `at`, and the offset at which reading continues; None if nothing follows."""
         room = self._size - at - HEAD.size
         self.why = (
             "they are zeros" if kind == 0 else f"a record that claims {length} bytes, and {room} are left"
@@ -184,7 +185,7 @@ class Scan:
             self.whole, begin = True, end
         self._known = max(self._known, begin + 1)
         last, claimed = self._last
-        if begin < at:  # a length before has led here, beyond records that can be read
+        if begin < at:  # a wrong length led here, past readable records
             at, text = last, f"a record that claims {claimed} bytes, and no record follows there"
         else:
             what = "zeros" if kind == 0 else f"a record of {length} bytes, of which the file has {room},"
@@ -221,7 +222,7 @@ class Scan:
                     yield from _records(HEAD.pack(kind, length) + body)
         except (MemoryError, UsageError):
             raise
-        except Exception as error:  # whatever struct, zstandard and the library raise on damaged bytes
+        except Exception as error:  # struct, zstandard and mcap raise various errors for damaged bytes
             self._known = max(self._known, offset + 1)
             self._spent_bytes += length
             text = f"{type(error).__name__}: {error}"
@@ -237,7 +238,7 @@ def _ends_with_magic(file: BinaryIO, size: int) -> bool:
 
 
 def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
-    """The content of a chunk. Its declared size is believed only as far as the content bears it out."""
+    """Return the decompressed data of a chunk, after a check of their declared size and checksum."""
     most = min(chunk.uncompressed_size, limits.chunk_bytes)
     match chunk.compression:
         case "zstd":
@@ -258,7 +259,7 @@ def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
 
 
 def _records(data: bytes) -> Iterator[Schema | Channel | Messages]:
-    """What is in a chunk, in its order."""
+    """Yield the contents of a chunk in their order."""
     table = np.frombuffer(_native.chunk_records(data), np.int64).reshape(-1, 7)
     kind = table[:, 0]
     if len(table) and table[:, LOG_TIME:].max() > LATEST_NS:

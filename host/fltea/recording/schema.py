@@ -1,8 +1,8 @@
-"""JSON channels of an MCAP file: a schema for each kind of record, plain enough for Foxglove and PlotJuggler.
+"""JSON schemas for the record channels of an MCAP file, simple enough for Foxglove and PlotJuggler.
 
-Foxglove's reader of JSON schemas takes objects, lists and scalars, written out where they stand: neither
-references nor alternatives such as "number or null". So references are resolved, and a field that may be null
-has the type of its values and is left out of a message where it is null.
+Foxglove's reader of JSON schemas accepts objects, lists and scalars, but neither references nor alternatives
+such as "number or null". So references are resolved. A field that may be null has the type of its values, and
+is left out of a message if it is null.
 """
 
 import functools
@@ -14,17 +14,20 @@ import msgspec
 from fltea.records.records import ACCEL_AXES, AXES
 
 NAMED = {"axes": AXES + ACCEL_AXES}
-"""Objects by axis: their keys are known, and a plot needs them."""
+"""Fields that are objects with a value for each axis.
+
+The schema lists their keys, since a plot needs these.
+"""
 
 NULL = re.compile(rb',"\w+":null|"\w+":null,?')
-"""A field without a value, in JSON without blanks; within a text there is no quotation mark by itself."""
+"""Matches a null field in compact JSON; quotation marks within a text are escaped."""
 
 _encode = msgspec.json.Encoder().encode
 
 
 @functools.cache
 def record_schema(kind: type[msgspec.Struct]) -> bytes:
-    """JSON schema of one kind of record, for the schema encoding "jsonschema"."""
+    """Return the JSON schema of one class of records, for the schema encoding "jsonschema"."""
     (root,), definitions = msgspec.json.schema_components([kind], ref_template="{name}")
     plain = _plain(root, definitions)
     assert plain is not None
@@ -32,12 +35,12 @@ def record_schema(kind: type[msgspec.Struct]) -> bytes:
 
 
 def encode_message(record: msgspec.Struct) -> bytes:
-    """One record as a message: its JSON without what is null."""
+    """Return a record as a message: its JSON without null fields."""
     return NULL.sub(b"", _encode(record))
 
 
 def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any] | None:
-    """The schema without references and alternatives; None for what has several types."""
+    """Return the schema without references and alternatives; None if a value may have several types."""
     if "$ref" in schema:
         return _plain(definitions[schema["$ref"]], definitions)
     if "anyOf" in schema:
@@ -47,9 +50,11 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         case "object":
             return _plain_object(schema, definitions)
         case "array":
-            items = _plain(schema["items"] or schema["prefixItems"][0], definitions)  # a tuple: all alike
+            items = _plain(
+                schema["items"] or schema["prefixItems"][0], definitions
+            )  # the items of a tuple have one type
             return None if items is None else {"type": "array", "items": items}
-        case None:  # of words
+        case None:  # an enumeration
             words = [word for word in schema["enum"] if word is not None]
             return {"type": "string", "enum": words}
         case kind:
@@ -72,7 +77,7 @@ def _plain_object(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[s
 
 
 def _values(field: dict[str, Any]) -> dict[str, Any]:
-    """Schema of the values of an object whose keys are names."""
+    """Return the schema of the values in an object whose keys are names."""
     options = field.get("anyOf", [field])
     values: dict[str, Any] = next(o["additionalProperties"] for o in options if "additionalProperties" in o)
     return values

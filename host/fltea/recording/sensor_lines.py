@@ -1,4 +1,4 @@
-"""Lines of text of one of several sensors: by a column, or by turns (pure)."""
+"""Selects the text lines of one of several sensors, by a column or by turns."""
 
 import math
 from collections.abc import Callable
@@ -17,12 +17,13 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 FEWEST_LINES, LOOKS, MOST_LINES = 64, 4, 2000
-"""Live lines that may tell sensors apart; they are looked at again when they are so many times as many, and
-that is all that are looked at."""
+"""When live lines are checked for several sensors: after FEWEST_LINES, then whenever the number of lines has grown by
+the factor LOOKS, until MOST_LINES.
+"""
 
 
 class SensorLines:
-    """Leaves out the lines and rows of other sensors. where: for messages. how: what the user says."""
+    """Leaves out lines and rows of other sensors. `where`: file, for messages. `how`: the user's options."""
 
     def __init__(self, where: str, how: How) -> None:
         self._where, self._how = where, how
@@ -37,7 +38,7 @@ class SensorLines:
         return self._sensor is not None
 
     def begin(self, chosen: Chosen, looked_at: int) -> None:
-        """Take note of the columns that were chosen by so many lines."""
+        """Take the columns that were chosen after `looked_at` lines."""
         if self._chosen is None:
             self._chosen = chosen
             more = max(FEWEST_LINES, LOOKS * looked_at)
@@ -49,10 +50,10 @@ class SensorLines:
             self._sensor = OneSensor(self._where, chosen.names[place], value, given_options(self._how))
 
     def look_again(self, lines: int, facts: Callable[[list[str]], Facts]) -> None:
-        """Look for several sensors in the first lines, which were few when the columns were chosen.
+        """Check the first lines again for several sensors, since the columns were chosen after a few lines.
 
         Raises:
-            NotStated: there are several, and none was chosen.
+            NotStated: there are several sensors, and the user named none.
         """
         chosen = self._chosen
         if (
@@ -66,14 +67,14 @@ class SensorLines:
         check_sensors(self._where, chosen, self._how, facts(chosen.names))
 
     def why_none(self) -> UsageError | None:
-        """Return that no line was of the sensor that the user names, if it is so."""
+        """Return an error if no line was of the sensor that the user names, else None."""
         return None if self._sensor is None else self._sensor.why_none()
 
     def only(self, layout: Layout, data: bytes) -> bytes:
-        """Return lines with those of other sensors empty, which keeps the numbers of the rest.
+        """Return the lines with those of other sensors empty, so that line numbers stay the same.
 
         Raises:
-            NotStated: there are several sensors, and none was chosen.
+            NotStated: there are several sensors, and the user named none.
         """
         if self._sensor is None or layout.chosen.sensor is None:
             return data
@@ -86,17 +87,17 @@ class SensorLines:
         return b"\n".join(lines)
 
     def in_turn(self, rows: list[Rows]) -> list[Rows]:
-        """Return the rows of the sensor, where several take turns."""
+        """Return the rows of the sensor to read, if several sensors take turns."""
         turns = self._turns
         return rows if turns is None else [one for some in rows for one in turns.take(some)]
 
     def finish(self) -> list[Rows]:
-        """Return the rows that were held back, as no more come."""
+        """Return the rows that were held back, at the end of the text."""
         return [] if self._turns is None else self._turns.finish()
 
 
 def _value(layout: Layout, place: int, line: bytes) -> str | None:
-    """What a line holds in the column that tells sensors apart; None if it has no such column."""
+    """Return a line's value in the column that tells sensors apart; None if the line has no such column."""
     if layout.parse is not None:
         try:
             value = layout.parse(decoded(line)).get(layout.chosen.names[place])

@@ -1,4 +1,4 @@
-"""What each MCAP file of a recording says of itself, and what its channels for the wire hold."""
+"""Metadata of each MCAP file of a recording, and the contents of its channels for raw bytes."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -7,38 +7,38 @@ import msgspec
 from fltea.records.records import Hello
 
 SESSION, HELLO = "fltea.session", "fltea.hello"
-"""Names of the metadata: one SESSION at the head of each file, a HELLO whenever a new one was heard."""
+"""Names of the metadata: one SESSION at the head of each file, and a HELLO for each new hello of a device."""
 
 FORMAT = 1
 WIRE, LINK = "wire", "link"
-"""Last parts of the topics of raw bytes and of what happened to the line; records have their class there."""
+"""Last parts of the topics of raw bytes and of port events; other topics end in their records' class."""
 
 WIRE_CHANNEL, LINK_CHANNEL = 1, 2
-"""Their ids in each file, so that they can be read without the chunk that says so."""
+"""Channel IDs in each file, fixed so that messages are readable without the chunk that describes them."""
 
 OVERFLOW = "overflow"
-"""Kind of a gap that the recorder itself made, being too slow: it did not see what it missed."""
+"""Kind of a gap that the recorder caused because it was too slow; it does not know what it missed."""
 
 LATEST_NS = (1 << 62) - 1
-"""In the year 2116; sums and differences of such times fit into 64 bits."""
+"""Latest accepted time, in the year 2116 [ns]; sums and differences of such times fit into 64 bits."""
 
 Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
-"""A number out of a file, where Python itself would take one of a million digits."""
+"""A whole number from a file, within limits, since Python accepts a million digits."""
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
-"""Far beyond any sensor; what is computed from them stays finite."""
+"""Limits far beyond any sensor; results of calculations with them stay finite."""
 
 WIRE_WRAP = 1 << 32
-"""Numbers of wire messages wrap, as MCAP's field for them does: at 100 a second after 16 months."""
+"""Sequence numbers of wire messages wrap like MCAP's field for them: after 16 months at 100 per second."""
 
 
 class PartInfo(msgspec.Struct, frozen=True):
-    """One file of a session, which is one run of a recorder.
+    """Metadata of one file of a session; a session is one run of a recorder.
 
-    part: its place in the session, from 0. offset_ns: what was added to the monotonic clock to get the log
-    time of wire and link messages, the same in the whole session. created_ns: Unix time. hello: what the
-    device had said of itself as of the first message, if it was known then.
+    `part`: index of the file in the session, from 0. `offset_ns`: monotonic clock to log time of wire and
+    link messages, the same in the whole session. `created_ns`: Unix time. `hello`: the device's hello before
+    the first message, if known then.
     """
 
     session: str
@@ -50,17 +50,17 @@ class PartInfo(msgspec.Struct, frozen=True):
     hello: Hello | None = None
 
     def to_metadata(self) -> dict[str, str]:
-        """As MCAP metadata, which is text to text."""
+        """Return the metadata in MCAP's form, texts by texts."""
         fields = {name: str(value) for name, value in msgspec.structs.asdict(self).items() if name != "hello"}
         hello = {} if self.hello is None else {"hello": msgspec.json.encode(self.hello).decode()}
         return {"format": str(FORMAT), **fields, **hello}
 
 
 def from_metadata(metadata: dict[str, str]) -> PartInfo:
-    """Undo `to_metadata`.
+    """Return the `PartInfo` that `to_metadata` wrote.
 
     Raises:
-        ValueError: something is missing or has a wrong type, or the format is of a later version.
+        ValueError: a field is missing or has a wrong type, or the format is of a later version.
     """
     if metadata.get("format") != str(FORMAT):
         raise ValueError(f"format {metadata.get('format')}; this program knows format {FORMAT}")
@@ -68,7 +68,7 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
     if "hello" in metadata:
         try:
             hello = msgspec.json.decode(metadata["hello"], type=Hello)
-        except RecursionError as error:  # brackets in brackets in brackets
+        except RecursionError as error:  # nested too deeply
             raise ValueError("its hello is damaged") from error
         check_hello(hello)
     info = msgspec.convert({**metadata, "hello": hello}, PartInfo, strict=False)
@@ -78,10 +78,10 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
 
 
 def check_hello(hello: Hello) -> None:
-    """Refuse what no device says of itself.
+    """Refuse an impossible hello.
 
     Raises:
-        ValueError: rate or scale are not those of a sensor.
+        ValueError: no sensor has its rate or scale.
     """
     if not LOWEST_RATE_HZ <= hello.rate_hz <= HIGHEST_RATE_HZ:
         raise ValueError(f"the rate has to be positive and that of a sensor, not {hello.rate_hz:g} Hz")
@@ -91,10 +91,10 @@ def check_hello(hello: Hello) -> None:
 
 
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What happened to the line, or to the recording of it.
+    """An event of the port or of the recorder.
 
-    kind, message: of a failure. A gap says why (`kind`) and what is missing: chunks and bytes from the wire
-    as far as they were counted, and items of any kind.
+    `kind`, `message`: kind and description of a failure. For a gap, `kind` is its reason; `chunks` and
+    `bytes` are missing reads and bytes, as far as they were counted, and `items` missing items of any kind.
     """
 
     event: Literal["opened", "failed", "gap"]
@@ -106,7 +106,7 @@ class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Entry(NamedTuple):
-    """One message of a file. topic: without the device."""
+    """One message of a file. `topic`: topic without the device."""
 
     topic: str
     log_ns: int

@@ -1,6 +1,6 @@
-"""Named columns of numbers out of any kind of file, and the recording that they are.
+"""Tables: named columns of numbers from a file of any format, and the recording made from them.
 
-A new format is one module in `readers` whose `read` gives a `Sheet`, and a row in `formats`.
+A new format needs one module in `readers` whose `read` returns a `Sheet`, and a row in `formats`.
 """
 
 import math
@@ -39,26 +39,30 @@ from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
 SAMPLE_ROWS, MOST_SAMPLED = 60, 64
-"""Rows and columns that are looked at before it is known which are meant."""
+"""Number of first rows and columns that are examined to choose the columns."""
 
 FEW = 10
-"""Rows: an array as short beside a longer one is a calibration's, and no recording."""
+"""An array with fewer rows than this, if others are longer, is a calibration and not a recording."""
 
 RATE_TOLERANCE = 0.01
-"""Clocks of sensors are off by up to some 5 ‰; two rates that differ by more are not of the same samples."""
+"""Two rates that differ more are not of the same samples; sensor clocks are off by about 5 ‰ at most."""
 
 
 class SheetHead(msgspec.Struct, frozen=True):
-    """What a file holds, but for its rows.
+    """What a file holds, except its rows.
 
-    names: of its columns, behind the groups that they are in: `imu.gyro_x`. units: of each, "" where the
-    file states none. rows: of the longest column. lengths: of each column; none: all are alike. arrays: what
-    array each column is of; none: each is one of its own. stamps: columns that hold points of time, given as
-    seconds since the first one. rates: samples per second, by the name of what states them: `imu.fs` holds
-    for all of `imu`, `imu.gyro@fs` for one array. doubts: of columns whose numbers may be others than they
-    seem, why. changed: columns whose numbers may still have to be changed, and by what. topic: the sensor
-    that is read of several, "" if there is one. sample: the first rows of the first columns, null where there
-    are no numbers. words: of columns that tell sensors apart by words, what the numbers from 0 in them mean.
+    `names`: names of the columns, after the groups that contain them: `imu.gyro_x`.
+    `units`: unit of each column, "" if the file states none.
+    `rows`: length of the longest column. `lengths`: length of each column; empty: all are equal.
+    `arrays`: array of each column; empty: each column is an array of its own.
+    `stamps`: columns of dates, converted to seconds since the first one.
+    `rates`: sampling rates [Hz] by the name that states them: `imu.fs` for all of `imu`, `imu.gyro@fs` for
+    one array.
+    `doubts`: reasons why the numbers of columns may be wrong.
+    `changed`: columns whose numbers may need a further scale or offset, and which.
+    `topic`: the sensor that is read of several, else "".
+    `sample`: first rows of the first columns, null where there is no number.
+    `words`: for columns of words that tell sensors apart, the words that the numbers 0, 1, … stand for.
     """
 
     names: list[str]
@@ -77,22 +81,22 @@ class SheetHead(msgspec.Struct, frozen=True):
     words: dict[str, list[str]] = {}
 
     def called(self, place: int, values: Sequence[float]) -> list[str]:
-        """Return what values of a column are called, by the words that they mean, or as they are typed."""
+        """Return values of a column as texts: the words that they stand for, or the numbers."""
         words = self.words.get(self.names[place])
         return [words[int(v)] if words and 0 <= v < len(words) else as_word(v) for v in values]
 
     def length(self, place: int) -> int:
-        """Return how many rows a column has."""
+        """Return the number of rows of a column."""
         return self.lengths[place] if self.lengths else self.rows
 
 
 class Sheet(SheetHead, frozen=True, kw_only=True):
-    """What a file holds. blocks: gives the rows of the columns at some places, (n, places) at a time."""
+    """A table. `blocks`: yields the rows of the columns with the given indices, (n, columns) at a time."""
 
     blocks: Callable[[Sequence[int]], Iterator[Floats]]
 
     def only(self, called: Mapping[int, str]) -> "Sheet":
-        """Return some of the columns, by their places, and what they are called."""
+        """Return a table of some columns; `called`: new name by column."""
         blocks, keep = self.blocks, list(called)
         names = {self.names[place]: name for place, name in called.items()}
         return replace(
@@ -112,9 +116,10 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
 
 
 class TextHead(msgspec.Struct, frozen=True):
-    """Of a file that is read as text.
+    """Facts on a file that is read as text.
 
-    topic: the part that the user names. parts: those to ask for. head: what other parts say of it.
+    `topic`: part that the user names. `parts`: parts that the user has to choose from. `head`: lines of other
+    parts that describe it.
     """
 
     topic: str = ""
@@ -123,13 +128,13 @@ class TextHead(msgspec.Struct, frozen=True):
 
 
 class Text(TextHead, frozen=True, kw_only=True):
-    """Lines of text, of the first of several parts. pieces: gives them, whole lines at a time."""
+    """The text of one part of a file. `pieces`: yields whole lines at a time."""
 
     pieces: Iterator[bytes]
 
 
 def with_sample(sheet: Sheet) -> Sheet:
-    """Return a table with its first rows beside it."""
+    """Return a table with its first rows as `sample`."""
     columns: list[list[float | None]] = []
     for place in range(min(len(sheet.names), MOST_SAMPLED)):
         try:
@@ -144,8 +149,8 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
     """Read the columns of a gyroscope.
 
     Raises:
-        UsageError: the columns are not clear or not alike, a rate contradicts another, or what `table.gather`
-            refuses.
+        UsageError: the columns are ambiguous or differ in length, two rates contradict each other, or
+            `table.gather` refuses the rows.
     """
     where, asked = str(path), how.topic
     sheet, chosen, how = _choose(where, sheet, _by_names(sheet.names, how))
@@ -164,7 +169,7 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
 
 
 def _by_names(names: Sequence[str], how: How) -> How:
-    """Return what the user says, with the names of columns that are given by their positions, from 1."""
+    """Return the options with column names in place of positions from 1."""
 
     def named(one: str) -> str:
         known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
@@ -175,7 +180,7 @@ def _by_names(names: Sequence[str], how: How) -> How:
 
 
 def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
-    """Return the columns around one gyroscope, what they mean, and what the user says of them."""
+    """Return the columns around one gyroscope, the choice among them, and the remaining options."""
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
@@ -192,7 +197,7 @@ def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
 
 def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
-    file = f"{Path(where).name} {topic.replace(':', '_')}"  # as tools name the file of a topic
+    file = f"{Path(where).name} {topic.replace(':', '_')}"  # tools name a topic's file in this way
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
 
     def first() -> Floats:
@@ -206,7 +211,7 @@ def _facts(where: str, sheet: Sheet) -> Facts:
 
 
 def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
-    """The rows of the sensor that is read of several that take turns."""
+    """Yield the rows of the sensor to read, of several that take turns."""
     turns = Turns(*chosen.turn, chosen.time_at)
     for some in rows:
         yield from turns.take(some)
@@ -214,7 +219,7 @@ def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
 
 
 def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
-    """The rows of one sensor, numbered among themselves."""
+    """Yield the rows of one sensor, with sequence numbers of its own."""
     row = ordinal = 0
     places, sensor = chosen.places, None
     if chosen.sensor is not None:
@@ -232,7 +237,7 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
-    """Compare a rate with that of the file."""
+    """Compare a rate with the rates that the file states; `who`: source of the rate, for the message."""
     for name, stated_hz in sheet.rates.items() if not how.overrule else ():
         if rate_hz is not None and abs(rate_hz / stated_hz - 1) > RATE_TOLERANCE:
             raise UsageError(
@@ -242,7 +247,7 @@ def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: 
 
 
 def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
-    """Refuse columns that are not alike in length, or may hold other numbers than they seem to."""
+    """Raise UsageError for columns of different lengths, or with numbers that may be wrong."""
     lengths = [sheet.length(place) for place in chosen.places]
     if len({*lengths}) > 1:
         each = ", ".join(f"{name} {rows}" for name, rows in zip(chosen.read, lengths, strict=True))
@@ -260,11 +265,12 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
 
 
 class _Gyroscope(NamedTuple):
-    """The axes that are read.
+    """The axes to read.
 
-    places: of them. group: the path of what they are in, without what tells the sensor: `imu` of
-    `imu.gyro.x`. others: the groups of other gyroscopes. topic: the group, if there are several. is_by_group:
-    they were found by it; is_of_dialect: by their whole names, which a dialect knows.
+    `places`: their columns. `group`: path of the group that contains the sensor: `imu` for `imu.gyro.x`.
+    `others`: groups of other gyroscopes. `topic`: name of the group, if there are several gyroscopes.
+    `is_by_group`: the axes were identified by their group. `is_of_dialect`: a dialect identified their whole
+    names.
     """
 
     places: Sequence[int] = ()
@@ -276,10 +282,10 @@ class _Gyroscope(NamedTuple):
 
 
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
-    """Return the columns that are as long as the axes, and the rate of the nearest group around these.
+    """Return the columns with the length of the axes, and the sampling rate of the nearest group around the axes.
 
-    Columns in the groups around the axes are called as they are there: `imu.t` is `t`. An axis that is not
-    alike, or holds no numbers, stays among them: what its name says is not dropped.
+    Columns in the groups around the axes have short names: `imu.t` becomes `t`. An axis of another length or
+    without numbers is kept, so that the error can name it.
 
     Raises:
         UsageError: several groups have a gyroscope, or several rates are stated for the same samples.
@@ -308,7 +314,7 @@ def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
 
 
 def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
-    """Find the axes: those that the user or a dialect names, or of the group that has some."""
+    """Find the axes: those that the user or a dialect names, or those of the only group with a gyroscope."""
     names = sheet.names
     dialect = dialect_of(names, _facts(where, sheet))
     if how.columns is not None:
@@ -337,7 +343,7 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
 
 
 def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[str, float]:
-    """Return the rate that the axes' own arrays state, or else the nearest group around them."""
+    """Return the sampling rate that the axes' own arrays state, or else the nearest group around them."""
     arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
     rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
     for level in (*around(sheet.names[found.places[0]]), ""):

@@ -1,6 +1,6 @@
-"""Columns of numbers that are gathered block by block, in files without a name, and read the same way.
+"""Keeps columns of numbers in temporary files; they are written and read in blocks.
 
-Of a day at 100 Hz an array in memory is 69 MB a column; here it is what one block takes.
+A day at 100 Hz takes 69 MB of memory for each column; here only one block is in memory.
 """
 
 import contextlib
@@ -23,13 +23,14 @@ class _Column(NamedTuple):
     file: Any
     dtype: "np.dtype[Any]"
     shape: tuple[int, ...]
-    """of a row"""
+    """Shape of a row."""
 
 
 class Spool(contextlib.AbstractContextManager["Spool"]):
-    """Named columns; what is appended to one has the type and width of its first block.
+    """Named columns; the first block of a column determines its type and width.
 
-    The files go with it: at the end of a `with`, or with its last user. In a folder they have names and stay.
+    The temporary files disappear at the end of a `with`, or with the last reference to the spool. In a
+    folder, the files have names and stay.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -45,10 +46,10 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         return name in self._columns
 
     def append(self, name: str, values: NDArray[Any]) -> None:
-        """Add rows to the end of a column, which begins with its first ones.
+        """Append rows to a column; the first call creates the column.
 
         Raises:
-            TemporaryFailed: the folder for temporary files takes no more.
+            TemporaryFailed: the folder for temporary files is full or fails.
         """
         if name not in self._columns:
             self._columns[name] = _Column(self._new_file(), values.dtype, values.shape[1:])
@@ -58,12 +59,12 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         self._rows[name] += len(values)
 
     def drop(self, name: str) -> None:
-        """Forget a column, if there is one."""
+        """Delete a column, if it exists."""
         if name in self._columns:
             self._columns.pop(name).file.close()
 
     def remove(self) -> None:
-        """Forget all columns, and remove files with names."""
+        """Delete all columns, and files with names."""
         if self._folder is not None:
             for column in self._columns.values():
                 Path(column.file.name).unlink(missing_ok=True)
@@ -71,21 +72,21 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         self._columns.clear()
 
     def length(self, name: str) -> int:
-        """Rows of a column; 0 if there is none."""
+        """Return the number of rows of a column; 0 if it does not exist."""
         return self._rows[name] if name in self._columns else 0
 
     def whole(self, name: str) -> NDArray[Any]:
-        """A column in memory."""
+        """Return a column in memory."""
         return self._read(name, 0, self.length(name))
 
     def mapped(self, name: str) -> NDArray[Any]:
-        """A column, at least one row, of a spool with a folder; other processes may map its file, too."""
+        """Return a column, at least one row, as a memory map; the spool needs a folder, for other processes."""
         column = self._columns[name]
         column.file.flush()
         return np.memmap(column.file.name, column.dtype, "r", shape=(self._rows[name], *column.shape))
 
     def blocks(self, names: Sequence[str], at_once: int) -> Iterator[list[NDArray[Any]]]:
-        """So many rows at a time of columns that are alike in length."""
+        """Yield blocks of `at_once` rows of columns with equal lengths."""
         for begin in range(0, self.length(names[0]), at_once):
             yield [self._read(name, begin, at_once) for name in names]
 

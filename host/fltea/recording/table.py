@@ -1,4 +1,4 @@
-"""Tables of numbers, of any kind of file, as a recording: scaled, timed, with gaps where numbers lack."""
+"""Turns tables of numbers from any file into a recording: scaled, timed, with gaps for missing numbers."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -28,25 +28,26 @@ from fltea.records.errors import Implausible, NoNumbers, UsageError
 from fltea.settings.limits import Limits
 
 MOST_DPS = 4000.0
-"""No gyroscope that is used for navigation or in phones has a wider range; and these rest."""
+"""Largest plausible rate [deg/s]: the range of gyroscopes in phones or for navigation is no wider."""
 
 ENOUGH_ROWS = 50
-"""For a judgement of what a gyroscope may give."""
+"""Number of rows from which implausible values are reported."""
 
 FEWEST_BETWEEN = 20
-"""Rows between two samples; fewer may be jitter of the clock."""
+"""Smallest number of rows between two samples that are left out; fewer may be jitter of the clock."""
 
 STEPS_AT_ONCE = 1 << 16
 LATEST = LARGEST_NUMBER * 1e3
-"""A time in any unit."""
+"""Latest time, in any unit."""
 
 
 class Rows(NamedTuple):
     """Some rows.
 
-    numbers: (n,) of their lines or rows in the file, for messages. values: (n, columns) of `Chosen.places`,
-    scaled by `Chosen.scale`; NaN where there is no number. ordinal: (n,) number of each among the samples and
-    the lost ones, from 0. begins: the sender began again with the first of them.
+    `numbers`: (n,) numbers of their lines or rows in the file, for messages.
+    `values`: (n, columns) of `Chosen.places`, scaled by `Chosen.scale`; NaN where there is no number.
+    `ordinal`: (n,) index of each row among samples and lost samples, from 0.
+    `begins`: the sender restarted before the first of these rows.
     """
 
     numbers: Ints
@@ -56,7 +57,7 @@ class Rows(NamedTuple):
 
 
 def joined(pieces: Sequence[Rows]) -> Rows:
-    """Return rows that follow each other, at least one piece of them, in one piece."""
+    """Return successive pieces of rows, at least one, as one piece."""
     if len(pieces) == 1:
         return pieces[0]
     numbers, values, ordinal = (
@@ -66,9 +67,10 @@ def joined(pieces: Sequence[Rows]) -> Rows:
 
 
 class Samples(NamedTuple):
-    """Rows that are samples. time: (n,) as it stands in the column, or None. accel: (n, 3) m/s², or None.
+    """Rows that are samples. `time`: (n,) times as in the file, or None. `accel`: (n, 3) [m/s²], or None.
 
-    left_out: why rows are none, as `text_numbers.REASONS` names it, with the first such row and how many.
+    `left_out`: for each reason in `text_numbers.REASONS`, the first row that is left out and the number of
+    rows.
     """
 
     numbers: Ints
@@ -80,7 +82,7 @@ class Samples(NamedTuple):
 
 
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
-    """The samples among rows: those that have all numbers that are needed, and none that cannot be."""
+    """Return the rows that are samples: those with all needed numbers, and no impossible ones."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
@@ -103,7 +105,7 @@ def samples_of(rows: Rows, chosen: Chosen) -> Samples:
 
 
 class Plausible:
-    """Whether rates may be a resting gyroscope's; a wrong unit or column gives figures that none has."""
+    """Checks whether rates may come from a gyroscope at rest; a wrong unit or column gives impossible values."""
 
     def __init__(self, chosen: Chosen) -> None:
         self._chosen, self.rows = chosen, 0
@@ -112,10 +114,10 @@ class Plausible:
         self._last: Floats | None = None
 
     def add(self, gyro: Floats) -> None:
-        """Look at the next samples."""
+        """Add the next samples."""
         self.rows += len(gyro)
         size, most = np.abs(gyro), MOST_DPS * (self._chosen.lsb or 1.0)
-        if size.max() > most:  # a sum over rows takes longer than all else here
+        if size.max() > most:  # tested first, since the sum over rows is slow
             self._large += (size > most).sum(axis=0)
         if self._rises.any():
             steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)
@@ -123,10 +125,10 @@ class Plausible:
         self._last = gyro[-1:]
 
     def check(self, where: str) -> None:
-        """Look at all of them, if they are enough.
+        """Check all samples so far, if there are enough.
 
         Raises:
-            Implausible: no gyroscope gives such figures.
+            Implausible: no gyroscope gives such values.
         """
         if self.rows < ENOUGH_ROWS:
             return
@@ -148,7 +150,7 @@ class Plausible:
 
 
 def is_of_sensor(values: Floats) -> Marks:
-    """Mark the rows of numbers that a sensor may give, in deg/s or m/s²; NaN is none."""
+    """Mark the rows of numbers that a sensor may give, in deg/s or m/s²; NaN is not marked."""
     good = np.abs(values) <= LARGEST_DPS
     return np.ones(len(values), np.bool_) if good.all() else np.asarray(good.all(axis=1))
 
@@ -160,12 +162,12 @@ def gather(
     limits: Limits,
     place: Callable[[int], str],
 ) -> Stored:
-    """Take all rows; their numbers wait in a temporary file.
+    """Read all rows into a temporary file, and return them as a recording.
 
-    place: a line or row, for messages.
+    `place`: returns the position of a line or row, for messages.
 
     Raises:
-        UsageError: no rows, none with numbers that a gyroscope gives, or times that tell no rate.
+        UsageError: there are no rows, no gyroscope gives such numbers, or the times tell no rate.
     """
     table = _Table(path, chosen, limits, place)
     for block in blocks:
@@ -175,12 +177,12 @@ def gather(
 
 
 def row_place(path: Path, row: int) -> str:
-    """A row, from 0, for messages."""
+    """Return the position of a row, counted from 0, for messages."""
     return f"{path}: row {row}"
 
 
 class _Table:
-    """What the rows so far came to."""
+    """The rows so far."""
 
     def __init__(self, path: Path, chosen: Chosen, limits: Limits, place: Callable[[int], str]) -> None:
         self._path, self._chosen, self._place = path, chosen, place
@@ -202,7 +204,7 @@ class _Table:
         self._notes: list[Note] = []
 
     def add(self, block: Rows) -> None:
-        """Take the next rows."""
+        """Add the next rows."""
         width = len(self._chosen.places)
         fits = self._most // width - self._rows
         if len(block.values) > fits:
@@ -235,7 +237,7 @@ class _Table:
             self._add_accel(found.numbers, found.accel)
 
     def _add_accel(self, numbers: Ints, accel: Floats) -> None:
-        """Keep it, unless it is not there for each sample: then the accelerometer is left out."""
+        """Keep the acceleration; drop the accelerometer if a sample has no acceleration."""
         good = is_of_sensor(accel)
         if good.all():
             self._spool.append("accel", accel)
@@ -250,7 +252,7 @@ class _Table:
         self._notes.append(Note("missing_numbers", text))
 
     def stored(self) -> Stored:
-        """All rows as a recording."""
+        """Return all rows as a recording."""
         chosen, spool = self._chosen, self._spool
         n = spool.length("gyro")
         if not n:
@@ -285,7 +287,7 @@ class _Table:
         )
 
     def _note_between(self, timing: Timing) -> int:
-        """Count the rows that stand between two samples, and are left out."""
+        """Count and report the rows between two samples, which are left out."""
         assert timing.period is not None
         count = sum(
             int(between(times, timing.period).sum()) for (times,) in self._spool.blocks(["time"], AT_ONCE)
@@ -328,7 +330,7 @@ class _Table:
                     self._notes.append(Note("bad_lines", where + text))
 
     def _timing(self) -> Timing:
-        """How the rows are numbered; a warning of runs and repeated rows that the times tell."""
+        """Return how the rows are numbered; report runs and repeated rows that the times show."""
         chosen, spool = self._chosen, self._spool
         if chosen.time is None:
             assert chosen.rate_hz is not None  # `choose` refuses a table without both
@@ -361,9 +363,10 @@ class _Table:
 def _blocks(
     spool: Spool, chosen: Chosen, timing: Timing, begins: Ints, *, given: bool, has_between: bool
 ) -> Iterator[Recording]:
-    """Blocks of samples.
+    """Yield blocks of samples.
 
-    given: the rate is the user's, so the numbers tell the times. has_between: rows between two are left out.
+    `given`: the user gives the rate, so sequence numbers determine the times. `has_between`: rows between two
+    samples are left out.
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
     columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]

@@ -1,4 +1,4 @@
-"""What a text is as a whole, undone before it is taken as lines: UTF-16, and documents of YAML (pure)."""
+"""Decodes a text before it is split into lines: UTF-16, and documents of YAML."""
 
 import codecs
 
@@ -6,13 +6,13 @@ from fltea.recording.raw_lines import BOM, UTF_16
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
 
 BEGIN_BYTES, MOST_HELD = 256, 4096
-"""Of the beginning: what tells a document from lines, and what waits for that."""
+"""Number of first bytes that distinguish a document from lines, and most bytes that are held back for it."""
 
 
 class TextDecoder:
-    """Takes the bytes of a text, cut anywhere, and gives lines in UTF-8. begin: the first bytes as they came.
+    """Takes the bytes of a text in pieces of any length, and returns lines in UTF-8. `begin`: the first bytes.
 
-    A few bytes are held back while they may still become the beginning of a document.
+    A few bytes are held back as long as they may be the beginning of a document.
     """
 
     def __init__(self) -> None:
@@ -23,15 +23,15 @@ class TextDecoder:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the last document was cut off, and left out."""
+        """Whether the last document was truncated and left out."""
         return self._yaml is not None and self._yaml.is_cut
 
     def drop(self) -> None:
-        """Forget what is held back: what comes next does not follow it."""
+        """Delete the bytes that are held back, since the next bytes do not follow them."""
         self._held = b""
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:
-        """Take the next bytes. hold: they may be the beginning of the text."""
+        """Decode the next bytes. `hold`: they may be the beginning of the text."""
         if hold and not self.begin:
             data = self._held + data
             if len(data) <= MOST_HELD and BEGINNING.fullmatch(data.removeprefix(BOM)):
@@ -41,12 +41,12 @@ class TextDecoder:
         return self._lines(data)
 
     def release(self) -> bytes:
-        """Return what is held back, as no more bytes come."""
+        """Return the bytes that are held back, at the end of the text."""
         held, self._held = self._held, b""
         return self._lines(held)
 
     def finish(self) -> bytes:
-        """Return the last document, which may have no end."""
+        """Return the last document, which may have no end mark."""
         return b"" if self._yaml is None else self._yaml.finish()
 
     def _lines(self, data: bytes) -> bytes:
@@ -54,7 +54,7 @@ class TextDecoder:
             self.begin = data[:BEGIN_BYTES]
             if YAML.match(data.removeprefix(BOM)):
                 self._yaml = YamlDocuments()
-            if data.startswith(UTF_16):  # as PowerShell and Excel's "Unicode text" write it
+            if data.startswith(UTF_16):  # PowerShell and Excel's "Unicode text" write UTF-16
                 self._utf_16 = codecs.getincrementaldecoder("utf-16")("replace")
         if self._utf_16 is not None:
             data = self._utf_16.decode(data).encode()

@@ -1,4 +1,4 @@
-"""Lines of text as fields: what separates them, which lines are alike, and the numbers in them (pure)."""
+"""Splits lines of text into fields: the separator, lines of the same kind, and the numbers in them."""
 
 import contextlib
 import csv
@@ -20,32 +20,35 @@ from fltea.records.errors import UsageError
 COMMENTS = ("#", "%", "//")
 
 MOST_COLUMNS = 10_000
-"""Names in a line; a file of text may hold lines of a million."""
+"""Most names in a line; some files have lines with a million."""
 
 _WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
-"""First words of lines beyond which they tell no kinds of rows apart."""
+"""With more different first words, the first word does not tell kinds of rows apart."""
 
 
 def is_blank(line: str) -> bool:
-    """Whether nothing stands in a line; separators are something."""
+    """Return whether a line is empty; a line of separators is not."""
     return not line.strip(" \r\n") or (line.isspace() and "\t" not in line)
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line is for people."""
+    """Return whether a line is a comment."""
     return line.lstrip().startswith(COMMENTS)
 
 
 def all_numbers(line: str) -> bool:
-    """Whether there are numbers in a line, and nothing else."""
+    """Return whether a line holds numbers and nothing else."""
     known = [field for field in split(line, separator_of(line)) if not is_missing(field)]
     return bool(known) and all(map(is_number, known))
 
 
 def separator_of(line: str, columns: int = 0) -> str | None:
-    """What separates the fields of a row of so many columns, if that is known; None is white space."""
+    """Return the separator of a row's fields, None for white space.
+
+    `columns`: number of columns, if known.
+    """
     for separator in ("\t", ";"):
         if separator in line:
             return separator
@@ -58,7 +61,7 @@ def separator_of(line: str, columns: int = 0) -> str | None:
 
 
 def split(line: str, separator: str | None) -> list[str]:
-    """The fields of a line, without quotes around them."""
+    """Return the fields of a line, without quotes around them."""
     if separator is None:
         fields = line.split()
     elif '"' in line and len(line) < csv.field_size_limit():
@@ -70,20 +73,22 @@ def split(line: str, separator: str | None) -> list[str]:
 
 
 def words_with_units(line: str) -> list[str]:
-    """The words of a line that blanks separate; a unit in brackets belongs to the word before it."""
+    """Return the words of a line separated by blanks; a unit in brackets belongs to the word before it."""
     return _WORDS.findall(line) if "[" in line or "(" in line else split(line, None)
 
 
 def bare_fields(line: str) -> list[str]:
-    """The fields of a line that may be a comment."""
+    """Return the fields of a line that may be a comment."""
     text = line.strip().lstrip("#%/").strip()
     return split(text, separator_of(text))
 
 
 def units_in(line: str) -> list[str] | None:
-    """The units in the second line of a header, which holds nothing else but some that are not known."""
+    """Return the units in the second line of a header, or None if fewer than half are known units."""
     fields = bare_fields(line)
-    filled = [field for field in fields if field not in ("", "1")]  # 1: a number without a dimension
+    filled = [
+        field for field in fields if field not in ("", "1")
+    ]  # 1 stands for a quantity without a dimension
     known = sum(map(is_unit, filled))
     if any(map(is_number, filled)) or not known or 2 * known < len(filled):
         return None
@@ -97,17 +102,17 @@ _MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
 
 
 class Thousands:
-    """Finds numbers whose thousands are separated, as `1.000.010`: of lines that grow more."""
+    """Finds numbers with separated thousands, as `1.000.010`, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
         self._first: dict[int, str] = {}
 
     def check(self, where: str, lines: Sequence[str]) -> None:
-        """Look at the lines that are new.
+        """Check the lines that are new.
 
         Raises:
-            UsageError: some column has several such numbers; beside them nobody knows what 53.456 is.
+            UsageError: a column has several such numbers, so that the meaning of 53.456 is unknown.
         """
         for line in lines[self._seen :]:
             if not _MAY_HAVE_THOUSANDS.search(line) or is_comment(line):
@@ -124,14 +129,14 @@ class Thousands:
 
 
 class Kinds:
-    """The words that lines of numbers begin with, and how many fields they have: of lines that grow more."""
+    """Collects the first words of rows, and the number of fields of each, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
         self._found: dict[str, int] = {}
 
     def of(self, lines: Sequence[str]) -> dict[str, int]:
-        """Look at the lines that are new, and return the kinds of all; none if they are too many."""
+        """Examine the new lines, and return the kinds of all rows; an empty result if there are too many."""
         for line in lines[self._seen :] if len(self._found) <= MOST_KINDS else ():
             fields = [] if is_comment(line) else split(line, separator_of(line))
             has_word = len(fields) > 2 and not is_number(fields[0]) and bool(fields[0])
@@ -142,9 +147,10 @@ class Kinds:
 
 
 def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
-    """The commonest kind of lines that hold numbers, and these.
+    """Return the most common kind of lines with numbers, and the lines of this kind.
 
-    Objects, rows of so many fields, or labels.
+    Kinds are objects with the same names, rows with the same number of fields, and lines with the same
+    labels.
     """
     found: dict[tuple[str, Any], list[str]] = {}
     for line in lines:
@@ -168,10 +174,9 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
-    """The numbers in lines of one kind, (n, width), NaN where there is none. tag: what the rows begin with.
+    """Return the numbers in lines of one kind (n, width), with NaN for other fields. `tag`: first field of rows.
 
-    A header may stand among rows thousands of times; the lines are the same each time, and are taken apart
-    once.
+    The result is cached, since a header may stand among the rows thousands of times.
     """
     return _numbers(tuple(lines), tuple(names or ()), width, tag)
 
@@ -179,7 +184,7 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 def cells_of(
     lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str, place: int
 ) -> list[str]:
-    """What stands in a column of the rows of `sample_of`, as it is typed."""
+    """Return the texts in a column of the rows of `sample_of`."""
     found = (row[place] for row in _rows(tuple(lines), tuple(names or ()), width, tag))
     return [as_word(one) if isinstance(one, float) else "" if one is None else str(one) for one in found]
 
@@ -190,7 +195,7 @@ def _has(found: Mapping[str, Any], line: str, names: set[str]) -> bool:
 
 @lru_cache(maxsize=2)
 def _named(lines: Sequence[str]) -> list[Mapping[str, Any]]:
-    """What lines hold by its name: those of objects and of labels."""
+    """Return the values of lines by name, for objects and labelled lines."""
     named: list[Mapping[str, Any]] = []
     for line in lines:
         try:

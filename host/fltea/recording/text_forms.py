@@ -1,7 +1,7 @@
-"""Forms that programs give a line of numbers, undone before anything is read of it (pure).
+"""Converts lines as various programs print them to plain lines of numbers.
 
-Python prints bytes, lists, tuples, dicts and arrays; sentences of NMEA and VectorNav end in a checksum; a
-line stays one line. An echoed topic of ROS is a document of YAML a message: each becomes one object of JSON.
+Python prints bytes, lists, tuples, dicts and arrays; NMEA and VectorNav sentences end in a checksum; each of
+them stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON object.
 """
 
 import re
@@ -18,37 +18,37 @@ _BRACKETS = re.compile(
 )
 _DICT = re.compile(rb"^[ \t]*(\{[ \t]*'.*\})[ \t,\r]*$", re.M)
 _ESCAPED = re.compile(rb"\\(?:t|x([89a-f][0-9a-f]))")
-"""A tab, and what is not ASCII, in bytes as Python prints them."""
+"""Matches a tab, and characters outside ASCII, in bytes as Python prints them."""
 
 _AS_JSON = bytes.maketrans(b"()'", b'[]"')
 _PYTHON_WORD = re.compile(rb"(?<=[:\s,\[])(None|nan|True|False)(?=[,}\s\]])")
 _WORDS = {b"None": b"null", b"nan": b"null", b"True": b"true", b"False": b"false"}
 _NUMPY = re.compile(rb"\bnp\.\w+\(([^()]*)\)")
-"""A number of numpy as it is printed since version 2."""
+"""Matches a number of numpy as version 2 and later print it."""
 
 MINUS = "\u2212".encode()
-"""The sign of typography, which programs for people write."""
+"""The typographic minus sign, which some programs write."""
 
 WRONG_SUM = "wrong checksum"
-"""What stands in place of the numbers of a sentence whose checksum is wrong."""
+"""Text that replaces the numbers of a sentence with a wrong checksum."""
 
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
 
 
 _COLOUR = re.compile(rb"\x1b\[[0-9;]*m")
-"""As terminals are told a colour, in logs of boards."""
+"""Matches control sequences for colours, which stand in logs of boards."""
 
 
 def plain_lines(data: bytes) -> bytes:
-    """Return whole lines without what Python or a sentence puts around their numbers.
+    """Return whole lines without the Python or NMEA syntax around their numbers.
 
-    The numbers of a sentence whose checksum is wrong are taken out, so that it counts as a lost sample.
+    The numbers of a sentence with a wrong checksum are removed, so that it counts as a lost sample.
     """
     if MINUS[:1] in data:
         data = data.replace(MINUS, b"-")
     if b"\x1b" in data:
         data = _COLOUR.sub(b"", data)
-    if b"b" in data and (b"b'" in data or b'b"' in data):  # one byte is looked for ten times as fast
+    if b"b" in data and (b"b'" in data or b'b"' in data):  # searching for one byte first is ten times faster
         data = _BYTES.sub(_unescaped, data)
     if b"p" in data and b"np." in data:
         data = _NUMPY.sub(rb"\1", data)
@@ -68,7 +68,7 @@ def _as_json(found: re.Match[bytes]) -> bytes:
 
 
 def _checked(found: re.Match[bytes]) -> bytes:
-    """A sentence without its checksum: the XOR of its bytes, or one of 16 bits, which is not checked."""
+    """Return a sentence without its checksum. An 8-bit checksum (XOR) is verified, one of 16 bits is not."""
     stated = found[2]
     if len(stated) == 2 and reduce(xor, found[1], 0) != int(stated, 16):
         return b"$" + re.sub(rb",[^,]*", b"," + WRONG_SUM.encode(), found[1])
@@ -82,26 +82,26 @@ YAML = re.compile(
     rb"|(?P<first>%(key)s)[ ]*\{[ ]*%(key)s[^\n]*\n(?!(?P=first))%(key)s)"
     % {b"before": _BEFORE, b"key": _KEY}
 )
-"""How the first message begins."""
+"""Matches the beginning of the first message."""
 
 BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
-"""What may still become that, as the line after it has not ended."""
+"""Matches bytes that may become such a beginning when the next line is complete."""
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
-"""Of a longer line, such as a picture's, only the beginning is kept."""
+"""Limits in bytes. Only the beginning of a longer line, such as an image, is kept."""
 
 
 _IN_BRACES = re.compile(rb"([A-Za-z_]\w*)\s*:\s*(?:(\{)|\[[^\[\]]*\]|([^,{}\[\]]*))|(\})")
-"""A key with a mapping, a list or a value, or the end of a mapping: `{stamp: {sec: 1, nanosec: 2}}`."""
+"""Matches a key with a mapping, a list or a value, or the end of a mapping: `{stamp: {sec: 1, nanosec: 2}}`."""
 
 DEEPEST = 8
-"""Mappings in mappings, all in one line."""
+"""Deepest nesting of mappings in one line."""
 
 
 class YamlDocuments:
-    """Turns documents of YAML, mappings and numbers as ROS prints them, into objects of JSON, a line each.
+    """Converts YAML documents, mappings and numbers as ROS prints them, to one JSON object for each document.
 
-    is_cut: the last one lacked values that the first one has, or the end of one, and was left out.
+    `is_cut`: the last document lacks values that the first one has, or its end, and was left out.
     """
 
     def __init__(self) -> None:
@@ -112,13 +112,13 @@ class YamlDocuments:
         self._rest = b""
 
     def feed(self, data: bytes) -> bytes:
-        """Return the lines of the documents that end in these bytes."""
+        """Return the JSON objects of the documents that end in `data`."""
         lines = (self._rest + data).split(b"\n")
         self._rest = lines.pop()[:LONGEST_LINE]
         return b"".join(map(self._take, lines))
 
     def finish(self) -> bytes:
-        """Return the last document, which may have no end."""
+        """Return the last document, which may have no end mark."""
         rest, self._rest = self._rest, b""
         found = self._take(rest)
         has_begun = bool(self._values) or b"{" in rest

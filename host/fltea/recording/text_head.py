@@ -1,7 +1,8 @@
-"""What plain words in the head of a text state: the rate of its rows, and the unit of its gyroscope (pure).
+"""Reads the sampling rate and the gyroscope's unit from plain words in the head of a text.
 
-`# Sample rate: 100 Hz`, `Sampling Frequency;0.1 kHz`, `dt = 10 ms`; `Units: deg/s`, `gyro in rad/s`,
-`scale: 131 LSB/(deg/s)`. What names another sensor, or holds a word that is not known here, states nothing.
+Examples are `# Sample rate: 100 Hz`, `Sampling Frequency;0.1 kHz`, `dt = 10 ms`; `Units: deg/s`, `gyro in
+rad/s`,
+`scale: 131 LSB/(deg/s)`. A line that names another sensor, or holds an unknown word, states nothing.
 """
 
 import re
@@ -16,10 +17,10 @@ from fltea.recording.wanted import UNSIGNED
 
 MOST_HZ, LEAST_HZ = 1e5, 0.1
 LONGEST_LINE = 300
-"""Characters; what is longer is no line of a head."""
+"""Longest line of a head [characters]."""
 
 _FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({UNSIGNED})[ ]*([^\s\d,;|()\[\]]*)")
-"""Words, a number, and its unit."""
+"""Matches words, a number, and its unit."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ]+")
 _SAID_OF_ALL = {
@@ -70,7 +71,7 @@ _OF_RATES = {
 _PERIOD = {"period", "interval", "dt", "ts"}
 _HZ = {"hz": 1.0, "khz": 1e3, "sps": 1.0, "samples/s": 1.0, "1/s": 1.0}
 _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
-"""In deg/s, which `fs` may mean as well."""
+"""Full scales in deg/s, since `fs` may also mean full scale."""
 
 _OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
@@ -82,9 +83,9 @@ _SCALE = re.compile(
 
 
 class Head(NamedTuple):
-    """What a head states.
+    """Facts in a head, each by the line that states it.
 
-    Rates: in Hz, and units, as `--units` takes them; each by the line that states it.
+    `rates`: sampling rates [Hz]. `units`: units in the notation of `--units`.
     """
 
     rates: dict[str, float]
@@ -93,9 +94,9 @@ class Head(NamedTuple):
 
 @lru_cache(maxsize=16)
 def stated_in(head: str) -> Head:
-    """Return what some lines state; several rates or units differ from each other.
+    """Return the rates and units that lines of a head state; several of them contradict each other.
 
-    Those that name the gyroscope count before those that name no sensor.
+    Lines that name the gyroscope have priority over lines that name no sensor.
     """
     rates: dict[bool, dict[str, float]] = {True: {}, False: {}}
     units: dict[bool, dict[str, str]] = {True: {}, False: {}}
@@ -114,7 +115,7 @@ def stated_in(head: str) -> Head:
 
 
 def _rates(text: str) -> Iterator[tuple[bool, float]]:
-    """Rates in Hz, and whether they are named as the gyroscope's."""
+    """Yield sampling rates [Hz], and whether each is named as the gyroscope's."""
     for found in _FACT.finditer(text):
         words = {word.lower() for word in _WORD.findall(found[1])}
         number, unit = float(found[2]), found[3].lower().rstrip(".")
@@ -134,7 +135,7 @@ def _rates(text: str) -> Iterator[tuple[bool, float]]:
 
 
 def _units(text: str) -> Iterator[tuple[bool, str]]:
-    """Units of angular rates, or counts of one, and whether they are named as the gyroscope's."""
+    """Yield units of angular rates, or counts per unit, and whether each is named as the gyroscope's."""
     if (found := _SCALE.search(text)) is not None:
         unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
         words = {word.lower() for word in _WORD.findall(text[: found.start()])}

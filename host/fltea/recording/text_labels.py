@@ -1,7 +1,7 @@
-"""Lines that name each number: objects of JSON, and numbers with labels as boards write them (pure).
+"""Reads lines that name each number: JSON objects, and labelled numbers as boards write them.
 
-`gx:1.2,gy:3.4` has a label a number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` a group and a unit for all of them;
-`Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has three numbers behind one label.
+`gx:1.2,gy:3.4` has a label for each number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` has a group and one unit;
+`Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
 """
 
 import re
@@ -17,7 +17,7 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.records import AXES
 
 LONGEST_LABEL = 80
-"""With group and unit. What is longer is no label, and would be tried from each of its letters on."""
+"""Longest label with group and unit. The limit bounds the search, which starts anew at each letter."""
 
 COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
@@ -27,27 +27,27 @@ _PAIR = re.compile(
 )
 _UNIT_BEHIND = re.compile(r"[\s)}]*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
 _GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*[:=]\s*(?:\w*\s*[({\[])?\s*$")
-"""Of `Gyro (dps): X: 1.2`, `Gyro: (x=1.2`, and `gyro=Vector3(x=1.2`."""
+"""Matches the group in `Gyro (dps): X: 1.2`, `Gyro: (x=1.2`, and `gyro=Vector3(x=1.2`."""
 _AXES = ("x", "y", "z")
 _AXIS = re.compile(r"[._ ]?[xyz]$", re.I)
 
 
 _decode = msgspec.json.Decoder(dict[str, Any]).decode
 DEEPEST = 4
-"""Objects in objects."""
+"""Deepest nesting of objects."""
 
 
 def decode_object(line: str | bytes) -> dict[str, Any]:
-    """Read an object of JSON; of one in it the names are `gyro.x`, of three numbers in it `gyro_x` and so on.
+    """Read a JSON object; nested names become `gyro.x`, and three numbers in a list `gyro_x`, `gyro_y`, `gyro_z`.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the line is no JSON object.
     """
     return flat(_decode(line))
 
 
 def flat(found: dict[str, Any]) -> dict[str, Any]:
-    """Return the values in an object, and in those in it, by such names."""
+    """Return the values of an object and of nested objects, by the names that `decode_object` describes."""
     if any(type(value) in (dict, list) for value in found.values()):
         inner: dict[str, Any] = {}
         _flatten("", found, inner, DEEPEST)
@@ -66,44 +66,44 @@ def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
 
 
 def units_beside(found: Mapping[str, Any]) -> list[str]:
-    """Return the unit that texts in an object state for each name in it, "" where they state none."""
+    """Return the unit that texts in an object state for each of its names, "" if they state none."""
     units = units_of(found)
     return [_fitting(name, unit_of(units, name, without_axis(name), 0, 1)) if units else "" for name in found]
 
 
 def without_axis(name: str) -> str:
-    """Return the name of what an axis is part of: `gyro` of `gyro.x` and of gyro_x."""
+    """Return a name without its axis: `gyro` for `gyro.x` and for `gyro_x`."""
     return _AXIS.sub("", name)
 
 
 def _fitting(name: str, unit: str) -> str:
-    """A unit of what a name measures; one that stands for all of an object is not of each."""
+    """Return a unit if it fits the quantity of a name, else ""; a unit of an object need not fit all its names."""
     is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
     is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
     return unit if is_rate or is_other else ""
 
 
 class Labelled(NamedTuple):
-    """The numbers in a line by their names, and the units of these, "" where none is stated."""
+    """The numbers in a line by their names, and their units, "" where none is stated."""
 
     values: dict[str, float]
     units: dict[str, str]
 
 
 def labelled(line: str) -> Labelled | None:
-    """Read a line; None if it has no labels with numbers."""
+    """Read a line; return None if it has no labelled numbers."""
     values: dict[str, float] = {}
     units: dict[str, str] = {}
     members: list[str] = []
     group, end = "", 0
     for found in _PAIR.finditer(line):
         text, start = found["label"], found.start()
-        if text.count("(") > text.count(")"):  # what is in front of the bracket is a group's
+        if text.count("(") > text.count(")"):  # the text before the bracket names a group
             start += text.rfind("(") + 1
             text = text.rpartition("(")[2]
         before = _GROUP_BEFORE.search(line[max(end, start - LONGEST_LABEL) : start])
         words = text.split() or [""]
-        while members and len(words) > 1 and is_unit(words[0]):  # the unit of the number before
+        while members and len(words) > 1 and is_unit(words[0]):  # this is the unit of the number before
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""
         if len(words) > 1 and words[-1][0] in "([":

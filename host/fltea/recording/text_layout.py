@@ -1,6 +1,6 @@
-"""How text is laid out: what separates its fields, where its columns stand, where its rows begin (pure).
+"""Finds the layout of a text: the separator of its fields, its columns, and its first row.
 
-Lines are looked at one by one, so a file and an endless stream are understood in the same way.
+Lines are examined one by one, so files and endless streams are read in the same way.
 """
 
 import re
@@ -39,10 +39,10 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SEPARATORS = ("\t", ";", ",", None)
-"""The last is white space."""
+"""Possible separators; None is white space."""
 
 MOST_BEFORE = 200
-"""Lines before the first row that are remembered: one of them may be a header."""
+"""Number of lines before the first row that are kept, since one of them may be a header."""
 
 WORDS = re.compile(r"[\s,;:={}\[\]]+")
 
@@ -50,13 +50,15 @@ ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 
 
 class Layout(NamedTuple):
-    """Where the numbers of a row stand.
+    """The positions of numbers in a row.
 
-    separator: what is between two fields; None is white space. parse: of rows that name each number, objects
-    of JSON or lines with labels, what gives them by their names; else None. usual: fields of the first row.
-    least: a row has at least so many. most: fields beyond them hold no numbers. begin: the line of the first
-    row, from 1. notes: what the user has to know. again: the lines of names and of units, which may come
-    again.
+    `separator`: text between two fields; None is white space.
+    `parse`: function that returns the numbers of a line by name, for JSON objects and labelled lines; else
+    None.
+    `usual`: number of fields in the first row. `least`: fewest fields of a row. `most`: fields beyond this
+    number hold no numbers.
+    `begin`: line number of the first row, from 1. `notes`: warnings for the user.
+    `again`: the lines of names and of units, which may repeat.
     """
 
     chosen: Chosen
@@ -71,7 +73,7 @@ class Layout(NamedTuple):
 
 
 class _Names(NamedTuple):
-    """Names of columns. is_loose: among them may be other words, or names with blanks."""
+    """Names of columns. `is_loose`: other words may be among them, or names with blanks."""
 
     names: list[str]
     separator: str | None
@@ -79,7 +81,7 @@ class _Names(NamedTuple):
 
 
 class _Header(NamedTuple):
-    """The same, with the number of their line, and the line."""
+    """Names of columns, with their line and its number."""
 
     line: int
     text: str
@@ -89,14 +91,14 @@ class _Header(NamedTuple):
 
 
 class LayoutFinder:
-    """Takes line after line until one is a row. where: for messages. how: what the user says.
+    """Examines lines one after the other until one is a row.
 
-    sample: gives the lines that are at hand, for what their numbers show. before: what found the header
-    before, of text whose header comes again. is_other: the newest line was neither empty, a comment, nor of
-    the header.
+    `where`: file, for messages. `how`: the user's options. `sample`: returns the lines that are available.
+    `before`: finder of the previous header, in a text with several headers.
+    `is_other`: the newest line was not empty, no comment, and no part of a header.
 
     Raises:
-        UsageError: `how` names too many columns, or one twice.
+        UsageError: `how` names too many columns, or one column twice.
     """
 
     def __init__(
@@ -123,10 +125,10 @@ class LayoutFinder:
         self._had_rows = before is not None
 
     def take(self, number: int, line: str) -> Layout | None:
-        """Look at the next line; the layout if it is a row.
+        """Examine the next line; return the layout if it is a row, else None.
 
         Raises:
-            UsageError: a line names the columns, but which are meant, or in which units, is not clear.
+            UsageError: a line names the columns, but the choice among them or their unit is ambiguous.
         """
         self.is_other, self._newest = False, line
         if is_blank(line):
@@ -158,11 +160,11 @@ class LayoutFinder:
         return found
 
     def header_of(self, line: str) -> _Names | None:
-        """The names in a line; None if it holds none."""
+        """Return the names of columns in a line, or None."""
         return next(self._headers(line), None)
 
     def _headers(self, line: str) -> Iterator[_Names]:
-        """What the names in a line may be, by what may separate them."""
+        """Yield the possible names of columns in a line, for each possible separator."""
         text = line.strip(
             " \r\n"
         )  # a tab separates, so one in front belongs to a first column without a name
@@ -170,7 +172,7 @@ class LayoutFinder:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        else:  # a line end separates nothing: this is one name with blanks, rather if a unit ends it
+        else:  # "\n" separates nothing: one name with blanks, likely if it ends in a unit
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
             names = words_with_units(text) if separator is None else split(text, separator)
@@ -184,7 +186,7 @@ class LayoutFinder:
                 yield _Names(names, separator, separator is None or is_comment(line))
 
     def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
-        """Whether the fields of a line name the columns that are meant."""
+        """Return whether the fields of a line name the wanted columns."""
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
@@ -197,7 +199,7 @@ class LayoutFinder:
         return wanted.is_in(names) and not is_row
 
     def refusal(self) -> UsageError:
-        """Why no line so far is a row."""
+        """Return the error that explains why no line so far is a row."""
         why = self._why_no_row or self._named.why_not
         if self._header is not None or why:
             return UsageError(why or f"{self._where}: has a header but no rows.")
@@ -206,9 +208,9 @@ class LayoutFinder:
         return refusal(self._where, self._how, lines, self._kinds(), self.facts)
 
     def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
-        """Return what is known beside the names of columns.
+        """Return what is known of the file in addition to the names of its columns.
 
-        Tag: what rows begin with, of several kinds of them.
+        `tag`: first field of the rows, if there are several kinds of rows.
         """
         count = width or len(names or ())
         return Facts(
@@ -219,9 +221,9 @@ class LayoutFinder:
         )
 
     def _choose_named(self, line: str) -> None:
-        """Choose the columns by the header and the first line behind it, which tells how many there are."""
+        """Choose the columns by the header and by the next line, which shows the number of fields."""
         self._thousands.check(self._where, self._sample())
-        header, self._header = self._header, None  # of one that is refused nothing stays
+        header, self._header = self._header, None  # a refused header is dropped
         assert header is not None
         fields = split(line, separator_of(line))
         if 2 * sum(map(is_number, fields)) > len(fields):
@@ -292,7 +294,7 @@ class LayoutFinder:
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """The first field if it tells kinds of rows apart, "" if none does; None of a row of another kind."""
+        """Return the first field if it tells kinds of rows apart, "" if not; None for a row of another kind."""
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
             return ""
@@ -303,14 +305,16 @@ class LayoutFinder:
             return None
         if tag not in kinds:
             return ""
-        if topic is not None and not {*topic} & {*"=/"} and topic not in fields:  # one that is yet to come
+        if (
+            topic is not None and not {*topic} & {*"=/"} and topic not in fields
+        ):  # rows of this kind may come later
             return None
         if self._is_known(tag, kinds[tag]):
             return tag
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
     def _has_kinds(self) -> bool:
-        """Whether a dialect knows the rows by what they begin with; its head names columns of all kinds."""
+        """Return whether a dialect identifies the rows by their first field; its head names columns of all kinds."""
         kinds = self._kinds()
         if "head" in self._known or names_kinds(self._newest):
             self._known["head"] = True
@@ -318,7 +322,7 @@ class LayoutFinder:
         return any(self._is_known(kind, width) for kind, width in kinds.items())
 
     def _is_known(self, kind: str, width: int) -> bool:
-        """Whether a dialect has rows that begin with a word and have so many fields, by the lines at hand."""
+        """Return whether a dialect has rows with this first field and this number of fields."""
         at_hand = kind, width, min(len(self._sample()), MOST_BEFORE)
         if at_hand not in self._known:
             facts = self.facts(None, width, kind)
@@ -334,7 +338,7 @@ def _by_names(chosen: Chosen | None, parse: Callable[[str], Mapping[str, Any]], 
 
 
 def _fit(header: _Names, row: str) -> bool:
-    """Whether a row has as many fields as there are names, or more that are empty."""
+    """Return whether a row has as many fields as there are names, apart from empty ones at its end."""
     count = len(header.names)
     rows = (split(row, separator) for separator in {separator_of(row, count), header.separator})
     return any(len(fields) >= count and not any(fields[count:]) for fields in rows)
@@ -357,7 +361,7 @@ def _layout(
 
 
 def why_too_many(fields: Sequence[str], columns: int) -> str:
-    """Why fields are more than there are columns, if these are numbers: commas may be decimal ones."""
+    """Return the reason if surplus fields hold numbers, since commas may be decimal ones; else ""."""
     if not any(map(is_number, fields[columns:])):
         return ""
     return (
@@ -367,7 +371,7 @@ def why_too_many(fields: Sequence[str], columns: int) -> str:
 
 
 def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> str:
-    """Why fields do not hold the numbers that are needed; "" if they do, or are missing ones."""
+    """Return why fields lack the needed numbers; "" if they have them, or have marks for missing numbers."""
     for place, name in zip(chosen.needed, chosen.read, strict=False):
         if place >= len(fields):
             return f"has {len(fields)} fields; column {shown(name)} is number {place + 1}."
@@ -385,7 +389,7 @@ def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> 
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
-    """Leave aside a column of times that holds words and was not asked for; and a text for the user."""
+    """Drop a column of times that holds words and was not asked for; return also a warning for the user."""
     if (
         chosen.time is None
         or chosen.time >= len(fields)

@@ -1,7 +1,7 @@
-"""One row of text, or many at once, as numbers.
+"""Reads rows of text as numbers, one line or many lines at once.
 
-Lines that are plain rows are read in C++ (`host/native/plain_rows.hpp`), a tenth of the time that numpy's own
-reader takes. What is not plain, such as a header, a torn line or words, goes line by line.
+Plain rows are read in C++ (`host/native/plain_rows.hpp`), in a tenth of the time of numpy's reader. Other
+lines, such as headers, truncated lines or words, are read one by one.
 """
 
 import csv
@@ -20,13 +20,13 @@ from fltea.recording.text_layout import Layout, why_no_row, why_too_many
 from fltea.recording.wanted import DECIMAL_COMMA, is_missing, is_number
 
 SAMPLE_BEGINS = '0123456789+-.,;"{'
-"""With what a line begins that was meant as a sample (or with `nan`), if its fields are too few."""
+"""First characters of a line that was meant as a sample (also `nan`), even if it has too few fields."""
 
 LEAST_AT_ONCE, MOST_AT_ONCE = 1 << 9, 1 << 18
-"""Bytes in which plain rows are looked for."""
+"""Smallest and largest number of bytes that are read as plain rows at once."""
 
 MOST_LEFT_OUT = 1000
-"""Lines that hold no sample which are known again."""
+"""Most lines without a sample that are remembered, to skip them quickly when they repeat."""
 
 REASONS = {
     "text": "is no line of numbers",
@@ -40,21 +40,22 @@ REASONS = {
     "too_large": "is beyond what a gyroscope measures; are the units right?",
     "time": "has a time that cannot be",
 }
-"""Why a line holds no sample: the key of its count in `link.bad_frames`, and words for the user.
+"""Reasons why a line holds no sample: the key of its count in `link.bad_frames`, and words for the user.
 
-The last three are found where rows become samples (`fltea.recording.table`).
+`fltea.recording.table` detects the last three, where rows become samples.
 """
 
 WhyNot = tuple[str, str]
-"""Why a line holds no sample: the key of its count, and a text with what the line holds."""
+"""Why a line holds no sample: the key of its count, and a text that shows the line."""
 
 
 class Plain(NamedTuple):
     """Lines up to the first that is no plain row.
 
-    next: where that begins; beyond the end if there is none. passed: how many lines are before it. rows: (n,)
-    of them those that are rows, from 0; the others are blank or comments. values: (n, places). goes_on: only
-    a part of the lines was looked at so far, and all were plain.
+    `next`: offset of that line; beyond the end if there is none. `passed`: number of lines before it.
+    `rows`: (n,) indices of those lines that are rows; the others are blank or comments. `values`: (n,
+    columns).
+    `goes_on`: only a part of the lines was read so far, and all were plain.
     """
 
     next: int
@@ -65,9 +66,9 @@ class Plain(NamedTuple):
 
 
 class RowParser:
-    """Reads lines of one layout.
+    """Reads the lines of one layout.
 
-    Once a number has a decimal comma or a decimal point, all later ones have to have the same.
+    After the first number with a decimal comma or a decimal point, all numbers have to use the same sign.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -77,13 +78,13 @@ class RowParser:
         self._left_out: dict[bytes, WhyNot] = {}
 
     def plain(self, data: bytes, begin: int = 0) -> Plain:
-        """The lines from a byte on, as far as they are plain; the last one has no end."""
+        """Read the lines from byte `begin` on, as far as they are plain; the last line has no end."""
         layout = self.layout
         if layout.parse is not None:
             return self._plain_named(data, begin)
         form = layout.separator or "\0", layout.least, layout.most, layout.chosen.places
         stop = end_of_line(data, begin + self._window) if begin + self._window < len(data) else len(data)
-        part = data[begin:stop]  # room is made for all lines of it, so it is short where many are not plain
+        part = data[begin:stop]  # memory is reserved for all its lines, so it is short if few are plain
         after, passed, decimal, rows, values = plain_rows(part, 0, *form, self._decimal or "\0")
         self._decimal = decimal.strip("\0")
         goes_on = after > len(part)
@@ -91,11 +92,11 @@ class RowParser:
         return Plain(begin + after, passed, rows, values, goes_on and stop < len(data))
 
     def left_out(self, line: bytes) -> WhyNot | None:
-        """Why a line holds no sample, if the same has been left out before."""
+        """Return why a line holds no sample, if the same line was left out before; else None."""
         return self._left_out.get(line)
 
     def leave_out(self, line: bytes, why: WhyNot) -> None:
-        """Know a line again that holds no sample, and names no columns."""
+        """Remember a line that holds no sample and names no columns."""
         if len(self._left_out) < MOST_LEFT_OUT:
             self._left_out[line] = why
 
@@ -115,7 +116,7 @@ class RowParser:
         return Plain(begin, passed, np.array(rows, np.int64), np.array(values))
 
     def one(self, text: str) -> list[float] | WhyNot | None:
-        """The numbers in one line; why it holds no sample; or None, if it is empty or a comment."""
+        """Return the numbers in a line; the reason if it holds no sample; None if it is empty or a comment."""
         layout = self.layout
         if layout.parse is not None:
             return None if self._is_empty(text) else _of_named(layout, layout.parse, text)
@@ -147,7 +148,9 @@ class RowParser:
             return "fields", surplus
         if why:
             return "number", why
-        fields += [""] * (max(layout.chosen.places) + 1 - len(fields))  # the accelerometer's may be missing
+        fields += [""] * (
+            max(layout.chosen.places) + 1 - len(fields)
+        )  # the accelerometer's fields may be missing
         chosen = [fields[place].strip().strip('"').strip() for place in layout.chosen.places]
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])
@@ -156,18 +159,18 @@ class RowParser:
         return [_number(field, layout.separator) for field in chosen]
 
     def _note_decimal(self, fields: Sequence[str]) -> None:
-        """Once a number has a decimal comma or a point, all others have to have it, too."""
+        """Remember the decimal sign of the first number that has one."""
         if not self._decimal:
             self._decimal = next((mark for mark in ".," if any(mark in field for field in fields)), "")
 
     def _is_empty(self, text: str) -> bool:
-        """Whether a line is blank or a comment."""
+        """Return whether a line is blank or a comment."""
         blank = not text.strip(" \r") if self.layout.separator == "\t" else is_blank(text)
         return blank or is_comment(text)
 
 
 def _number(field: str, separator: str | None) -> float:
-    """What a field holds, NaN where that is no number."""
+    """Return the number in a field, or NaN."""
     text = field.replace(",", ".") if separator != "," and DECIMAL_COMMA.fullmatch(field) else field
     if is_missing(text) or not is_number(text):
         return math.nan
@@ -186,7 +189,7 @@ def _of_named(
     chosen = layout.chosen
     names = chosen.read[: len(chosen.needed)]
     if lacking := [name for name in names if name not in found]:
-        if parse is values_in:  # a board writes other quantities on lines of their own
+        if parse is values_in:  # boards write other quantities on separate lines
             return (
                 None if len(lacking) == len(names) else ("fields", f"has no number for {shown(lacking[0])}.")
             )
@@ -201,13 +204,13 @@ def _of_named(
 
 
 def end_of_line(data: bytes, begin: int) -> int:
-    """Where the line that begins at a byte ends; the last one may lack its end."""
+    """Return the end of the line that begins at byte `begin`; the last line may lack a line end."""
     end = data.find(b"\n", begin)
     return len(data) if end < 0 else end
 
 
 def decoded(line: bytes) -> str:
-    """A line as text: UTF-8, or what Windows writes, for units have signs that are not ASCII."""
+    """Return a line as text, in UTF-8 or else in the Windows encoding, since units have signs beyond ASCII."""
     try:
         return line.decode()
     except UnicodeDecodeError:

@@ -1,7 +1,7 @@
-"""Text as rows of numbers, from bytes that are cut anywhere: a file, a pipe, or what a board writes (pure).
+"""Reads text as rows of numbers, from bytes in pieces of any length: a file, a pipe, or a board's output.
 
-A line that holds no sample is counted by its reason and left out; what looks like a sample and cannot be read
-stands for a lost one, so it takes a number.
+A line without a sample is counted by its reason and left out. A line that was meant as a sample and is
+unreadable stands for a lost sample, so it takes a sequence number.
 """
 
 import math
@@ -31,20 +31,20 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
-"""Of what comes first, which tells what the columns may be."""
+"""Number of first lines and bytes that are kept, to find out what the columns hold."""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
-"""How an array of objects begins, an object over several lines, and one of columns, as pandas writes it."""
+"""Matches the beginning of a JSON array, an object over several lines, or an object of columns as of pandas."""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
-"""Lines of a block that may be other headers, and how many of these a file may have."""
+"""Most lines of a block that are examined as headers, and most headers of a file."""
 
 NO_NAME = "0123456789+-."
-"""With what a line of names does not begin."""
+"""First characters that a line of names does not have."""
 
 
 class Bad(NamedTuple):
-    """A line without a sample. line: its number, from 1. why: in full, with what the line holds."""
+    """A line without a sample. `line`: its number, from 1. `why`: the reason, with a part of the line."""
 
     line: int
     reason: str
@@ -52,13 +52,14 @@ class Bad(NamedTuple):
 
 
 class TextReader:
-    """Turns bytes into rows. where: for messages. how: what the user says of the columns.
+    """Converts bytes to rows. `where`: file, for messages. `how`: the user's options on columns.
 
-    head: lines that stand elsewhere and say something of the rows. counts: lines without a sample by their
-    reason, but for the last three of `text_numbers.REASONS`. first, newest: the first and the newest of them.
-    cut: what the user has to know of the last line, if it has no end and is no row, and is left out. lines:
-    how many there were so far. notes: the same of the columns. chosen: the columns that are read, which stay
-    what they are; None as long as no line has said it.
+    `head`: lines from elsewhere that describe the rows.
+    `counts`: number of lines without a sample by reason, except the last three of `text_numbers.REASONS`.
+    `first`, `newest`: first and newest line without a sample.
+    `cut`: warning about a last line that is incomplete and left out, or None.
+    `lines`: number of lines so far. `notes`: warnings about the columns.
+    `chosen`: the columns that are read, None until a line determines them; they do not change afterwards.
 
     Raises:
         UsageError: `how` is wrong.
@@ -80,7 +81,7 @@ class TextReader:
         self._finder.head += head
         self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
-        self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: its columns are others
+        self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: columns that do not fit
         self._checks = 0
         self._sensors = SensorLines(where, how)
         self._ordinal = self._since_header = self._page = 0
@@ -89,21 +90,21 @@ class TextReader:
 
     @property
     def left_out(self) -> int:
-        """How many lines hold no sample, without those before the columns were known."""
+        """Number of lines that hold no sample, without those before the columns were known."""
         return self.counts.total() - self.counts["before_header"]
 
     @property
     def pending_bytes(self) -> int:
-        """Bytes of a line that has not ended yet."""
+        """Number of bytes of a line that has not ended yet."""
         return len(self._rest)
 
     def resume(self, *, within_line: bool) -> None:
-        """The sender was lost and is back; within_line: what comes first may be the end of a line."""
+        """Continue after the sender was lost. `within_line`: the next bytes may be the end of a line."""
         self._decoder.drop()
         self._rest, self._skipping = b"", within_line
 
     def with_columns(self, error: UsageError) -> UsageError:
-        """An error with a table of what the first rows show."""
+        """Return an error with a table of what the first rows show."""
         chosen = self.chosen
         if chosen is None:
             return error
@@ -111,7 +112,7 @@ class TextReader:
         return type(error)("\n".join(filter(None, [str(error), columns_table(chosen.names, values)])))
 
     def refusal(self, *, is_file: bool = False) -> UsageError:
-        """Why there was no row so far."""
+        """Return the error that explains why there was no row so far."""
         is_document = ONE_DOCUMENT.match(self._decoder.begin) is not None
         if is_document and is_file:
             return UsageError(
@@ -130,10 +131,10 @@ class TextReader:
         return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
 
     def feed(self, data: bytes) -> list[Rows]:
-        """Take bytes; the rows in the lines that end in them.
+        """Take the next bytes; return the rows in the lines that end in them.
 
         Raises:
-            UsageError: the first line that names the columns does not say clearly which are meant.
+            UsageError: the first line that names the columns leaves the choice among them ambiguous.
         """
         data = self._decoder.feed(data, hold=not self._skipping)
         return self._sensors.in_turn(self._feed(data))
@@ -158,7 +159,7 @@ class TextReader:
         return found
 
     def finish(self) -> list[Rows]:
-        """The sender has ended: its last line may lack its end."""
+        """Return the remaining rows at the end of the text; its last line may lack a line end."""
         return self._sensors.in_turn(self._finish()) + self._sensors.finish()
 
     def _finish(self) -> list[Rows]:
@@ -179,7 +180,7 @@ class TextReader:
         return found
 
     def _take(self, data: bytes) -> list[Rows]:
-        """Whole lines, without the end of the last one."""
+        """Read whole lines; the last one has no line end."""
         data = plain_lines(data)
         if b":" in data and A_CLOCK.search(data):
             data = self._clocks.with_seconds(decoded(data)).encode()
@@ -214,7 +215,7 @@ class TextReader:
         return _by_run(pieces)
 
     def _find(self, data: bytes, begin: int) -> int | None:
-        """Look for the first row; where it begins, None if there is none."""
+        """Find the first row; return its offset, or None if there is none."""
         while begin <= len(data):
             if self.chosen is None and self.lines >= self.most_before:
                 raise self.refusal()
@@ -248,7 +249,7 @@ class TextReader:
                 self._finder = self._new_finder()
             elif self._finder.is_other:
                 reason, what = "before_header", "came before the columns"
-                if self.chosen is not None:  # a header was torn, or names other columns than its rows have
+                if self.chosen is not None:  # a header is incomplete or does not fit its rows
                     reason, what = "fields", "does not fit the header before it"
                 self._count(Bad(self.lines, reason, f"{what}: {shown(text)}"))
             begin = end + 1
@@ -258,7 +259,7 @@ class TextReader:
         return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder)
 
     def _is_as_before(self, chosen: Chosen) -> bool:
-        """Whether the columns of a new header can go on where those of the one before ended."""
+        """Return whether the columns of a new header can continue those of the header before."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
             return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
@@ -274,14 +275,16 @@ class TextReader:
         return self._go_on(layout)
 
     def _go_on(self, layout: Layout) -> RowParser:
-        """Read rows by a layout from here on."""
+        """Read rows by `layout` from here on."""
         self._sensors.begin(layout.chosen, len(self._sample))
         self.layout, self._parser = layout, RowParser(layout)
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
-        """Read rows; where another header begins, None at the end of the data."""
-        is_plain = is_first = True  # behind two lines that are none, each is looked at up to the next row
+        """Read rows; return the offset of another header, or None at the end of the data."""
+        is_plain = is_first = (
+            True  # after two lines without a row, lines are read one by one until a row comes
+        )
         while begin <= len(data):
             if is_plain:
                 found = parser.plain(data, begin)
@@ -320,13 +323,13 @@ class TextReader:
         return None
 
     def _leave_out(self, why: WhyNot) -> None:
-        """Count a line that holds no sample; what was meant as one stands for a lost one."""
+        """Count a line without a sample; a line that was meant as a sample takes a sequence number."""
         self._ordinal += why[0] not in ("text", "columns")
         self.lines += 1
         self._count(Bad(self.lines, *why))
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
-        """A line of names, or of units, that was there before."""
+        """Handle a line of names or units that came before; return the parser to use."""
         known = self._layouts.get(line)
         if known is not None:
             self._page_begins(data, begin, end)
@@ -337,9 +340,9 @@ class TextReader:
         return parser
 
     def _page_begins(self, data: bytes, begin: int, end: int) -> None:
-        """The header stands there again.
+        """Note that the header repeats.
 
-        The sender began again, unless it does so after every so many rows.
+        This means that the sender restarted, unless the header comes after a fixed number of rows.
         """
         again = data.find(data[begin:end], end)
         rows = data.count(b"\n", end + 1, again) if again > 0 else -1
@@ -356,9 +359,9 @@ class TextReader:
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
-        """Whether a line names columns anew.
+        """Return whether a line names columns anew.
 
-        Of many other lines only some are looked at, since that takes long.
+        Of many other lines only some are examined, since this is slow.
         """
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
         if not might_be or not self._checks or len(self._layouts) >= MOST_HEADERS:
@@ -374,7 +377,7 @@ class TextReader:
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:
-    """Rows that follow each other in one piece, up to where the sender began again."""
+    """Join successive rows to one piece for each run of the sender."""
     found: list[list[Rows]] = []
     for piece in pieces:
         if piece.begins or not found:

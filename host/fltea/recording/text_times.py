@@ -1,7 +1,7 @@
-"""Dates and times of day in text, which become seconds before anything else is read of a line (pure).
+"""Converts dates and times of day in text to seconds, before lines are read further.
 
-Seconds are those of Unix time where there is a date, else those since midnight. A line stays one line, so a
-block is turned at once. `22:13:20.123 -> ` is what Arduino's monitor writes before a line.
+Seconds are Unix time if there is a date, else seconds since midnight. The number of lines does not change, so
+blocks of lines are converted at once. Arduino's monitor writes `22:13:20.123 -> ` before each line.
 """
 
 import re
@@ -25,7 +25,7 @@ _DAY = (
 )
 _WEEKDAY = "(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,? )?"
 _HOUR = re.compile(rf"(?<![\w:.])(?:{_WEEKDAY}(?:{_DAY})(?:T|\s+|,\s))?(?P<h>\d\d?)$")
-"""What stands before the first colon of a time of day."""
+"""Matches the text before the first colon of a time of day."""
 
 _LONGEST_BEFORE = 40
 
@@ -34,34 +34,34 @@ _CLOCK = re.compile(
     r"(?:([.:])(\d+)|,(\d+)(?=[;\t\"]|\s*->|[ ]+[-+\d]))?"
     r"(?:\s?([AaPp])\.?[Mm]\b\.?)?(?:\s?(Z|UTC|GMT|[+-]\d\d:?\d\d)(?![\d:]))?|(?<=:\d\d)([.,])(\d+))(?![\w:])"
 )
-"""From the first colon on; the last two groups are of minutes and seconds, as Excel shows short times."""
+"""Matches a time from its first colon on; the last two groups are for minutes and seconds as Excel writes."""
 
 _SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
-"""What a time became."""
+"""Matches a time after its conversion."""
 
 _MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
 
 A_CLOCK = re.compile(rb"\d:[0-5]?\d[:.,]")
-"""Without which there is none in some bytes, and they need no closer look."""
+"""Matches some bytes if they may contain a time of day; a quick test."""
 
 _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
-"""In a line whose fields are separated by other signs."""
+"""Matches a decimal comma in a line with other separators."""
 
 _ARROW = re.compile(r"^(\d+(?:[.,]\d+)?) -> ?([^\n]*)", re.M)
 
 _LAST = re.compile(r"^[^\n]*?(\d\d?:\d\d?:\d\d?)([.:])(\d+)(?![\d:])", re.M)
-"""The first time of day in a line: to the second, and what is behind."""
+"""Matches the first time of day in a line: its seconds, and the digits behind them."""
 
 _ENOUGH = 1 << 14
-"""Characters of a block that show how the parts of seconds are written."""
+"""Number of characters that are examined to find how fractions of seconds are written."""
 
 
 class Clocks:
-    """Turns the times of one text into seconds, a block of whole lines at a time.
+    """Converts the times of one text to seconds, a block of whole lines at a time.
 
-    Digits behind the seconds are a fraction, unless they show that they are milliseconds that are not padded:
-    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Behind a colon, where its programs have them, they are
-    milliseconds, if they are not always two, which may be frames of a film.
+    Digits after the seconds are a fraction, unless they turn out to be milliseconds without leading zeros:
+    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Digits after a further colon, as WitMotion's programs
+    write, are milliseconds unless there are always two, which may be frames of a film.
     """
 
     def __init__(self) -> None:
@@ -96,10 +96,11 @@ class Clocks:
         return _ARROW.sub(_before_line, turned) if " -> " in turned else turned
 
     def _look(self, text: str) -> None:
-        """Find out how the parts of seconds are written.
+        """Find out how fractions of seconds are written.
 
-        Milliseconds that are not padded are of several lengths and never begin with a zero. As fractions they
-        would end in zeros or fall within a second; but who writes fractions of several lengths drops zeros.
+        Milliseconds without leading zeros have several lengths and never begin with a zero. Read as
+        fractions, they would end in zeros or decrease within a second. Programs that write fractions of
+        several lengths drop final zeros.
         """
         for clock, sign, digits in _LAST.findall(text):
             if sign == ":":
@@ -117,7 +118,7 @@ class Clocks:
                 self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
-        """Where in `before` a time begins, and its seconds; None if it is none."""
+        """Return where in `before` a time begins, and its seconds; None if it is no time."""
         m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
             minutes = _MINUTES.search(before)
@@ -146,9 +147,9 @@ def with_seconds(text: str) -> str:
 
 
 def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> NDArray[np.datetime64] | None:
-    """Return what a column of dates or times of day says, which go on after midnight; None if it is none.
+    """Return a column of dates or times of day, continued after midnight; None if it is no such column.
 
-    is_known: it is known to be one, and what is no time in it is missing.
+    `is_known`: the column is known to hold times, and other texts count as missing.
     """
     plain = ["" if text is None or is_missing(text) else text.replace("\n", " ") for text in texts]
     if not is_known and ":" not in next(filter(None, plain), ""):
@@ -173,11 +174,11 @@ def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> ND
 
 
 class _DayMonth:
-    """Which comes first in dates such as 03/05/2023, one order for a text.
+    """Order of day and month in dates such as 03/05/2023, the same for a whole text.
 
-    A number above 12 tells it, or the next date: two that follow each other are near. Before that the month
-    is first; where this turns out wrong, later dates go on from there, since no more than steps is read of
-    them.
+    A number above 12 shows the order, or else the next date, since successive dates are near. Until then the
+    month is taken as first. If this turns out wrong, later dates are shifted to continue from there, since
+    only steps between dates are used.
     """
 
     def __init__(self) -> None:
@@ -186,7 +187,7 @@ class _DayMonth:
         self._newest: tuple[int, int] | None = None
 
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
-        """Return the days since 1970 of a date that is one of these; None if it is none in this order."""
+        """Return the days since 1970 of a date, given for both orders; None if it is no date in this order."""
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):
             self._is_day_first = month_first is None
@@ -203,7 +204,10 @@ class _DayMonth:
 
 
 class _Hour(NamedTuple):
-    """A date and an hour. begin: where they are. days: since 1970; is_either: month or day may come first."""
+    """A date and an hour.
+
+    `begin`: position in the text. `days`: since 1970, by order; `is_either`: orders differ.
+    """
 
     begin: int
     hour: int
@@ -213,7 +217,7 @@ class _Hour(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _hour(before: str) -> _Hour | None:
-    """Return the date and hour at the end of a text; None without one."""
+    """Return the date and hour at the end of a text, or None."""
     found = _HOUR.search(before)
     if found is None:
         return None
@@ -223,7 +227,7 @@ def _hour(before: str) -> _Hour | None:
         day = _day(part["y"], part["mo"], part["d"])
     elif part["a"]:
         day = _day(part["c"], part["b"], part["a"])
-        if part["sign"] != ".":  # before which the day is first
+        if part["sign"] != ".":  # with full stops the day is first
             return _Hour(found.start(), hour, (_day(part["c"], part["a"], part["b"]), day), is_either=True)
     elif name:
         month = str(_MONTHS.index(name[:3].lower()) + 1)
@@ -234,7 +238,7 @@ def _hour(before: str) -> _Hour | None:
 
 
 def _day(year: str, month: str, day: str) -> int | None:
-    """Days since 1970."""
+    """Return the days since 1970, or None."""
     try:
         return (
             date(int(year if len(year) == 4 else f"20{year}"), int(month), int(day)) - date(1970, 1, 1)
@@ -244,7 +248,7 @@ def _day(year: str, month: str, day: str) -> int | None:
 
 
 def _before_line(found: re.Match[str]) -> str:
-    """The time as one more column of the line: a number, a label with its number, or a name before names."""
+    """Put the time into the line as one more column: a number, a labelled number, or a name among names."""
     seconds, line = found[1], found[2]
     if re.match(r'\s*[-+\d.,"]', line):
         separator = next((mark for mark in "\t;," if mark in line), " ")

@@ -1,4 +1,4 @@
-"""The rate of rows with a column of times: given, stated, measured, or asked for (pure)."""
+"""Determines the sampling rate of rows with a column of times: given, stated, measured, or asked for."""
 
 import math
 from collections.abc import Callable
@@ -23,21 +23,21 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
 POSSIBLE_HZ = 2.0, 50_000.0
-"""Beyond these no times are believed, whatever unit is stated: 1000 Hz in ms called s would be 1 Hz."""
+"""Accepted rates of times with a stated unit; outside, the unit is likely wrong, such as s in place of ms."""
 
 LEAST_HZ = 0.01
-"""Of a rate that the user gives: fewer samples a second are a mistake."""
+"""Lowest rate that the user may give without --overrule; lower ones are mistakes."""
 
 LIKE_MEAN = 1.5
-"""A given rate and the mean of uneven times are not the same if they differ by more than this factor."""
+"""Largest accepted ratio between a given rate and the mean rate of uneven times."""
 
 
 class Timing(NamedTuple):
     """How rows are numbered and timed.
 
-    period: in the column's unit; None: the order of the rows numbers them. unit_s: seconds in one of that
-    unit. warning: what the user has to know, "" if that is nothing. answers: on the clock. is_rounded: as of
-    `Clock`.
+    `period`: sampling period in the column's unit; None: the order of the rows numbers them. `unit_s`: the
+    unit [s].
+    `warning`: warning for the user, or "". `answers`: answers on the clock. `is_rounded`: as in `Clock`.
     """
 
     rate_hz: float
@@ -55,12 +55,14 @@ def timing(
     elapsed: Elapsed,
     place: Callable[[int], str] = str,
 ) -> Timing:
-    """The rate of rows, and how they are numbered.
+    """Return the sampling rate of rows, and how they are numbered.
 
-    where: for messages. elapsed: what the clock was found of. place: a row, for messages.
+    `where`: file, for messages. `elapsed`: the times that `clock` was measured from. `place`: returns the
+    position of a row, for messages.
 
     Raises:
-        UsageError: no rate is given, and the times tell none, or another one than is given or stated.
+        UsageError: no rate is given and the times tell none, or their rate contradicts the given or stated
+            rate.
     """
     where_column = f"{where}: column '{column.name}'"
     if column.is_given and column.rate_hz is not None:
@@ -86,10 +88,10 @@ def timing(
 
 
 def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
-    """Refuse a rate of the user's that no recording has.
+    """Refuse an impossible rate that the user gives.
 
     Raises:
-        UsageError: it is below `LEAST_HZ`, or above what a recording may have.
+        UsageError: it is below `LEAST_HZ`, or above the limit for recordings.
     """
     if rate_hz > HIGHEST_RATE_HZ:
         raise UsageError(f"{where}: --rate {rate_hz:g}: no gyroscope gives so many samples a second.")
@@ -101,7 +103,7 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
 
 
 def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
-    """The rate by the times of some rows, if they are a clock's and their unit is known or can only be s."""
+    """Return the rate by some rows' times if they are even and their unit is known or can only be s, else None."""
     times = times[np.isfinite(times)]
     if not len(times):
         return None
@@ -124,7 +126,7 @@ def _clock_answer(column: TimeColumn, elapsed: Elapsed, rate_hz: float) -> Answe
 def _uneven(
     where: str, column: TimeColumn, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]
 ) -> NotStated:
-    """What is wrong with times that are no sensor's clock; the rate is asked for."""
+    """Return a question for the rate that explains why the times are not a sensor's clock."""
     name, shown, unit_s = column.name, column.unit or "s", SECONDS[column.unit or "s"]
     first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
     at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
@@ -177,7 +179,7 @@ def _uneven(
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Ask whether times that each stand so many times are of as many sensors."""
+    """Ask whether times that repeat `count` times each are of `count` sensors."""
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [
         f"Each time in '{name}' stands {count} times{at}:",
@@ -188,7 +190,7 @@ def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
 
 
 def _mean(column: TimeColumn, rate_hz: float) -> str:
-    """What uneven times come to, which is a remark and no evidence."""
+    """Return a remark on the mean rate of uneven times; it is no evidence."""
     if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
         return "the times tell no rate"
     return f"in the mean these times give {rate_hz:.4g} Hz, which is wrong if rows are missing"
@@ -199,7 +201,7 @@ def _is_coarse(elapsed: Elapsed) -> bool:
 
 
 def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
-    """Return the rate by the first time and the last."""
+    """Return the rate by the first and the last time."""
     steps, span = (elapsed.rows, clock.median) if _is_coarse(elapsed) else (elapsed.rows - 1, 0.0)
     return steps / (elapsed.span + span) / unit_s if elapsed.span > 0 else math.nan
 
@@ -210,7 +212,7 @@ def _is_within(limits: tuple[float, float], rate_hz: float) -> bool:
 
 
 def _widened(limits: tuple[float, float]) -> tuple[float, float]:
-    """Limits with what a rate that is computed may be off."""
+    """Return limits widened by the rounding of a computed rate."""
     return limits[0] * (1 - 1e-6), limits[1] * (1 + 1e-6)
 
 
@@ -234,7 +236,7 @@ def _with_rate(
     if clock is None:
         return Timing(rate_hz, None)
     if unit is not None and clock.even and not _is_within(POSSIBLE_HZ, 1 / (clock.typical * SECONDS[unit])):
-        unit = None  # what is stated cannot be
+        unit = None  # the stated unit is impossible
     own_s = 1 / (rate_hz * clock.typical) if clock.typical > 0 else 1.0
     by_times = Timing(rate_hz, clock.typical, own_s, is_rounded=clock.is_rounded)
     nearest = math.nan
@@ -245,7 +247,9 @@ def _with_rate(
             return by_times
     if not clock.even:
         mean_hz = math.nan if unit is None else _mean_hz(clock, elapsed, SECONDS[unit])
-        is_slower = mean_hz > LIKE_MEAN * rate_hz  # than there are rows; it is faster where samples are lost
+        is_slower = (
+            mean_hz > LIKE_MEAN * rate_hz
+        )  # the given rate may exceed the mean rate where samples are lost
         is_faster = _is_coarse(elapsed) and LIKE_MEAN * mean_hz < rate_hz
         if (is_slower or is_faster) and not column.overrule:
             raise _other_rate(where_column, mean_hz, rate_hz)

@@ -1,4 +1,4 @@
-"""The rows of one of several sensors that take turns and are told apart by nothing else (pure)."""
+"""Selects the rows of one of several sensors that take turns, when no column tells them apart."""
 
 import numpy as np
 
@@ -6,15 +6,17 @@ from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
 LOOKED_AT, STEADY = 8, 0.2
-"""Rounds of turns from which the steps between sensors are learned, and how far a step may be from them."""
+"""Rounds of turns by which the steps between sensors are measured, and the tolerance of a step."""
 
 
 class Turns:
-    """Takes rows, and gives those of one sensor. which: from 0. count: of sensors. time: the column of times.
+    """Takes rows, and returns those of one sensor.
 
-    Where rows have the same time, each time has a row of each sensor, in their order; where one is missing
-    the others are left out, since which of them is missing is not known. Where no two have the same time, the
-    steps from one sensor to the next tell which one is missing; without times the order of the rows does.
+    `which`: index of the sensor, from 0. `count`: number of sensors. `time`: column of times, or None.
+
+    If rows share times, each time has one row of each sensor, in a fixed order; incomplete groups are left
+    out, since the missing sensor is unknown. If all times differ, the steps between them show whose row is
+    missing. Without times, the order of the rows counts.
     """
 
     def __init__(self, which: int, count: int, time: int | None) -> None:
@@ -26,7 +28,7 @@ class Turns:
         self._ordinal = 0
 
     def take(self, rows: Rows) -> list[Rows]:
-        """Return the rows of the sensor among these and those that were held back; a few are held again."""
+        """Return the sensor's rows among `rows` and rows held back before; the last few are held back again."""
         found = self.finish() if rows.begins else []
         self._held.append(rows)
         if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
@@ -34,7 +36,7 @@ class Turns:
         return found + self._release(is_last=False)
 
     def finish(self) -> list[Rows]:
-        """Return those that are held back, as no more rows of the same run come."""
+        """Return the rows that are held back, at the end of a run."""
         found = self._release(is_last=True)
         self._are_groups = self._steps = self._last = None
         return found
@@ -55,7 +57,7 @@ class Turns:
             ours = self._turn_of(time) == self._which
         else:
             edges = np.flatnonzero(~same) + 1
-            if not is_last:  # more rows of the last time may come
+            if not is_last:  # more rows with the last time may follow
                 end = int(edges[-1]) if len(edges) else 0
                 self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
                 numbers, values, edges = numbers[:end], values[:end], edges[:-1]
@@ -64,7 +66,7 @@ class Turns:
         return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
 
     def _of_groups(self, rows: int, edges: Ints) -> Marks:
-        """Mark a row of each group that is whole; groups begin at 0 and at the edges."""
+        """Mark one row of each complete group; groups begin at 0 and at the edges."""
         ours = np.zeros(rows, np.bool_)
         begin = np.concatenate([[0], edges])
         sizes = np.diff(begin, append=rows)
@@ -74,9 +76,9 @@ class Turns:
         return ours
 
     def _turn_of(self, time: Floats) -> Ints:
-        """Whose turn each row is, by the steps from one to the next."""
+        """Return the sensor of each row, by the steps between times."""
         if self._steps is None:
-            # later rounds may be out of step, where a row is missing
+            # later rounds may be shifted, if a row is missing
             rounds = min(len(time[1:]) // self._count, LOOKED_AT)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
@@ -97,7 +99,7 @@ class Turns:
         return turns
 
     def _after(self, turn: int, step: float) -> int:
-        """Whose turn it is after a step: rows between may be missing."""
+        """Return the sensor whose turn it is after a step; rows between may be missing."""
         assert self._steps is not None
         around = float(self._steps.sum())
         if not np.isfinite(step) or around <= 0:

@@ -1,7 +1,7 @@
-"""Units as people write them: a grammar of angles per time, accelerations and times, not a list (pure).
+"""Reads units as people write them, by a grammar: angles per time, accelerations and times.
 
-Blanks, brackets, signs of multiplication and capitals make no difference: no logger writes megaradians. What
-may mean two things is no unit here: `rps` is revolutions or radians per second.
+Blanks, brackets, multiplication signs and capitals make no difference, since no logger writes megaradians.
+Ambiguous words are not accepted: `rps` is revolutions or radians per second.
 """
 
 import math
@@ -15,7 +15,7 @@ from fltea.settings.how import TimeUnit
 
 
 def _spelled(forms: dict[str, str]) -> dict[str, str]:
-    """Turn words by what they mean into what they mean by the word."""
+    """Map each word to its meaning, given the words of each meaning."""
     return {word: meaning for meaning, words in forms.items() for word in words.split()}
 
 
@@ -29,7 +29,7 @@ PER_UNIT = {
     for prefix, scale in _PREFIXES.items()
     for time, seconds in _TIMES.items()
 }
-"""Degrees per second in one of each unit of rates, by its name here."""
+"""Factors from each unit of angular rates to deg/s, by the unit's name here."""
 
 UNITS_HELP = "deg/s, °/s, dps, mdps, rad/s, mrad/s, deg/h, rpm, or lsb:N for counts, N LSB per deg/s"
 ACCEL_UNITS_HELP = "m/s^2, cm/s^2, mm/s^2, g, mg, or lsb:N for counts, N LSB per g"
@@ -52,7 +52,7 @@ _OF_FREE_FALL = {
     "gal": 1e-2,
 }
 _RATES_IN_ONE = {"rads": "rad/s", "rpm": "rev/min", "r/min": "rev/min"}
-"""Without a sign between angle and time."""
+"""Units of rates without a sign between angle and time."""
 
 TIME_UNITS: Mapping[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
@@ -60,16 +60,16 @@ TIME_UNITS: Mapping[str, TimeUnit] = {
     **dict.fromkeys(("us", "usec", "usecs", "micros", "microseconds", "microsecond"), "us"),
     **dict.fromkeys(("ns", "nsec", "nsecs", "nanos", "nanoseconds", "nanosecond"), "ns"),
 }
-"""What is written behind or instead of the name of a column of times, in small letters."""
+"""Words for units of time that follow or replace the name of a column of times, in small letters."""
 
 _LONG_TIMES_S = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 _DAYS = dict.fromkeys(("d", "day", "days"), "d")
 
 AMBIGUOUS = ("rads",)
-"""Radians per second, or several radians: of a gyroscope the first; of what is only called x nobody knows."""
+"""Words for radians per second or several radians: clear for a gyroscope, unclear for a column x."""
 
 _OF_COUNTS = "- 1 lsb lsbs count counts raw adc digit digits bit bits tick ticks no_units unitless"
-"""Name no physical unit: numbers as a sensor's registers hold them, or without a dimension."""
+"""Words for no physical unit: counts of a sensor's register, or numbers without a dimension."""
 
 _OTHERS = (
     "% percent c °c degc deg_c celsius °f degf k kelvin v mv uv ma hz khz pa hpa kpa mbar bar psi mm cm m km"
@@ -78,7 +78,7 @@ _OTHERS += (
     " ft m/s km/h kmh kn knots ut nt mt tesla gauss g mgauss mga mg local_flux lux lx dbm db ohm ohms kohm"
 )
 _OTHERS += " kohms min hours rh %rh kg nm bool text string"
-"""Of columns beside them; a second line of a header has them too."""
+"""Units of other columns, which a row of units may hold, too."""
 
 _NO_RATES = frozenset(f"{_OF_COUNTS} {_OTHERS}".split())
 
@@ -97,10 +97,10 @@ _SIGNS = str.maketrans(
         "â": "",
     }
 )
-"""How a sign is written otherwise. An "â" is before "°" where UTF-8 was read as the letters of Windows."""
+"""Other ways to write a sign. An "â" stands before "°" if UTF-8 was read in the Windows encoding."""
 
 LONGEST_UNIT = 40
-"""In characters; what is longer is a sentence."""
+"""Longest unit [characters]; longer texts are sentences."""
 
 _ANY_TIME = "|".join(_TIME_WORDS)
 _RATE = re.compile(
@@ -116,7 +116,7 @@ _PREFIXED = re.compile(r"(?:(?P<m>milli[ -]?|m)|(?:micro[ -]?|u))(?P<bare>.+)")
 
 
 def rate_unit(text: str) -> str | None:
-    """Return the name of a unit of angular rates, a key of `PER_UNIT`; None if the text is none."""
+    """Return the name of a unit of angular rates, a key of `PER_UNIT`; None if the text is no such unit."""
     return _rate(text) if len(text) <= LONGEST_UNIT else None
 
 
@@ -129,17 +129,17 @@ def _rate(text: str) -> str | None:
     if found is None:
         return None
     word = found["angle"].strip()
-    if found["p"] and word in ("d", "md", "ud"):  # only in dps and its like is a d a degree
+    if found["p"] and word in ("d", "md", "ud"):  # a d means degree only in dps and similar words
         word += "eg"
     angle = _angle(word)
     return None if angle is None else f"{angle}/{_TIME_WORDS[found['time'] or found['of']]}"
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
-    """Return the factor to deg/s of a unit, and LSB per deg/s: None unless the unit is counts.
+    """Return the factor of a unit to deg/s, and for counts their number per deg/s, else None.
 
     Raises:
-        UsageError: an unknown unit.
+        UsageError: the unit is unknown.
     """
     if (unit := rate_unit(text)) is not None:
         return PER_UNIT[unit], None
@@ -147,7 +147,7 @@ def parse_units(text: str) -> tuple[float, float | None]:
 
 
 def accel_unit(text: str) -> float | None:
-    """Return m/s² in one of a unit of accelerations; None if the text is none."""
+    """Return the factor of a unit of accelerations to m/s²; None if the text is no such unit."""
     return _accel(text) if len(text) <= LONGEST_UNIT else None
 
 
@@ -162,10 +162,10 @@ def _accel(text: str) -> float | None:
 
 
 def parse_accel_unit(text: str) -> tuple[float, float | None]:
-    """Return the factor to m/s² of a unit, and LSB per g: None unless the unit is counts.
+    """Return the factor of a unit to m/s², and for counts their number per g, else None.
 
     Raises:
-        UsageError: an unknown unit.
+        UsageError: the unit is unknown.
     """
     if (ms2 := accel_unit(text)) is not None:
         return ms2, None
@@ -174,12 +174,12 @@ def parse_accel_unit(text: str) -> tuple[float, float | None]:
 
 
 def time_unit(text: str) -> TimeUnit | None:
-    """Return the unit of times that a text is; None if it is none."""
+    """Return the unit of times that a text means, or None."""
     return TIME_UNITS.get(_bare(text)) if len(text) <= LONGEST_UNIT else None
 
 
 def time_scale(text: str) -> tuple[TimeUnit, float] | None:
-    """Return the same, and how many of it one is: of minutes, hours and days, so many seconds."""
+    """Return the unit of times and its multiple, in seconds for minutes, hours and days; or None."""
     bare = _bare(text[: LONGEST_UNIT + 1])
     if (unit := TIME_UNITS.get(bare)) is not None:
         return unit, 1.0
@@ -188,12 +188,12 @@ def time_scale(text: str) -> tuple[TimeUnit, float] | None:
 
 
 def is_angle(text: str) -> bool:
-    """Whether a text is a unit of angles, which no rate is in."""
+    """Return whether a text is a unit of angles, which rates cannot have."""
     return len(text) <= LONGEST_UNIT and _angle(_bare(text)) is not None
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit, of anything that stands in a table of an IMU, or says that there is none."""
+    """Return whether a text is a unit of anything in a table of an IMU, or states that there is none."""
     return _is_unit(text[: LONGEST_UNIT + 1])
 
 
@@ -205,12 +205,12 @@ def _is_unit(text: str) -> bool:
 
 
 def is_physical(text: str) -> bool:
-    """Whether a text is a unit of something that is measured, and neither of counts nor of a mere number."""
+    """Return whether a text is a unit of a measured quantity, neither of counts nor of mere numbers."""
     return is_unit(text) and _bare(text) not in ("", *_OF_COUNTS.split())
 
 
 def _bare(text: str) -> str:
-    """A unit in small letters, with one sign for all that mean the same."""
+    """Return a unit in small letters, with one spelling of each sign."""
     return " ".join(text.strip().strip('"').lower().translate(_SIGNS).rstrip(".").split())
 
 
@@ -227,7 +227,7 @@ def _angle(word: str) -> str | None:
 
 
 def _counts(option: str, text: str, known: str) -> float:
-    """The N of `lsb:N`."""
+    """Return N from `lsb:N`."""
     try:
         lsb = float(text.strip().lower().removeprefix("lsb:")) if ":" in text else math.nan
     except ValueError:

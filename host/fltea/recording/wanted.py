@@ -1,4 +1,4 @@
-"""What the user says of the columns, and what a field of text holds (pure)."""
+"""The columns that the user names, and tests for what a field of text holds."""
 
 import re
 from collections.abc import Sequence
@@ -11,15 +11,18 @@ from fltea.settings.how import How
 
 UNSIGNED = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 NUMBER = rf"[-+]?{UNSIGNED}"
-"""A number with a decimal point, in a regular expression."""
+"""Regular expression for a number with a decimal point."""
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
 MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
-"""What programs write where they have no number; in small letters."""
+"""Words that programs write for a missing number, in small letters."""
 
 
 class Wanted(NamedTuple):
-    """The columns that the user names; None: they are known by their names or the dialect. time: of times."""
+    """The columns that the user names.
+
+    `columns`: the axes, None: chosen by name or dialect. `time`: the times.
+    """
 
     columns: list[str] | None
     time: str | None = None
@@ -31,15 +34,15 @@ class Wanted(NamedTuple):
 
     @property
     def by_position(self) -> bool:
-        """Whether the names are numbers, which count columns from 1."""
+        """Whether the names are positions of columns, from 1."""
         return self.columns is not None and all(map(_is_position, self.names))
 
     def is_in(self, header: Sequence[str]) -> bool:
-        """Whether a line of names has all that the user names, and names the axes at all."""
+        """Return whether the user names axes, and a line of names has all the names that the user gives."""
         return self.columns is not None and all(name in header for name in self.names)
 
     def is_at(self, fields: Sequence[str]) -> bool:
-        """Whether a line without a header is a row: by the positions, or since it has no other columns."""
+        """Return whether a line without a header is a row, by the positions or by its number of fields."""
         if self.by_position:
             found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
             return (
@@ -51,17 +54,20 @@ class Wanted(NamedTuple):
         return self.time is None and alike and all(map(is_number, fields))
 
     def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
-        """Return which of the user's columns a header, or a `line` that is none, does not have."""
+        """Return which of the user's columns a header lacks.
+
+        `line`: position of the missing header, for the text.
+        """
         lacking = [name for name in self.names if header is None or name not in header]
         has = f"no header{line}" if header is None else listed(header)
         return f"no column {', '.join(lacking)} (it has: {has})"
 
 
 def wanted_of(how: How) -> Wanted:
-    """Return what the user names.
+    """Return the columns that the user names.
 
     Raises:
-        UsageError: more columns than a gyroscope has axes, or one of them twice.
+        UsageError: there are more columns than a gyroscope has axes, or one is named twice.
     """
     if how.columns is not None and len(how.columns) > len(AXES):
         raise UsageError(
@@ -79,7 +85,7 @@ def _is_position(name: str) -> bool:
 
 
 def is_number(field: str) -> bool:
-    """Whether a field holds a number, with a decimal point or comma."""
+    """Return whether a field holds a number, with a decimal point or comma."""
     field = field.strip().strip('"').strip()
     try:
         float(field)
@@ -89,5 +95,5 @@ def is_number(field: str) -> bool:
 
 
 def is_missing(field: str) -> bool:
-    """Whether a field is what programs write where they have no number."""
+    """Return whether a field holds a word for a missing number."""
     return field.strip().strip('"').strip().lower() in MISSING

@@ -1,6 +1,6 @@
-"""An accelerometer's axes beside those of the gyroscope, and their unit.
+"""Chooses the accelerometer's axes and their unit, in addition to the gyroscope's.
 
-Where that is unclear none is read (pure).
+If the choice is unclear, no accelerometer is read.
 """
 
 from fltea.recording import candidates
@@ -13,14 +13,14 @@ from fltea.recording.units import accel_unit, parse_accel_unit
 from fltea.records.errors import UsageError
 
 Accelerometer = tuple[tuple[int, ...], float]
-"""Places of the axes x, y, z, or none; and m/s² in one of their unit."""
+"""Columns of the axes x, y, z, or empty; and their unit [m/s²]."""
 
 
 def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Accelerometer:
-    """Find it. taken: places of the gyroscope's axes and of the times.
+    """Choose the accelerometer. `taken`: columns of the gyroscope's axes and of the times.
 
     Raises:
-        UsageError: two that tell its unit contradict each other.
+        UsageError: two statements of its unit contradict each other.
     """
     accel, is_of_dialect = _axes(choice, taken)
     if not accel:
@@ -52,7 +52,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     measured: list[str] = []
     if values is not None and len(values) and not stated:
         measured = candidates.gravity_units(values[:, list(accel)])
-    if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the range may be one of its own
+    if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the counts' scale is uncertain
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"
         )
@@ -63,7 +63,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
 
 
 def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool]:
-    """Return the places of the axes, and whether the logger's names say them."""
+    """Return the columns of the axes, and whether the dialect names them."""
     names, dialect = choice.names, choice.dialect
     near = common_beginning([names[place] for place in taken if place is not None])
     accel: tuple[int, ...] = columns_of(dialect.accel, names, near) if dialect is not None else ()

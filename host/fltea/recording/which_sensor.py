@@ -1,4 +1,4 @@
-"""Which column tells several sensors apart, and which of them is read (pure)."""
+"""Finds the column that tells several sensors apart, and the sensor to read."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,16 +16,16 @@ from fltea.records.errors import UsageError
 
 MOST_TURNS = 16
 MOST_SHOWN, MOST_FIGURES = 8, 6
-"""Sensors and columns of a table that shows them."""
+"""Most sensors, and most columns, that a table of sensors shows."""
 
 
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
-    """Find what tells several sensors apart, and which of them is read; the rest is judged by its rows.
+    """Find the column that tells sensors apart, and the value of the sensor to read; later questions use its rows.
 
-    tag: the first field of a row, of files with rows of several kinds. gyro: places of the axes.
+    `tag`: first field of a row, in files with rows of several kinds. `gyro`: columns of the axes.
 
     Raises:
-        UsageError: nothing is known of the sensor that the user names.
+        UsageError: the sensor that the user names is unknown.
     """
     given = choice.how.topic
     if given is not None and (turns := _turns(given)):
@@ -57,7 +57,7 @@ def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, s
 def _of_value(
     choice: Choice, value: str, named: Sequence[int], gyro: Sequence[int]
 ) -> tuple[int, str | None]:
-    """Find the column that holds what the user calls the sensor."""
+    """Find the column that holds the user's name for the sensor."""
     holding = [place for place in (*named, *_measured(choice, gyro)) if value in _cells(choice, place)]
     if not holding and not named and not is_number(value):
         others = [place for place in range(len(choice.names)) if place not in gyro]
@@ -78,7 +78,7 @@ def _read(choice: Choice, place: int, value: str, column: str) -> tuple[int, str
 
 
 def _place_of(choice: Choice, column: str) -> int | None:
-    """The column that the user calls so: by its label, its name, or its position from 1."""
+    """Return the column that the user names, by its label, its name, or its position from 1; or None."""
     for known in (choice.labels, choice.names):
         if column in known:
             return known.index(column)
@@ -90,7 +90,7 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Columns that tell sensors apart by their names, or as the dialect says; rows in other units, too."""
+    """Return the columns that tell sensors apart by their names or the dialect, and columns that state units."""
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
         return [found[0]]
@@ -104,7 +104,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Whether a column numbers the rows."""
+    """Return whether a column counts the rows."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -113,7 +113,7 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Columns by which sensors take turns; what is measured, or is called a time, is none of them."""
+    """Yield columns whose values take turns as sensors do; columns of times and measurements are left out."""
     values, names = choice.first_rows(), choice.names
     if values is None:
         return
@@ -127,7 +127,7 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
             axes.append(place)
         elif not (place in gyro or is_time(name) or is_physical(unit_in(name) or unit)):
             free += [] if choice.labels[place] in wanted else [place]
-    if not axes:  # whatever is no label
+    if not axes:  # then all columns of many values serve as measurements
         axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
     figures = values[:, axes]
     yield from (
@@ -141,7 +141,7 @@ def _cells(choice: Choice, place: int) -> Sequence[str]:
 
 
 def _only(choice: Choice, marks: Marks) -> None:
-    """Judge what follows by the first rows of the sensor that is read."""
+    """Use only the first rows of the chosen sensor for the next questions."""
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
         values, all_cells = values[marks], choice.facts.cells
@@ -153,7 +153,7 @@ def _only(choice: Choice, marks: Marks) -> None:
 
 
 def _ask(choice: Choice, place: int, gyro: Sequence[int]) -> None:
-    """Ask for the sensor, and show what the first rows of each hold."""
+    """Ask for the sensor, and show what the first rows of each sensor hold."""
     cells, values, name = np.array(_cells(choice, place)), choice.facts.sample(), choice.names[place]
     counts = Counter(cells[cells != ""].tolist())
     choice.missing.append(which_of(name, counts))
@@ -176,7 +176,7 @@ def _figures(name: str, values: Floats) -> str:
 
 
 def _turns(given: str) -> tuple[int, int] | None:
-    """Return the place from 0, and how many there are, of `1/2`: the first of two sensors in turns."""
+    """Return the index (from 0) and the number of sensors of `1/2`, the first of two in turns; or None."""
     first, mark, count = given.partition("/")
     if not (mark and first.isdecimal() and count.isdecimal()):
         return None

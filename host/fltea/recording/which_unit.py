@@ -1,7 +1,4 @@
-"""The unit of the axes of a gyroscope.
-
-By the user, the file, or the logger, which may not contradict (pure).
-"""
+"""Chooses the unit of the gyroscope's axes, by the user, the file or the dialect, which may not contradict."""
 
 from collections.abc import Sequence
 
@@ -16,19 +13,19 @@ from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError
 
 ALIKE = 0.02
-"""Of two scales that mean the same: that of a head is rounded."""
+"""Largest relative difference of two equal scales, since scales in heads are rounded."""
 
 Unit = tuple[str, float, float | None]
-"""Its name, the factor to deg/s or counts, and LSB per deg/s."""
+"""Name of the unit, its factor to deg/s or counts, and counts per deg/s or None."""
 
 _ASKED: Unit = ("", 1.0, None)
 
 
 def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
-    """Find the unit of the axes.
+    """Choose the unit of the axes.
 
     Raises:
-        UsageError: two that tell it contradict each other, or it is none of angular rates.
+        UsageError: two statements of the unit contradict each other, or it is no unit of angular rates.
     """
     _use_head(choice, gyro)
     stated = [rate_unit_of(choice.names[p]) or _rate_or_counts(choice.units[p]) for p in gyro]
@@ -63,7 +60,7 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
     """Ask for the unit.
 
-    But for that of columns that are asked for as well only if none of them states one.
+    If the columns are asked for as well, the unit is asked for only if no column states one.
     """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
@@ -77,9 +74,9 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
 
 
 def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
-    """Put beside the axes the unit that the head states, and compare it with that of their names."""
+    """Take the unit of the axes from the head, and compare it with the unit in their names."""
     units = dict(stated_in(choice.facts.head).units)
-    if not _is_whole(choice, gyro):  # of fractions counts are the sensor's, and not what stands here
+    if not _is_whole(choice, gyro):  # fractions are not counts; a scale in the head is then the sensor's
         units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
     beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
     others = {line: unit for line, unit in units.items() if rate_unit(unit)}
@@ -104,7 +101,7 @@ def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
 
 
 def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], changed: str) -> Unit:
-    """Take the user's unit, compared with what the file states and the logger writes."""
+    """Take the user's unit, after a comparison with what the file and the dialect state."""
     units = str(choice.how.units)
     parsed = parse_units(units)
     if not choice.how.overrule:
