@@ -1,1 +1,1 @@
-"""Recordings as a whole: made, summed up, exported."""
+"""Whole recordings: made, summarised, exported."""

@@ -1,4 +1,4 @@
-"""The gyroscope's rates less their biases, as a run of a recording gives them."""
+"""Returns the gyroscope's rates minus their biases, from a pipeline run over a recording."""
 
 from collections.abc import Iterator
 
@@ -12,7 +12,7 @@ from fltea.stream.pipeline import Pipeline
 
 
 def corrected(source: Source, max_gap: Duration) -> Iterator[Corrected]:
-    """Yield a record for each sample."""
+    """Yield a record with the corrected rates of each sample."""
     pipeline = Pipeline(source, Config(link=LinkConfig(max_gap=max_gap), output=OutputConfig(corrected=True)))
     for event in source.events():
         for item in pipeline.feed(event):

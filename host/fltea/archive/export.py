@@ -1,8 +1,9 @@
-"""A recording as a table: CSV, or arrays in an npz file, with the units in the names.
+"""Exports a recording as a table: CSV, or arrays in an .npz file, with units in the names.
 
-Samples are decoded again from the raw bytes, which are always there and lose nothing; so are the rates less
-their biases, which follow from them. All else is taken from its JSON channel as it was published,
-since it depends on the settings of that run; `fltea run` on the recording makes others.
+Samples, and rates minus their biases, are computed again from the raw bytes, which are always complete. Other
+records are exported from their JSON channels as they were published, since they depend on the settings of
+that run; run
+`fltea run` on the recording for other settings.
 """
 
 import csv
@@ -36,7 +37,7 @@ Array = NDArray[np.float64]
 
 
 class Exported(NamedTuple):
-    """How many rows were written, and why files of the recording could not be read, or not all of them."""
+    """Result of an export: number of rows, and reasons why files were not or not completely read."""
 
     rows: int
     unread: list[str]
@@ -52,22 +53,22 @@ def export(
     limits: Limits = DEFAULT_LIMITS,
     how: How = AS_IT_SAYS,
 ) -> Exported:
-    """Write samples or estimates of one recording; the file appears whole or not at all.
+    """Write samples or estimates of one recording; the file is written completely or not at all.
 
-    force: replace what is at `out` already. how: what is said of the recording.
+    `force`: replace an existing file at `out`. `how`: the user's options on the recording.
 
     Raises:
-        UsageError: no recording, nothing of what was asked for in it, another ending than .csv and .npz, or
-            a file that exists already, or a recording that would take more memory than the limits allow.
+        UsageError: there is no recording, it has nothing of this kind, `out` ends neither in .csv nor in .npz
+            or exists already, or the export needs more memory than the limits allow.
         FlteaError: the file cannot be written.
     """
     suffix = out.suffix.lower()
     if suffix not in (".csv", ".npz"):
         raise UsageError(f"--to {out}: give a name that ends in .csv or .npz.")
-    if not force and os.path.lexists(out):  # a link that leads nowhere is something, too
+    if not force and os.path.lexists(out):  # a broken link exists, too
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
-        was_published = what not in ("samples", "corrected")  # which no file of another program holds
+        was_published = what not in ("samples", "corrected")  # other programs' files hold no such records
         source = None if was_published and is_one_file(paths[0]) else _source(paths, limits, how)
         if suffix == ".csv":
             table = (
@@ -90,7 +91,7 @@ def export(
 
 
 def decode(source: Any, max_gap: Duration) -> Iterator[Decoded]:
-    """Yield the samples of a recording of any kind."""
+    """Yield the samples of any recording."""
     decoder = Decoder(lambda: int(source.unix_offset_ns), max_gap)
     for event in source.events():
         for found in decoder.feed(event):
@@ -99,14 +100,14 @@ def decode(source: Any, max_gap: Duration) -> Iterator[Decoded]:
 
 
 def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
-    """Return what gives the events of a recording of any kind."""
+    """Return the source of events for any recording."""
     if len(paths) == 1 and is_one_file(paths[0]):
         return ReplaySource(paths[0], how=how, limits=limits)
     return open_mcap(paths, f"replay:{paths[0]}", limits)()
 
 
 class DeviceTime:
-    """The seconds since the first sample by the device's clock, bridged by the host's where it restarts."""
+    """Seconds since the first sample by the device's clock; the host's clock bridges restarts of the device."""
 
     def __init__(self) -> None:
         self._origin_us: int | None = None
@@ -115,7 +116,7 @@ class DeviceTime:
         self._last: tuple[int, int, float] = (0, 0, 0.0)
 
     def add(self, found: Decoded) -> Array:
-        """Return times of the next samples [s], (n,); they always increase."""
+        """Return the times of the next samples [s], (n,), strictly increasing."""
         block = found.block
         seq, device_us, time_s = self._last
         first_us = int(block.device_us[0])
@@ -131,7 +132,7 @@ class DeviceTime:
 
 
 def sample_table(decoded: Iterable[Decoded]) -> Table:
-    """Return a table with one row a sample; what a recording does not have stays empty."""
+    """Return a table with one row for each sample; quantities that the recording lacks stay empty."""
     columns = ["time_s", *(f"{axis}_dps" for axis in AXES), *(f"{axis}_ms2" for axis in ACCEL_AXES)]
     columns += ["temperature_c", "epoch", "seq", "device_us", "host_ns", "flags"]
 
@@ -149,10 +150,10 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
 
 
 def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, float], int]:
-    """Gather the arrays that `replay:` reads (host/docs/guide/sources.md); their scales, and their length.
+    """Write the arrays that `replay:` reads (host/docs/guide/sources.md) to `spool`; return scales and row count.
 
     Raises:
-        UsageError: rate or scale change within the recording; an npz file has one of each.
+        UsageError: rate or scale change within the recording; an .npz file has one value of each.
     """
     clock = DeviceTime()
     settings: tuple[float, float | None, float | None, int] | None = None
@@ -210,7 +211,7 @@ def _counts(values: Values) -> NDArray[np.int32]:
 
 
 def gather_rows(spool: Spool, table: Table) -> int:
-    """Return the same as arrays with NaN for what was not valid, and their length."""
+    """Write a table to `spool` as arrays, with NaN for invalid values; return the number of rows."""
     count = 0
     while rows := list(islice(table.rows, AT_ONCE)):
         for name, values in zip(table.columns, zip(*rows, strict=True), strict=True):

@@ -1,4 +1,4 @@
-"""What a recording holds, summed up: who was recorded, for how long, and what is missing."""
+"""Summarises a recording: the device, the duration, and what is missing."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -26,21 +26,25 @@ if TYPE_CHECKING:
 
 
 OF_A_FILE = "recording"
-"""How `sources.replay` says that a file of another program was sampled, which states nothing of a device."""
+"""Sampling mode that `sources.replay` states for files of other programs, which describe no device."""
 
 
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
-    whole: its files were finished in an orderly way, and all are read. breaks: places where the recorder
-    missed something; unrecorded_items, unrecorded_bytes: what it counted there. damaged_bytes: what of the
-    files cannot be read. missing: which files before the first are not there. being_written: by a program.
-    epochs: why each began, to how often. samples, lost, gaps, duplicates, before_hello, rate_differs: as
-    in `stats`. steps, motions: of the biases and of the sensor, as the records in it say; None where it
-    has none of these records. resets: other boots of the device heard. rate_hz, clock_ppm: of the longest
-    epoch. notes: what reading it reported, as the texts of `error` records. unread: why a file cannot be
-    read, or not all of it. about: what else the file says of itself. reading: how another program's file was
-    understood, each answer with its evidence.
+    `whole`: all files were finished properly and were read completely.
+    `breaks`: gaps that the recorder itself caused; `unrecorded_items`, `unrecorded_bytes`: what it counted in
+    them.
+    `damaged_bytes`: unreadable bytes in the files. `missing`: missing files before the first one, in words.
+    `being_written`: a program is still writing the recording.
+    `epochs`: number of epochs by the reason of their beginning.
+    `samples`, `lost`, `gaps`, `duplicates`, `before_hello`, `rate_differs`: as in `stats`.
+    `steps`, `motions`: number of bias steps and of motions in the records; None if there are no such records.
+    `resets`: number of further boots of the device.
+    `rate_hz`, `clock_ppm`: rate and clock deviation in the longest epoch.
+    `notes`: texts of `error` records that reading caused. `unread`: why files were not or not completely
+    read.
+    `about`: further description in the file. `reading`: answers by which another program's file was read.
     """
 
     name: str
@@ -78,7 +82,7 @@ class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
 
 
 def sessions(paths: Sequence[Path]) -> list[list[Path]]:
-    """Return the recordings in these files and folders, each as the files it is made of.
+    """Return the recordings in these files and folders, each as a list of its files.
 
     Raises:
         UsageError: there is none.
@@ -92,10 +96,10 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
 def summarise(
     paths: Sequence[Path], max_gap: Duration, limits: Limits = DEFAULT_LIMITS, how: How = AS_IT_SAYS
 ) -> Summary:
-    """Read a recording once, from its raw bytes.
+    """Read a recording once, from its raw bytes, and summarise it.
 
     Raises:
-        UsageError: it cannot be read, is none, or would take more memory than the limits allow.
+        UsageError: it cannot be read, is no recording, or needs more memory than the limits allow.
     """
     name = str(paths[0])
     files = list(paths)
@@ -134,7 +138,7 @@ def summarise(
                 epochs[found.new_epoch] += 1
                 of_epoch = 0
             of_epoch += len(found.block)
-            # Of a recording without arrival times the device's are given out for them.
+            # Without recorded arrival times, the device's times stand in their place.
             has_clock = has_clock or bool((found.raw.host_ns != found.block.device_us * 1000).any())
             if of_epoch >= longest[0]:
                 longest = of_epoch, decoder.native.rate_hz, decoder.native.clock_ppm
@@ -183,7 +187,7 @@ def _size_bytes(path: Path) -> int:
 
 
 def as_text(s: Summary) -> str:
-    """Return the summary for a person, a line a fact."""
+    """Return the summary as text, with one line for each fact."""
     lines: list[tuple[str, Any]] = [("recording", s.name)]
     if s.session is not None:
         lines.append(("device", f"{s.device}, session {s.session}"))
@@ -222,14 +226,14 @@ def as_text(s: Summary) -> str:
 
 
 def _state(s: Summary) -> str:
-    """Return in what state the files are."""
+    """Return the state of the files, in words."""
     faults = ["not all could be read"] if s.unread else []
     faults += [s.missing] if s.missing else []
     if s.being_written:
         faults.append("still being written")
     if not faults and not s.whole:
         is_foreign = s.hello is not None and s.hello.sampling_mode == OF_A_FILE
-        remedy = "" if s.about or is_foreign else " (fltea recover)"  # which is for our files
+        remedy = "" if s.about or is_foreign else " (fltea recover)"  # applies to fltea's files only
         faults.append(f"not finished: killed, cut or damaged{remedy}")
     return ", ".join(faults) or "whole"
 

@@ -1,4 +1,4 @@
-"""Why text holds no row that can be read, and what has to be said so that it can (pure)."""
+"""Explains why a text holds no readable row, and asks for the facts that would make it readable."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -24,10 +24,10 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 MOST_TABLES = 4
-"""Kinds of rows that are shown."""
+"""Most kinds of rows that are shown."""
 
 FactsOf = Callable[[Sequence[str] | None, int, str], Facts]
-"""What is known of a file with these names, so many columns, and rows that begin with a word."""
+"""Function that returns what is known of a file, from names, the number of columns, and the first field."""
 
 NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 
@@ -35,7 +35,7 @@ NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 def refusal(
     where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> UsageError:
-    """Return why none of the first lines is a row. kinds: words that rows of several kinds begin with."""
+    """Return why none of the first lines is a row. `kinds`: first fields of the kinds of rows."""
     wanted = wanted_of(how)
     has_numbers = any(is_number(field) for line in lines for field in bare_fields(line))
     kind, rows = rows_alike(lines)
@@ -61,7 +61,7 @@ def refusal(
 def _choose_row(
     where: str, how: How, row: str, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> None:
-    """Choose the columns of a row, which says what is missing."""
+    """Choose the columns of a row; the error that this raises asks for what is missing."""
     fields = split(row, separator_of(row))
     if len(kinds) > 1 and fields[0] in kinds and how.topic is None:
         raise _which_rows(where, how, lines, kinds)
@@ -72,7 +72,7 @@ def _choose_row(
 
 
 def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int]) -> UsageError:
-    """Ask which of several kinds of rows is meant, and show what each holds."""
+    """Return a question which of several kinds of rows to read; it shows the columns of each kind."""
     tables = [
         f"Rows that begin with {kind}. {columns_table(None, sample_of(lines, None, width, kind))}"
         for kind, width in list(kinds.items())[:MOST_TABLES]
@@ -89,13 +89,13 @@ def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, 
 
 
 def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
-    """The header nearest above rows of so many fields: its line's number, its names, and units below it."""
+    """Return the nearest header above rows of `width` fields: its line number, its names, and the units below."""
     units = None
     for number, line in reversed([*lines]):
         found = bare_fields(line)
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
-        if separator_of(line) is None and any(stated_in(line)):  # words, and no names
+        if separator_of(line) is None and any(stated_in(line)):  # a sentence, not names
             continue
         if units is None and units_in(line) is not None:
             units = found

@@ -152,7 +152,7 @@ def _check_given(
 
 
 def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
-    """Return the unit that the logger writes, times the scale in the head where it writes one."""
+    """Return the dialect's unit, multiplied by the scale in the head if the dialect has one."""
     dialect = choice.dialect if choice.is_of_dialect(gyro) else None
     scale = None if dialect is None else choice.scale(dialect.gyro_scale)
     if dialect is None or not dialect.gyro_unit or scale is None:
@@ -164,7 +164,7 @@ def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
 
 
 def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> None:
-    """Compare what the file states with what the logger writes."""
+    """Compare the unit that the file states with the unit of the dialect."""
     dialect, (evidence, why) = choice.dialect, choice.facts.units_from
     if not choice.is_of_dialect(gyro) or dialect is None or not dialect.gyro_unit or choice.how.overrule:
         return
@@ -177,7 +177,7 @@ def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> No
 
 
 def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
-    """Refuse columns whose unit is none of an angular rate."""
+    """Raise UsageError for columns in a unit of another quantity than angular rate."""
     for place in gyro if not choice.how.overrule else ():
         unit = unit_in(choice.names[place]) or choice.units[place]
         if is_physical(unit) and rate_unit(unit) is None:
@@ -188,7 +188,7 @@ def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
 
 
 def _changed(choice: Choice, places: Sequence[int]) -> str:
-    """Say which columns may still have to be changed by what the file says, and by what."""
+    """Return which columns may need a further scale or offset that the file states, and which."""
     found = {name: what for p in places if (what := choice.facts.changed.get(name := choice.names[p]))}
     return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
 
@@ -196,13 +196,13 @@ def _changed(choice: Choice, places: Sequence[int]) -> str:
 def _whole(
     choice: Choice, parsed: tuple[float, float | None], gyro: Sequence[int]
 ) -> tuple[float, float | None]:
-    """Return a unit as factor and LSB; `lsb:N` of fractions is a scale, and says nothing of a resolution."""
+    """Return a unit as factor and counts per unit; for fractions, `lsb:N` is a scale and no resolution."""
     factor, lsb = parsed
     return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)
 
 
 def _is_whole(choice: Choice, gyro: Sequence[int]) -> bool:
-    """Whether the first rows have whole numbers only, as far as is known."""
+    """Return whether the first rows hold whole numbers only, as far as is known."""
     values = choice.facts.sample()
     if not gyro or values.ndim != 2 or values.shape[1] <= max(gyro):
         return True

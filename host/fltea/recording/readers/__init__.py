@@ -1,1 +1,1 @@
-"""Readers of other programs' files, each by its own library: `read(path, topic)` is called by `foreign`."""
+"""Readers of other programs' files, each with its library; `by_library` calls their `read(path, topic)`."""

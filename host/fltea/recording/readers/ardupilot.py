@@ -1,4 +1,4 @@
-"""Logs of ArduPilot (DataFlash, .bin). What their columns mean, `dialects.toml` says."""
+"""Reads logs of ArduPilot (DataFlash, .bin). `dialects.toml` states the meaning of their columns."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 MESSAGES = "GYR", "IMU", "ISB"
-"""Samples as the sensor gives them, filtered ones, batches of raw ones; the first that is there is read."""
+"""Messages with unfiltered samples, filtered samples, and batches of raw samples; the first present is read."""
 
 TYPES = {
     "b": "i1",
@@ -40,17 +40,17 @@ TYPES = {
     "a": "(32,)<i2",
 }
 SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
-"""What the letters of a format are: ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html."""
+"""Meanings of format letters: ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html."""
 
 OF_GYROSCOPE = 1
-"""In ISBH's column `type`."""
+"""Value of the column `type` in ISBH messages for a gyroscope."""
 
 SAMPLES = 32
-"""In one ISBD message."""
+"""Number of samples in one ISBD message."""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read the messages of one sensor: `GYR:1`, or `IMU`, or `1`."""
+    """Read the messages of one sensor; `topic` is `GYR:1`, or `IMU`, or `1`."""
     log = _Log(path)
     there = {message: found for message in MESSAGES if (found := log.sensors(message))}
     asked = re.fullmatch(r"(GYR|IMU|ISB)?(?:[:\[]?(\d+)\]?)?", topic.upper())
@@ -80,7 +80,7 @@ def read(path: Path, topic: str) -> Sheet:
 
 
 class _Log:
-    """Messages by their names, as arrays."""
+    """Messages of a log by their names, as arrays."""
 
     def __init__(self, path: Path) -> None:
         from pymavlink.DFReader import DFReader_binary
@@ -90,7 +90,7 @@ class _Log:
         self.names = sorted(name for name, key in self._log.name_to_id.items() if len(self._log.offsets[key]))
 
     def offsets(self, name: str) -> Any:
-        """Where each message of a name begins."""
+        """Return the offsets of all messages of a name."""
         if name not in self._log.name_to_id:
             return np.empty(0, np.int64)
         key = self._log.name_to_id[name]
@@ -98,7 +98,7 @@ class _Log:
         return found[found + self._log.formats[key].len <= len(self._bytes)]
 
     def rows(self, name: str) -> Any:
-        """All messages of a name, a field a column."""
+        """Return all messages of a name, with a column for each field."""
         offsets = self.offsets(name)
         if not len(offsets):
             return np.empty(0, [("TimeUS", "<u8")])
@@ -126,7 +126,7 @@ class _Log:
         return whole
 
     def sensors(self, message: str) -> dict[int, Any]:
-        """The messages of each sensor, by its number."""
+        """Return the messages of each sensor, by the sensor's number."""
         if message == "ISB":
             heads = self.rows("ISBH")
             heads = heads[heads["type"] == OF_GYROSCOPE] if len(heads) else heads
@@ -147,7 +147,7 @@ class _Log:
         return {k: found for k, name in enumerate(names) if len(found := self.rows(name))}
 
     def batches(self, heads: Any) -> Sheet:
-        """The samples of batches, each of which has a head with its scale, its rate and its first time."""
+        """Return the samples of batches; the head of each batch gives its scale, its rate and its first time."""
         data, begins = self.rows("ISBD"), self.offsets("ISBH")
         every = self.rows("ISBH")
         head = np.searchsorted(begins, self.offsets("ISBD")) - 1

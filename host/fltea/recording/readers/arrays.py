@@ -1,4 +1,4 @@
-"""Arrays by their names, of any kind of file, as a table."""
+"""Makes a table from named arrays of any kind of file."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,28 +21,28 @@ from fltea.recording.text_times import points_of_time
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
-"""Columns of one array; what is wider than long lies on its side, as MATLAB writes it."""
+"""Most columns of one array; an array with more columns than rows is transposed, as MATLAB writes it."""
 
 MOST_REASONS = 5
-"""In a message."""
+"""Most reasons that a message shows."""
 
 _NOT_ONE = "holds {}, not one number in each row"
 
 Column = Callable[[int, int], Any]
-"""The values from one row to another."""
+"""Function that returns the values from one row to another."""
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class NoNumbers(NamedTuple):
-    """In place of an array that cannot be used. reason: a sentence about it, without its subject."""
+    """Stands for an array that cannot be used. `reason`: a sentence about it, without its subject."""
 
     reason: str
     rows: int = 0
 
 
 def is_of_matlab(kind: str) -> str:
-    """Say of an array of this class of MATLAB's that it is not read, and what to do."""
+    """Return why an array of this MATLAB class is not read, and what to do."""
     if kind == "cell":
         return "is a cell array; write it as numbers: cell2mat"
     what = f"is a {kind} of MATLAB's, which only MATLAB reads"
@@ -55,12 +55,14 @@ def of_arrays(
     attributes: Mapping[str, Any] = NONE,
     doubts: Mapping[str, str] = NONE,
 ) -> Sheet:
-    """Make a table of arrays by their names, (n,) or (n, columns), and of what the file says beside them.
+    """Make a table from arrays (n,) or (n, columns) by their names, and from other facts in the file.
 
-    units, doubts: of arrays, where there are some. attributes: of arrays, as `gyro@units`.
+    `units`, `doubts`: units of arrays, and reasons why their numbers may be wrong. `attributes`: attributes
+    of arrays, as
+    `gyro@units`.
 
     Raises:
-        UsageError: none of them holds numbers.
+        UsageError: no array holds numbers.
     """
     facts = {**_facts(arrays), **attributes, **{f"{name}@units": unit for name, unit in units.items()}}
     found, rates = _Columns(facts, doubts), file_facts.rates_of(facts)
@@ -71,7 +73,7 @@ def of_arrays(
 
 
 def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """What may say something of others: texts, single numbers, and what has one for each column."""
+    """Return facts on other arrays: texts, single numbers, and arrays with one value for each column."""
     found = {}
     for name, array in arrays.items():
         if isinstance(array, str):
@@ -84,7 +86,7 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Columns:
-    """The columns of arrays so far. facts: what the file says of them."""
+    """Collects the columns of arrays. `facts`: what the file states of them."""
 
     def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
         self._facts, self._doubts, self._said = facts, doubts, file_facts.units_of(facts)
@@ -104,7 +106,7 @@ class _Columns:
         self._words: dict[str, list[str]] = {}
 
     def add(self, name: str, array: Any) -> None:
-        """Take the columns of an array."""
+        """Add the columns of an array."""
         is_of_words = tells_sensors(name) or (states_units(name) and name not in self._facts)
         if is_of_words and (words := _words(array)) is not None:
             array, self._words[name] = words
@@ -144,7 +146,7 @@ class _Columns:
         return wrong if len(said) not in (0, 1, width) else ""
 
     def sheet(self, rates: Mapping[str, float], arrays: Mapping[str, Any]) -> Sheet:
-        """All of them as a table."""
+        """Return all columns as a table."""
         names, lengths, columns = self._names, self._lengths, self._columns
         if not set(lengths) - {0} or (len(self._unread) == len(names) and self._reasons):
             has = "; ".join(self._reasons[:MOST_REASONS]) or listed(list(arrays)) or "nothing"
@@ -172,7 +174,7 @@ class _Columns:
 
 
 def _words(array: Any) -> tuple[Any, list[str]] | None:
-    """Texts as numbers from 0, and what these mean; None if an array holds no texts, or too many."""
+    """Return texts as numbers from 0, and the words they stand for; None for other arrays, or too many words."""
     if isinstance(array, NoNumbers | str) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
         return None
     values = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in array[()]]
@@ -183,7 +185,7 @@ def _words(array: Any) -> tuple[Any, list[str]] | None:
 
 
 def _reason(array: Any) -> str:
-    """Why an array is none of numbers, "" if it is."""
+    """Return why an array does not hold numbers; "" if it does."""
     if isinstance(array, NoNumbers):
         return array.reason
     dtype, shape = np.dtype(array.dtype), array.shape
@@ -202,14 +204,14 @@ def _reason(array: Any) -> str:
 
 
 def axes_named(name: str) -> list[str]:
-    """Return the axes of a gyroscope that an array has by its name, or what tells sensors apart."""
+    """Return the gyroscope axes, or the column that tells sensors apart, that an array has by its name."""
     if tells_sensors(name) or states_units(name):
         return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
 
 
 class _Labelled(NamedTuple):
-    """A column with its name. reason: why it cannot be used."""
+    """A column with its name. `reason`: why it cannot be used, or ""."""
 
     label: str
     column: Column
@@ -240,13 +242,13 @@ def _of_array(name: str, array: Any, facts: Mapping[str, Any]) -> Iterator[_Labe
 
 
 def _named(array: str, column: str) -> str:
-    """The name of a column of an array, of which the file says what it is called."""
+    """Return the name of an array's column, for which the file states `column`."""
     axis = "xyz".find(column.strip().lower()) if len(column.strip()) == 1 else -1
     return named_axis(array, axis) if axis >= 0 else f"{array}.{column}"
 
 
 def _label(name: str, k: int, width: int) -> str:
-    """The name of a column of an array: three are axes; which of others is which, nobody knows."""
+    """Return the name of an array's column: an axis if there are three columns, else a number."""
     return name if width == 1 else named_axis(name, k) if width == 3 else f"{name}#{k + 1}"
 
 

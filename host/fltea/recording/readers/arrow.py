@@ -1,4 +1,4 @@
-"""Tables of Arrow: Parquet and Feather, as pandas and polars write them."""
+"""Reads tables of Arrow: Parquet and Feather, as pandas and polars write them."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -21,11 +21,11 @@ from fltea.recording.text_times import points_of_time
 FEATHER = b"ARROW1"
 
 Batches = Callable[[list[str]], Iterator[Any]]
-"""Gives the rows of some columns."""
+"""Function that yields the rows of some columns in batches."""
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read columns of a Parquet or Feather file; those in structures are called `angular_velocity.x`."""
+    """Read columns of a Parquet or Feather file; columns in structures have names as `angular_velocity.x`."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -45,10 +45,10 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Column(NamedTuple):
-    """A column. source: the one of the file that it is in. kind: of its values.
+    """A column. `source`: the file's column that contains it. `kind`: type of its values.
 
-    place: in a list, of so many; None: it is no list. is_date: its texts are dates or times of day. words:
-    its texts, if they are few and tell sensors apart.
+    `place`: index in a list of length `of`; None: it is no list. `is_date`: its texts are dates or times of
+    day. `words`: its texts, if they are few and tell sensors apart.
     """
 
     label: str
@@ -61,12 +61,12 @@ class _Column(NamedTuple):
 
     @property
     def is_stamp(self) -> bool:
-        """Whether it holds points of time."""
+        """Whether the column holds dates or times of day."""
         return self.is_date or _is_stamp(self.kind)
 
     @property
     def is_bad(self) -> bool:
-        """Whether it holds neither numbers, nor times, nor what tells sensors apart."""
+        """Whether the column holds neither numbers, nor times, nor words that tell sensors apart."""
         return not (self.is_stamp or self.words or _is_number(self.kind))
 
 
@@ -106,7 +106,7 @@ def _arrow(schema: Any, rows: int, batches: Batches) -> Sheet:
 
 
 class _Reader:
-    """Reads a column, a batch after the other."""
+    """Reads a column, one batch after the other."""
 
     def __init__(self, column: _Column) -> None:
         self._column = column
@@ -114,7 +114,7 @@ class _Reader:
         self._last_s = self._passed_s = 0.0
 
     def read(self, table: Any) -> Floats:
-        """Return its numbers; times as seconds, words as numbers from 0."""
+        """Return the column's numbers in a batch; times become seconds, words become numbers from 0."""
         import pyarrow as pa
         from pyarrow import compute
 
@@ -136,7 +136,9 @@ class _Reader:
             values = values.cast(pa.int64())
             if self._begin is None and not pa.types.is_time(one.kind):
                 self._begin = next((stamp.as_py() for stamp in values if stamp.is_valid), None)
-            values = compute.subtract(values, self._begin or 0)  # floats tell Unix times to 0.2 µs only
+            values = compute.subtract(
+                values, self._begin or 0
+            )  # since floats resolve Unix times to 0.2 µs only
         return np.asarray(values.cast(pa.float64(), safe=False).to_numpy() * scale)
 
     def _seconds_of(self, texts: Sequence[str | None]) -> Floats:
@@ -147,7 +149,7 @@ class _Reader:
             self._begin = int(known[0].astype(np.int64))
         seconds = (points - np.datetime64(self._begin or 0, "ns")) / np.timedelta64(1, "s") + self._passed_s
         first, last = (seconds[np.isfinite(seconds)][[0, -1]]) if len(known) else (self._last_s, self._last_s)
-        if first < self._last_s - DAY_S / 2:  # midnight is between two batches
+        if first < self._last_s - DAY_S / 2:  # midnight lies between two batches
             self._passed_s += DAY_S
             seconds, last = seconds + DAY_S, last + DAY_S
         self._last_s = float(last)
@@ -155,7 +157,7 @@ class _Reader:
 
 
 def _columns(schema: Any, batches: Batches) -> Iterator[_Column]:
-    """All columns: those in structures, and each place of lists that are alike in length."""
+    """Yield all columns: fields of structures, and each index of lists of equal length."""
     import pyarrow as pa
     from pyarrow import compute
 
@@ -181,7 +183,7 @@ def _columns(schema: Any, batches: Batches) -> Iterator[_Column]:
 
 
 def _facts(schema: Any) -> dict[str, Any]:
-    """What the metadata of a file and of its columns say; pandas writes its `attrs` there."""
+    """Return the metadata of a file and of its columns; pandas writes its `attrs` there."""
     facts: dict[str, Any] = {}
     for key, value in (schema.metadata or {}).items():
         name, text = key.decode(errors="replace"), value.decode(errors="replace")
@@ -192,7 +194,7 @@ def _facts(schema: Any) -> dict[str, Any]:
             found = msgspec.json.decode(text)
             facts |= flat(found.get("attributes") or {} if name == "pandas" else found)
 
-    def walk(prefix: str, field: Any) -> None:
+    def add_metadata(prefix: str, field: Any) -> None:
         is_group = bool(field.type.num_fields) and hasattr(field.type, "get_field_index")
         for key, value in (field.metadata or {}).items():
             mark = "." if is_group else "@"
@@ -200,15 +202,15 @@ def _facts(schema: Any) -> dict[str, Any]:
                 errors="replace"
             )
         for k in range(field.type.num_fields if is_group else 0):
-            walk(f"{prefix}{field.name}.", field.type.field(k))
+            add_metadata(f"{prefix}{field.name}.", field.type.field(k))
 
     for field in schema:
-        walk("", field)
+        add_metadata("", field)
     return facts
 
 
 def _words(batches: Iterator[Any], name: str) -> list[str]:
-    """What stands in a column of texts; none if that is too much to be names of sensors."""
+    """Return the different texts of a column; empty if there are too many for names of sensors."""
     found: set[str] = set()
     for batch in batches:
         found |= {one for one in _flat(batch).column(name).unique().to_pylist() if one is not None}

@@ -1,4 +1,4 @@
-"""Workbooks of Excel (.xlsx)."""
+"""Reads Excel workbooks (.xlsx)."""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
@@ -14,17 +14,17 @@ from fltea.recording.text_fields import units_in
 from fltea.recording.wanted import is_number
 
 HEAD_ROWS, FEW_ROWS = 200, 10
-"""Rows that are looked at first; a sheet with few of them says something about a recording, and is none."""
+"""Number of first rows that are examined; a sheet with at most FEW_ROWS holds facts, not a recording."""
 
 
 def read(path: Path, topic: str) -> Text:
-    """The sheet of a gyroscope as lines of text, whose fields are separated by tabs.
+    """Return the sheet of a gyroscope as lines of text, with fields separated by tabs.
 
-    topic: what it is called; "": the one whose names are a gyroscope's, or the only one with a table.
+    `topic`: name of the sheet; "": the sheet with a gyroscope's names, or the only sheet with a table.
     """
     from openpyxl import load_workbook
 
-    # By its name it would be refused without the right ending, whatever it is.
+    # Opened as a file, since openpyxl refuses names with another ending.
     book = load_workbook(path.open("rb"), read_only=True, data_only=True, keep_links=False)
     parts = [_Part(sheet) for sheet in book.worksheets]
     said = [line for part in parts for line in part.says()]
@@ -39,11 +39,11 @@ def read(path: Path, topic: str) -> Text:
 
 
 class _Part:
-    """A sheet. head: its first rows. has_names: there are a gyroscope's among them."""
+    """A sheet. `head`: its first rows. `has_names`: the head has names of a gyroscope's columns."""
 
     def __init__(self, sheet: Any) -> None:
         self.title: str = sheet.title
-        sheet.reset_dimensions()  # some programs write wrong ones, and rows beyond them would be missing
+        sheet.reset_dimensions()  # some programs write wrong dimensions, which would hide rows
         self._rows = map(_fields, sheet.iter_rows(values_only=True))
         self.head = list(islice(self._rows, HEAD_ROWS))
         group = self.title.replace(".", "_")
@@ -60,12 +60,12 @@ class _Part:
         self._begin, self._width = begin, len(self.head[begin]) if self.head else 0
 
     def says(self) -> list[str]:
-        """What a sheet says that has names and values only, such as `fs: 100`."""
+        """Return the facts in a sheet that has names and values only, such as `fs: 100`."""
         is_said = len(self.head) < HEAD_ROWS and all(len(row) <= 2 for row in self.head)
         return [": ".join(row) for row in self.head if len(row) == 2] if is_said else []
 
     def lines(self) -> Iterator[bytes]:
-        """All rows as text; those of the table are as long as its first one."""
+        """Yield all rows as text; rows of the table are filled to the length of its first row."""
         lines: list[str] = []
         for k, row in enumerate(chain(self.head, self._rows)):
             missing = self._width - len(row) if row and k >= self._begin else 0
@@ -77,7 +77,7 @@ class _Part:
 
 
 def _axis(group: str, name: str, unit: str) -> str:
-    """The name of a column with what tells that it is an axis: the unit below it, or the sheet's name."""
+    """Return the name of a column, completed by its unit or its sheet's name if that shows an axis."""
     forms = name, f"{name} [{unit}]", f"{group} {name}"
     return next((form for form in forms if axis_of(form)), name) if name else name
 
@@ -90,7 +90,7 @@ def _names_gyroscope(group: str, row: Sequence[str], units: Sequence[str]) -> bo
 
 
 def _fields(row: Sequence[Any]) -> list[str]:
-    """The cells of a row as text, without empty ones at its end."""
+    """Return the cells of a row as text, without empty cells at its end."""
     filled = next((k for k in range(len(row), 0, -1) if row[k - 1] is not None), 0)
     return ["" if cell is None else _cell(cell) for cell in row[:filled]]
 

@@ -1,7 +1,7 @@
-"""What a file says beside its arrays, or in their attributes: units, rates, scales, names of columns (pure).
+"""Reads units, rates, scales and column names that a file states in attributes or in arrays next to the data.
 
-A fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`; `imu.gyro_units` and
-`imu.units.gyro` stand beside it and are of it alone, and `imu.units` is of all that is in `imu`.
+Each fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`. `imu.gyro_units` and
+`imu.units.gyro` are arrays that describe this array only, and `imu.units` describes everything in `imu`.
 """
 
 import math
@@ -22,11 +22,11 @@ from fltea.recording.wanted import NUMBER
 UNITS = "units?|unit_string|ni_unitdescription"
 COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
 COUNTS = "(?:lsb|counts)_per_(?:dps|deg_s)"
-"""Counts in 1 deg/s, as fltea writes it: the only scale whose name says what it does."""
+"""Name of counts in 1 deg/s, as fltea writes it: the only scale whose name tells its use."""
 
 SCALES = "scale(?:_?factor)?|scaling|gain|sensitivity|offset|multiplier|factor|lsb|slope|resolution"
 SCALES += rf"|conversion(?:_?factor)?|{COUNTS}"
-"""What changes numbers, in a way that the name does not tell: by multiplication, by division or not again."""
+"""Names of facts that change numbers, where the name does not tell whether by multiplication or division."""
 
 _RATE = re.compile(
     r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
@@ -39,7 +39,7 @@ PER_S |= {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "samples per second": 1.0}
 
 
 def texts_of(value: Any) -> list[str]:
-    """Return the texts that a value holds, one or a list; none if it holds anything else."""
+    """Return the texts that a value holds, one or a list; empty if it holds anything else."""
     if not isinstance(value, str | bytes | np.ndarray | np.generic | list | tuple):
         return []
     found = np.asarray(value, object).reshape(-1).tolist()
@@ -48,7 +48,7 @@ def texts_of(value: Any) -> list[str]:
 
 
 def number_of(value: Any, other: float = math.nan) -> float:
-    """Return the one number that a value holds, NaN if it holds none or several; `other` if it is None."""
+    """Return the single number that a value holds, NaN for none or several; `other` if the value is None."""
     try:
         return float(other if value is None else np.asarray(value, np.float64).reshape(()))
     except (TypeError, ValueError, OverflowError):
@@ -56,9 +56,9 @@ def number_of(value: Any, other: float = math.nan) -> float:
 
 
 def rate_of(name: str, value: Any, unit: str = "") -> float | None:
-    """Return the samples per second that a number, or a text such as `100 Hz`, states; None if it does not.
+    """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states; None if it states none.
 
-    name: of it. unit: that stands beside it.
+    `name`: name of the fact. `unit`: unit that is stated separately.
     """
     leaf = re.sub(r"[\s\-]+", "_", name.rpartition(".")[2].rpartition("@")[2].strip().lower())
     found, period = _RATE.fullmatch(leaf), _PERIOD.fullmatch(leaf)
@@ -80,7 +80,7 @@ def rate_of(name: str, value: Any, unit: str = "") -> float | None:
 
 
 def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
-    """Return the rates that are stated, by the names of what states them."""
+    """Return the stated sampling rates [Hz], by the names of the facts."""
     units = {owner: texts_of(facts[name])[:1] for name, owner in _owners(facts, UNITS)}
     found = {}
     for name, value in facts.items():
@@ -92,9 +92,9 @@ def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
 
 
 def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return units by the array, or the group with a dot behind it, that they are of: one, or one a column.
+    """Return stated units, one or one for each column, by array name, or by group name with a dot after it.
 
-    Counts in 1 deg/s are a unit, too, where none is stated.
+    Counts in 1 deg/s are also returned as a unit, if no unit is stated.
     """
     found = {owner: texts for name, owner in _owners(facts, UNITS) if any(texts := texts_of(facts[name]))}
     for name, owner in _owners(facts, COUNTS):
@@ -106,19 +106,19 @@ def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
 def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, width: int) -> str:
     """Return the unit of a column: its own, its array's, or that of the nearest group that states one.
 
-    label: its name. place, width: which column of so many of its array it is.
+    `label`: name of the column. `place`, `width`: its index in its array, and the array's number of columns.
     """
     groups = [f"{one}." for one in (array, *around(array), "")]
     by = next((known for known in (label, array, *_of_sensor(units, label), *groups) if known in units), None)
     own = [""] if by is None else units[by]
     unit = own[0] if len(own) == 1 else own[place] if len(own) == width else ""
-    unit = unit.partition(" since ")[0]  # as netCDF says of times
+    unit = unit.partition(" since ")[0]  # netCDF writes times in this form
     is_of_all = len(own) == 1 and (by in groups or width > 1)
     return "" if is_of_all and is_time(label.rpartition(".")[2]) and not time_scale(unit) else unit
 
 
 def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
-    """The units that are stated of its sensor in the groups around a column: `gyro_units` are of `gx`."""
+    """Yield the units stated for a column's sensor in the groups around it: `gyro_units` apply to `gx`."""
     axis = axis_of if gyroscopes_in([label]) else accel_axis_of if is_of_accelerometer(label) else None
     is_clock = axis is None and is_time(label.rpartition(".")[2])
     for level in (*around(label), "") if axis or is_clock else ():
@@ -130,7 +130,7 @@ def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
 
 
 class Near:
-    """Facts of a kind by what they are near: of many, those of one array are found at once."""
+    """Facts of one kind by the array or group that they describe, for fast access."""
 
     def __init__(self, facts: Mapping[str, Any], words: str) -> None:
         self._found = defaultdict[str, dict[str, Any]](dict)
@@ -138,12 +138,12 @@ class Near:
             self._found[owner if "@" in name else f"{group_of(owner)}."][name] = facts[name]
 
     def of(self, array: str) -> Mapping[str, Any]:
-        """Return those of an array, and those in the group around it."""
+        """Return the facts on an array, and those in the group around it."""
         return self._found.get(array, {}) | self._found.get(f"{group_of(array)}.", {})
 
 
 def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
-    """Return what the columns of an array are called, and what is wrong with what the file says of them."""
+    """Return the names of an array's columns, and what is wrong with the names that the file states."""
     for name, owner in _owners(facts, COLUMNS):
         is_own = owner == array
         if width < 2 or not (is_own or owner == f"{array.rpartition('.')[0]}."):
@@ -155,23 +155,23 @@ def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[s
             return [], f"{name} names axes with signs ({listed(texts)}), which are not applied here."
         if len(texts) == width == len({*texts}) and all(text.strip() for text in texts):
             return texts, ""
-        if is_own and len(texts) > 1 and not name.endswith("axes"):  # NeXus names dimensions there
+        if is_own and len(texts) > 1 and not name.endswith("axes"):  # NeXus names dimensions in `axes`
             return [], f"{name} names {len(texts)} columns ({listed(texts)}), and there are {width}."
     return [], ""
 
 
 def is_of_columns(name: str) -> bool:
-    """Whether a name is that of units, scales or names of columns, of which there may be several."""
+    """Return whether a name is for units, scales or column names, which may have several values."""
     return any(_owners({name: None}, f"{UNITS}|{COLUMNS}|{SCALES}"))
 
 
 def scale_of(
     facts: Mapping[str, Any], array: str, labels: Sequence[str], unit: str, *, is_whole: bool
 ) -> str:
-    """Return what changes the numbers of an array, such as `gyro_scale 0.0153`; "" if nothing does.
+    """Return the fact that changes the numbers of an array, such as `gyro_scale 0.0153`; "" if there is none.
 
-    labels: of its columns; what is called as a gyroscope's scale is of any array of a gyroscope. unit: of
-    these. is_whole: they hold whole numbers, of which a resolution may be the scale.
+    `labels`: the array's columns; a scale with a gyroscope's name applies to any array of a gyroscope.
+    `unit`: unit of the columns. `is_whole`: they hold whole numbers, whose scale may be called resolution.
     """
     group, _, leaf = array.rpartition(".")
     is_of_gyro = any(axis_of(label.rpartition(".")[2]) for label in labels)
@@ -193,7 +193,7 @@ def scale_of(
 
 
 def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
-    """The facts of a kind, each with the array it is of, or the group with a dot behind it."""
+    """Yield the facts of a kind, each with the array it describes, or the group with a dot after it."""
     for name in facts:
         array, mark, key = name.rpartition("@")
         group, _, leaf = name.rpartition(".")

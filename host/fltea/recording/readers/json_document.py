@@ -1,4 +1,4 @@
-"""One document of JSON: lists by their names, or a list of objects, each of which is a row."""
+"""Reads one JSON document: named lists, or a list of objects, each of which is a row."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,22 +19,22 @@ from fltea.recording.wanted import is_missing
 from fltea.records.errors import UsageError
 
 PHONE_GYROSCOPES = "Gyroscope", "GyroscopeUncalibrated"
-"""As the app Sensor Logger calls them; they are in rad/s."""
+"""Names of gyroscopes in the app Sensor Logger, which are in rad/s."""
 
 ROWS = {"data", "samples", "rows", "records", "readings", "measurements", "values", "frames", "items"}
 NAMES = "name", "id", "sensor", "label"
 BESIDE = {"meta", "metadata", "info", "header", "head", "attrs", "attributes", "config", "settings"}
-"""Parts of a document that are called so hold what is of the part around them: its rows, and facts of all."""
+"""Names of parts whose content belongs to the part around them: rows, and facts on everything."""
 
 NS = 10**6, 10**3, 1
-"""In a millisecond, a microsecond and a nanosecond."""
+"""Nanoseconds in a millisecond, a microsecond and a nanosecond."""
 
 FIRST_NS, LAST_NS = 10**17, 4 * 10**18
-"""Unix times from 1973 to 2096: numbers between these in one of the units are so in no other."""
+"""Unix times from 1973 to 2096 [ns]; a number lies between these in one unit only."""
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read all lists; of the app Sensor Logger those of its gyroscope."""
+    """Read all lists; in files of the app Sensor Logger, those of its gyroscope."""
     found: dict[str, Any] = {}
     for name, value in _values("", _decoded(path.read_bytes())):
         is_word = isinstance(value, str) and not is_unit(value)
@@ -50,11 +50,11 @@ def _decoded(data: bytes) -> Any:
     except msgspec.DecodeError:
         if b"NaN" not in data and b"Infinity" not in data:
             raise
-        return json.loads(data)  # which knows what Python writes for numbers that JSON has not
+        return json.loads(data)  # which accepts NaN and Infinity as Python writes them
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """The lists, texts and numbers in a document, by their names."""
+    """Yield the lists, texts and numbers in a document, by their names."""
     if isinstance(value, list) and any(
         isinstance(row, dict) and any(map(_is_part, row.values())) for row in value
     ):
@@ -70,7 +70,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     elif isinstance(value, list) and any(isinstance(row, dict) for row in value):
         columns = _columns_of([flat(row) for row in value if isinstance(row, dict)])
         yield from ((f"{name}.{key}" if name else key, column) for key, column in columns.items())
-    elif isinstance(value, list) and not name:  # without names, so by their positions
+    elif isinstance(value, list) and not name:  # columns without names get positions
         is_table = len({len(row) if isinstance(row, list) else 0 for row in value}) == 1
         lists = [*map(list, zip(*value, strict=True))] if is_table and isinstance(value[0], list) else [value]
         yield from ((str(place), column) for place, column in enumerate(lists, 1))
@@ -81,12 +81,12 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _is_part(value: Any) -> bool:
-    """Whether a value is a list of many, or of objects: whoever has such ones is no row, but a sensor."""
+    """Return whether a value is a long list or one of objects; it then belongs to a sensor, not to a row."""
     return isinstance(value, list) and (len(value) > MOST_WIDE or any(isinstance(one, dict) for one in value))
 
 
 def _called(row: Any, place: int) -> str:
-    """The name of a sensor in a list of them, or else its position."""
+    """Return the name of a sensor in a list of sensors, or else its position."""
     names = [row[key] for key in NAMES if isinstance(row.get(key), str)] if isinstance(row, dict) else []
     return names[0] if names else str(place)
 
@@ -99,7 +99,7 @@ def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
 
 
 def _of_pandas(found: dict[str, Any]) -> Any:
-    """What pandas' `to_json` writes as lists by the names of the columns, or as rows; the rest as it is."""
+    """Convert forms of pandas' `to_json` to lists by column name, or rows; other values stay as they are."""
     if isinstance(found.get("schema"), dict) and isinstance(found.get("data"), list):  # "table"
         return found["data"]
     if (split := _split(found)) is not None:
@@ -122,7 +122,7 @@ def _of_pandas(found: dict[str, Any]) -> Any:
 
 
 def _split(found: dict[str, Any]) -> dict[str, Any] | None:
-    """Rows in one list, and the names of their columns in another."""
+    """Convert rows in one list and column names in another to columns; None for other forms."""
     tables = [key for key, rows in found.items() if isinstance(rows, list) and rows and _is_table(rows)]
     width = len(found[tables[0]][0]) if len(tables) == 1 else 0
     texts = [
@@ -151,7 +151,7 @@ def _is_inner(value: Any) -> bool:
 
 
 def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
-    """The keys of rows, which are numbers or times, in their order; None if they are others."""
+    """Return the keys of rows, numbers or times, in their order; None if they are neither."""
     keys = list(rows)
     if len(keys) < 2 or not keys[0].removeprefix("-")[:1].isdigit():
         return None
@@ -163,7 +163,7 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 
 
 def _index(keys: Sequence[str]) -> dict[str, Any]:
-    """A column of the keys of rows, unless these count them; a `DatetimeIndex` is written as Unix time."""
+    """Return a column of row keys, unless they count the rows; Unix times of a `DatetimeIndex` become dates."""
     if not all(key.removeprefix("-").isdecimal() for key in keys):
         return {"index": list(keys)}
     numbers = [int(key) for key in keys]
@@ -175,7 +175,7 @@ def _index(keys: Sequence[str]) -> dict[str, Any]:
 
 
 def _array(name: str, value: Any) -> Any:
-    """Numbers, of which null is a missing one and text may hold one; or points of time, or words."""
+    """Return numbers (null is missing, and texts may hold numbers), or dates, or words, as an array."""
     if not isinstance(value, list):
         return value if isinstance(value, str) else np.array(value)
     if value and isinstance(value[0], np.datetime64):

@@ -1,4 +1,4 @@
-"""Variables of MATLAB, of versions 4 to 7.2; since version 7.3 such a file is one of HDF5."""
+"""Reads MATLAB variables of versions 4 to 7.2; later versions write HDF5."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ def read(path: Path, _: str) -> Sheet:
     found: dict[str, Any] = {}
 
     def take(name: str, value: Any) -> None:
-        if name.startswith("__"):  # what scipy says of the file
+        if name.startswith("__"):  # scipy's own facts on the file
             return
         if isinstance(value, dict):
             for key, inner in value.items():

@@ -1,4 +1,4 @@
-"""Measurements in vehicles (ASAM MDF): channels of groups, each group by a clock of its own."""
+"""Reads measurements in vehicles (ASAM MDF): groups of channels, each group with its own clock."""
 
 import io
 from collections.abc import Iterator, Sequence
@@ -15,11 +15,11 @@ from fltea.records.errors import UsageError
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read the channels of all groups as they were measured: nothing is brought to another clock."""
+    """Read the channels of all groups as measured, without resampling to another clock."""
     from asammdf import MDF
     from asammdf.blocks import mdf_v3, mdf_v4
 
-    for module in (mdf_v3, mdf_v4):  # the process may write nothing, and asammdf puts things aside in files
+    for module in (mdf_v3, mdf_v4):  # asammdf writes temporary files, which this process may not
         vars(module)["NamedTemporaryFile"] = lambda **_: io.BytesIO()
     found: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -49,7 +49,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def _values(file: Any, group: int, index: int) -> tuple[Any, str]:
-    """The numbers of a channel, NaN where the file says that they are not valid, and their unit."""
+    """Return the numbers of a channel, NaN where the file marks them as invalid, and their unit."""
     signal = file.get(group=group, index=index, ignore_invalidation_bits=True)
     values, invalid = signal.samples, signal.invalidation_bits
     if invalid is not None and values.dtype.kind in "biuf" and values.ndim == 1:

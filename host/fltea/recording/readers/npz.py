@@ -1,4 +1,4 @@
-"""Archives of arrays (.npz) that another program than fltea has written."""
+"""Reads archives of arrays (.npz) that another program than fltea wrote."""
 
 from pathlib import Path
 

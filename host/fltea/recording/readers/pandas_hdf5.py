@@ -1,4 +1,4 @@
-"""Tables of pandas in a file of HDF5, as PyTables lays them out: blocks of columns of one kind."""
+"""Reads tables of pandas in HDF5 files, in the layout of PyTables: blocks of columns of one type."""
 
 import pickletools
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ TABLES = "frame", "frame_table"
 
 
 class BlockColumn:
-    """A column of a block as an array of numbers or of times. field: of a table's rows, None without."""
+    """A column of a block as an array of numbers or times. `field`: field of a table's rows, or None."""
 
     def __init__(self, data: Any, field: str | None, place: int | None, kind: str) -> None:
         self.shape = (data.shape[0],)
@@ -28,12 +28,12 @@ class BlockColumn:
 
 
 def is_table(group: Any) -> bool:
-    """Whether a group holds a table of pandas."""
+    """Return whether a group holds a table of pandas."""
     return _text(group, "pandas_type") in TABLES
 
 
 def columns_of(group: Any) -> dict[str, BlockColumn]:
-    """The columns of a table by their names; that of its index, if it has a name or holds times."""
+    """Return the columns of a table by name, with the index if it has a name or holds times."""
     return dict(_of_rows(group, group["table"]) if "table" in group else _of_blocks(group))
 
 
@@ -60,7 +60,7 @@ def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
 
 
 def _of_index(data: Any, field: str | None, kind: str, name: str) -> Iterator[tuple[str, BlockColumn]]:
-    name = "" if name == "N." else name  # None, pickled
+    name = "" if name == "N." else name  # this is a pickled None
     if name or kind.startswith("datetime64"):
         yield name or "time", BlockColumn(data, field, None, kind)
 
@@ -74,5 +74,5 @@ def _decoded(value: Any) -> str:
 
 
 def _strings(pickled: bytes) -> list[str]:
-    """The texts in what pandas has pickled, which is never loaded: a file may hold any program there."""
+    """Return the texts in a pickle of pandas. It is never loaded, since a pickle may run any program."""
     return [str(text) for code, text, _ in pickletools.genops(bytes(pickled)) if code.name in STRINGS]

@@ -1,4 +1,4 @@
-"""Logs of PX4 (.ulg). What their columns mean, `dialects.toml` says."""
+"""Reads logs of PX4 (.ulg). `dialects.toml` states the meaning of their columns."""
 
 from collections.abc import Mapping
 from io import BytesIO
@@ -17,16 +17,16 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 TOPICS = "sensor_combined", "sensor_gyro", "sensor_gyro_fifo", "vehicle_angular_velocity"
-"""Those of a log that are read if none is named, the first that is there."""
+"""Topics that are read if the user names none; the first in the log is used."""
 
 FIFO = "sensor_gyro_fifo"
 
 EVEN = 0.2
-"""What the time from one message of a queue to the next may be off what its samples take."""
+"""Largest relative difference between the time of a FIFO message's samples and the interval of messages."""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read a topic, and of several sensors that publish it the one that is named: `sensor_gyro:1`."""
+    """Read a topic; if several sensors publish it, `topic` names one of them: `sensor_gyro:1`."""
     name, _, instance = topic.partition(":")
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         whole = mended(content)
@@ -62,7 +62,7 @@ def read(path: Path, topic: str) -> Sheet:
 
 
 def _opened(path: Path, whole: Mended, topics: list[str] | None) -> Any:
-    """Read these topics, or all, by the library of PX4; of a damaged log what is left of it."""
+    """Read these topics, or all, with PX4's library; a damaged log is read without its damaged parts."""
     from pyulog import ULog
 
     return ULog(str(path) if whole.is_whole else BytesIO(whole.data), topics)
@@ -77,7 +77,7 @@ def _no_topic(path: Path, topic: str, whole: Mended, log: Any) -> UsageError:
 
 
 def _losses(path: Path, whole: Mended, log: Any) -> list[Note]:
-    """Tell what of a log is not read."""
+    """Return warnings about the parts of a log that are not read."""
     found = []
     if whole.holes:
         places = f"{whole.holes} places, the first" if whole.holes > 1 else "one place,"
@@ -110,7 +110,7 @@ def _devices(data: Mapping[str, Any]) -> list[str]:
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
-    """The samples of a sensor's queue, each message of which has the last one's time and some before it."""
+    """Return the samples of FIFO messages; each message has the time of its last sample and several samples."""
     axes = {
         axis: sorted((n for n in data if n.startswith(f"{axis}[")), key=lambda n: int(n[2:-1]))
         for axis in "xyz"
@@ -119,7 +119,7 @@ def _unpacked(data: Mapping[str, Any]) -> Sheet:
     last_us, dt_us = (np.asarray(data[name], np.float64) for name in ("timestamp_sample", "dt"))
     behind = count[:, np.newaxis] - 1 - np.arange(len(axes["x"]))
     there = behind >= 0
-    took = np.diff(last_us, prepend=np.nan) / np.maximum(count, 1)  # dt is what the sensor should take
+    took = np.diff(last_us, prepend=np.nan) / np.maximum(count, 1)  # dt is the nominal sampling period
     step_us = np.where(np.abs(took / dt_us - 1) < EVEN, took, dt_us)
     columns = {"time_us": (last_us[:, np.newaxis] - behind * step_us[:, np.newaxis])[there]}
     scale = np.asarray(data["scale"], np.float64)[:, np.newaxis]

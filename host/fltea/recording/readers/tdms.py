@@ -1,4 +1,4 @@
-"""Files of LabVIEW (TDMS): channels of groups, whose properties say units and how far samples are apart."""
+"""Reads LabVIEW files (TDMS): groups of channels, whose properties state units and sampling periods."""
 
 import struct
 from pathlib import Path
@@ -16,7 +16,7 @@ _STILL_WRITTEN = (1 << 64) - 1
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read all channels, by group and name, block by block."""
+    """Read all channels, by group and name, in blocks."""
     from nptdms import TdmsFile
 
     found: dict[str, Any] = {}
@@ -39,7 +39,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Channel:
-    """A channel as an array, in its own scale."""
+    """A channel as an array, in its scaled values."""
 
     def __init__(self, channel: Any) -> None:
         self._channel, self.shape = channel, (len(channel),)
@@ -52,7 +52,7 @@ class _Channel:
 
 
 def _segments(path: Path) -> int:
-    """How many parts a file has, each behind its length."""
+    """Return the number of segments of a file."""
     count, at = 0, 0
     with path.open("rb") as file:
         while len(head := file.read(_LEAD_IN.size)) == _LEAD_IN.size:

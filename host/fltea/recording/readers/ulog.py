@@ -1,8 +1,8 @@
-"""The messages of a log of PX4 (ULog), each looked at before its library reads them (pure).
+"""Checks each message of a PX4 log (ULog) before PX4's library reads the log.
 
-A message has its length before it and no checksum. A length that is wrong leads the library to a place where
-no message begins: it stops there, or goes on somewhere behind, and tells little of what it left out. Here
-such a place is a hole, which ends where messages begin again, and its bytes are counted.
+A message has its length before it and no checksum. After a wrong length, the library finds no message: it
+stops, or continues somewhere later, and does not report all that it left out. Here the damaged bytes form a
+hole, which ends where valid messages begin again, and its bytes are counted.
 """
 
 import re
@@ -13,13 +13,13 @@ from mmap import mmap
 from typing import NamedTuple
 
 HEAD = struct.Struct("<HB")
-"""Of a message: the length of what follows it, and its kind."""
+"""Header of a message: the length of its body, and its kind."""
 
 FILE_HEAD_BYTES = 16
-"""What a log begins with: a mark, the version, and the time."""
+"""Length of the log's header: magic bytes, version and time."""
 
 SYNC = bytes.fromhex("2f731320250cbb12")
-"""What a message of the kind S holds."""
+"""Content of a message of kind S."""
 
 SIZES = {
     **dict.fromkeys(("int8_t", "uint8_t", "bool", "char"), 1),
@@ -27,39 +27,38 @@ SIZES = {
     **dict.fromkeys(("int32_t", "uint32_t", "float"), 4),
     **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
 }
-"""Bytes of each type of a field."""
+"""Size of each type of field [bytes]."""
 
 MOST_BYTES = 1 << 16
 LONGEST_NAME = 256
 MOST_NESTED = 16
-"""Formats in one another."""
+"""Deepest nesting of formats."""
 
 FORMAT = re.compile(rb"([\w/-]+):((?:[\w/-]+(?:\[\d{1,5}\])? [\w/-]+;)+)")
 FIELD = re.compile(r"([\w/-]+)(?:\[(\d+)\])? ([\w/-]+);")
 KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [!-~]+")
-"""Of a piece of information or a parameter: its type and its name."""
+"""Matches the type and the name of an information or parameter message."""
 
 KINDS = re.compile(rb"[ACDFILMOPQRS]")
-"""Letters of the kinds that PX4 documents."""
+"""Matches the letters of the message kinds that PX4 documents."""
 
 SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
-"""Kinds that chance hardly makes look like messages, those whose length nothing else tells, and those that
-say what later ones are like."""
+"""Kinds that random bytes hardly ever resemble, kinds of any length, and kinds that describe later messages."""
 
 PADDING = "_padding"
 
 FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
 APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
-"""Where the flags of a log say whether data was appended to it after a crash, and at which bytes."""
+"""Offset and form of the flags for data that was appended after a crash, and its offsets."""
 
 
 class Mended(NamedTuple):
-    """What a log holds. whole: no byte of it was left out or changed.
+    """A log without its damaged parts.
 
-    data: it without its holes; b"" if it is whole. holes: how many, with `lost_bytes` of them, the first at
-    `first`. cut_bytes: of a last message, whose end is missing. odd: messages of a kind, or of a topic's
-    number, that the log does not declare. counts: messages of each topic, by its name and the number of its
-    sensor.
+    `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes, with `lost_bytes`
+    in all, the first at offset `first`. `cut_bytes`: length of a truncated last message. `odd`: number of
+    messages of a kind, or of a topic number, that the log does not declare. `counts`: number of messages by
+    topic and sensor.
     """
 
     data: bytes
@@ -72,19 +71,19 @@ class Mended(NamedTuple):
 
     @property
     def is_whole(self) -> bool:
-        """Whether the log can be read as it is."""
+        """Whether the log is intact and can be read as it is."""
         return not self.data
 
 
 def mended(content: bytes | mmap) -> Mended:
-    """Go through all messages of a log."""
-    walk = _Walk(content)
-    walk.run()
-    return walk.found()
+    """Check all messages of a log."""
+    scan = _LogScan(content)
+    scan.run()
+    return scan.found()
 
 
 class _Topic(NamedTuple):
-    """name, sensor: whose messages have a number. size: of each. padded: with the padding behind it."""
+    """A topic of numbered messages. `size`: length of a message; `padded`: length with padding [bytes]."""
 
     name: str
     sensor: int
@@ -92,7 +91,7 @@ class _Topic(NamedTuple):
     padded: int
 
 
-class _Walk:
+class _LogScan:
     def __init__(self, content: bytes | mmap) -> None:
         self._content, self._size = content, len(content)
         self._forms: dict[str, list[tuple[str, int, str]]] = {}
@@ -121,7 +120,7 @@ class _Walk:
         }
 
     def found(self) -> Mended:
-        """Return what the walk has found."""
+        """Return the result of the check."""
         is_whole = not (self._holes or self._odd or self._cut_bytes or self._is_changed)
         data = b"" if is_whole else b"".join(self._pieces())
         first, lost = (self._holes[0][0] if self._holes else 0), sum(end - at for at, end in self._holes)
@@ -131,7 +130,7 @@ class _Walk:
         return [one if isinstance(one, bytes) else self._content[slice(*one)] for one in self._kept]
 
     def run(self) -> None:
-        """Go through the log, or through each part of it if there are appended ones."""
+        """Check the log, or each of its parts if data was appended."""
         at, begins = FILE_HEAD_BYTES, list[int]()
         self._keep(0, at)
         head = self._content[at:FLAGS_AT]
@@ -142,13 +141,13 @@ class _Walk:
             at = end
 
     def _flags(self, end: int) -> tuple[int, list[int]]:
-        """Return where the flags end, and where appended parts begin."""
+        """Return the offset after the flags, and the offsets of appended parts."""
         found = self._content[APPENDED_AT : APPENDED_AT + APPENDED.size]
         if end > self._size or len(found) < APPENDED.size:
             return FILE_HEAD_BYTES, []
         flags, *begins = APPENDED.unpack(found)
         begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
-        if begins:  # those of a log with holes would be others
+        if begins:  # without holes, the offsets of the parts would change
             self._is_changed = True
             self._keep(FILE_HEAD_BYTES, APPENDED_AT)
             self._kept.append(bytes([flags & ~1]) + found[1:8] + bytes(APPENDED.size - 8))
@@ -172,7 +171,7 @@ class _Walk:
                 if is_next or tells:
                     at, is_one = after, is_next
                     continue
-            following = min(self._search(at + 1), end)  # no message has others inside of it
+            following = min(self._search(at + 1), end)  # a message contains no other messages
             if following == end < after and (is_one or end - at < HEAD.size):
                 self._cut(at, end)
                 return
@@ -189,11 +188,11 @@ class _Walk:
     def _cut(self, at: int, end: int) -> None:
         if end == self._size:
             self._cut_bytes = end - at
-        else:  # what was being written as the other part was begun
+        else:  # the message that a crash interrupted
             self._skip(at, end)
 
     def _skip(self, at: int, end: int) -> int:
-        """Leave bytes out; holes that touch are one."""
+        """Leave bytes out; adjacent holes become one."""
         if self._holes and self._holes[-1][1] == at:
             at = self._holes.pop()[0]
         self._holes.append((at, end))
@@ -207,7 +206,7 @@ class _Walk:
             self._kept.append((begin, end))
 
     def _take(self, at: int, end: int, kind: int) -> None:
-        """Keep a message, and learn from it what later ones have to be like."""
+        """Keep a message, and take from it the description of later messages."""
         body, size = at + HEAD.size, end - at - HEAD.size
         if kind == ord("F"):
             form = self._form(body, size)
@@ -222,7 +221,7 @@ class _Walk:
         elif kind == ord("D"):
             topic = self._topics[int.from_bytes(self._content[body : body + 2], "little")]
             self._counts[topic.name, topic.sensor] += 1
-            if size > topic.size:  # the library takes it for damaged
+            if size > topic.size:  # the library rejects messages of this length
                 self._is_changed = True
                 self._kept.append(HEAD.pack(topic.size, kind) + self._content[body : body + topic.size])
                 return
@@ -235,7 +234,7 @@ class _Walk:
         return self._content[at : at + size]
 
     def _search(self, begin: int) -> int:
-        """Return the first place from one on where messages begin again, or the log's end."""
+        """Return the next offset where messages begin again, or the log's end."""
         if self._searched[0] <= begin <= self._searched[1]:
             return self._searched[1]
         at = begin
@@ -253,12 +252,12 @@ class _Walk:
         return at
 
     def _next_kind(self, at: int) -> int | None:
-        """Return the first place from one on that has a message's kind behind two bytes."""
+        """Return the next offset with the letter of a message kind two bytes later."""
         found = KINDS.search(self._content, at + 2)
         return None if found is None else found.start() - 2
 
     def _is_message(self, at: int) -> bool:
-        """Whether a message begins there, of a kind and length that the log allows."""
+        """Return whether a message of a valid kind and length begins here."""
         if at + HEAD.size > self._size:
             return False
         size, kind = self._head(at)
@@ -293,7 +292,7 @@ class _Walk:
         return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
 
     def _sizes(self, name: str) -> tuple[int, int]:
-        """Return how long a message of a format is with its number, and with its padding; 0: not known."""
+        """Return the length of a format's messages with their number, and with padding; 0: unknown."""
         fields = self._forms.get(name, [])
         sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]
         if not fields or 0 in sizes or sum(sizes) > MOST_BYTES:
@@ -304,9 +303,9 @@ class _Walk:
         return 2 + sum(sizes), padded
 
     def _length(self, kind: str, most_nested: int) -> int:
-        """Return the bytes of one field of a type; 0: it is not known, or there is no end to it."""
+        """Return the length of one field of a type; 0 if it is unknown or the type contains itself."""
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # of a format that holds itself
+            self._lengths[kind] = 0  # for a format that contains itself
             fields = self._forms.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
