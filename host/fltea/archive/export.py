@@ -107,7 +107,7 @@ def _source(paths: Sequence[Path], limits: Limits, how: How) -> Any:
 
 
 class DeviceTime:
-    """Seconds since the first sample by the device's clock; the host's clock bridges restarts of the device."""
+    """Seconds since the first sample by the device's clock; the host's clock bridges its restarts."""
 
     def __init__(self) -> None:
         self._origin_us: int | None = None
@@ -150,7 +150,7 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
 
 
 def gather_samples(spool: Spool, decoded: Iterable[Decoded]) -> tuple[dict[str, float], int]:
-    """Write the arrays that `replay:` reads (host/docs/guide/sources.md) to `spool`; return scales and row count.
+    """Write the arrays that `replay:` reads (host/docs/guide/sources.md); return scales and row count.
 
     Raises:
         UsageError: rate or scale change within the recording; an .npz file has one value of each.

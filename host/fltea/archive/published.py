@@ -1,4 +1,4 @@
-"""Records of a recording as rows of a table, as they were published: estimates, fits, steps and motions."""
+"""Turns the published records of a recording into table rows: estimates, fits, steps and motions."""
 
 from collections.abc import Iterator, Sequence
 from itertools import chain
@@ -63,7 +63,7 @@ OF_A_CORRECTED_AXIS = {
     "moving": "moving_{axis}",
 }
 NAMED = {"estimates": OF_AN_AXIS, "device_estimates": OF_A_DEVICE_AXIS, "corrected": OF_A_CORRECTED_AXIS}
-"""Fields of an axis in a record, and the columns that they become."""
+"""Columns for the per-axis fields of each record."""
 
 OF_A_FIT = {
     "alpha": "alpha{end}_{axis}",
@@ -72,7 +72,7 @@ OF_A_FIT = {
     "s2": "s2{end}_{axis}_{unit}^2",
     "R": "R{end}_{axis}_{unit}^2",
 }
-"""Parameters of an axis in a fit, and the columns that each becomes: value, low and high."""
+"""Columns for the parameters of an axis in a fit; each parameter has a value, a low and a high end."""
 
 OF_ALL = ("epoch", "seq", "device_us", "host_ns")
 
@@ -80,30 +80,30 @@ OF_A_CHANGE = {
     "steps": {name: name for name in ("axis", "unit", "size", "size_std", "found_after")},
     "motions": {"begins": "begins", "by": "by", "samples": "samples", "largest": "largest_dps"},
 }
-"""Fields of what happens now and then, and the columns that they become."""
+"""Columns for the fields of steps and motions."""
 
 MOST_TEXT = 40
-"""Characters of a text in a column."""
+"""Longest text in a column [characters]."""
 
 OF_TEXT = ("axis", "unit", "by")
-"""Columns that are no numbers."""
+"""Columns that hold text."""
 
 
 class Table(NamedTuple):
-    """The names of a table's columns, and its rows as they come."""
+    """The names of a table's columns, and its rows."""
 
     columns: list[str]
     rows: Iterator[list[Any]]
 
 
 def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Duration) -> Table:
-    """Return a table with one row a record: as published, estimates of either kind, fits; or corrected rates.
+    """Return a table with one row for each published record, or for each sample with corrected rates.
 
-    What was not valid, or the data did not define, stays empty. what: "device_estimates" are those that the
-    device made beside the host's.
+    Values that were invalid, or that the data did not determine, stay empty. `what`: "device_estimates" are
+    the estimates of the device itself.
 
     Raises:
-        UsageError: no recording, or one without such records.
+        UsageError: there is no recording, or it has no such records.
     """
     if what in OF_A_CHANGE:
         return _changes_table(paths, source, what)
@@ -141,7 +141,7 @@ def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Dur
 
 
 def _changes_table(paths: Sequence[Path], source: "McapRecording | None", what: What) -> Table:
-    """Return a table with one row a step, or a begin or an end of a motion; `host_ns` says when."""
+    """Return a table with a row for each step, or each begin and end of a motion, with its time `host_ns`."""
     records = _published(source, what.removesuffix("s"))
     first = next(records, None)
     if first is None:
@@ -181,7 +181,7 @@ def _fit_values(one: AxisFit | None) -> list[float | None]:
 
 
 class _Published(msgspec.Struct, frozen=True):
-    """What every record has that belongs to a sample, null fields left out."""
+    """Fields of every record that belongs to a sample; null fields are left out."""
 
     host_ns: Whole
     device_us: Whole
@@ -229,12 +229,12 @@ def _published(recording: "McapRecording | None", topic: str) -> Iterator[Any]:
         if entry.topic == topic:
             try:
                 yield decode(entry.data)
-            except (ValueError, RecursionError) as error:  # msgspec's errors, and brackets in brackets
+            except (ValueError, RecursionError) as error:  # damaged, or nested too deeply
                 raise UsageError(f"{part.path}: a {topic} in it is damaged ({error}).") from error
 
 
 def _number(value: float | bool | str | None) -> float | None:
-    """Return a value as a number: 1 and 0 for true and false, also for rejected white noise."""
+    """Return a value as a number: 1 for true and for "rejected", 0 for false and for other texts."""
     if isinstance(value, str):
         value = value == "rejected"
     return int(value) if isinstance(value, bool) else value

@@ -1,4 +1,4 @@
-"""`fltea record`: from a source to MCAP files, without estimating anything."""
+"""`fltea record`: writes a source to MCAP files without estimating anything."""
 
 import sys
 from collections.abc import Iterator
@@ -25,11 +25,11 @@ from fltea.stream.decode import Decoder
 
 STATUS_NS = 10**9
 STATUS_QUIET_NS = 60 * 10**9
-"""Nanoseconds between two lines of status: on a terminal, where they are overwritten, and elsewhere."""
+"""Time between two status lines [ns]: on a terminal, where each replaces the one before, and elsewhere."""
 
 
 def record(config: Config, seconds: float | None) -> str:
-    """Record until the source ends, a signal arrives or the time is over. Returns what was recorded.
+    """Record until the source ends, a signal arrives or the time is over; return a summary.
 
     Raises:
         UsageError: the source or the folder is wrong, or the source cannot be recorded.
@@ -57,7 +57,7 @@ def record(config: Config, seconds: float | None) -> str:
 
 
 class _Recorder:
-    """The sink that keeps the bytes, with the records that are decoded for its JSON channels."""
+    """Writes the raw bytes, and the decoded records for the JSON channels, to the sink."""
 
     def __init__(self, source: Source, config: Config) -> None:
         self._source, self._name = source, config.name or "device"
@@ -75,7 +75,7 @@ class _Recorder:
         self._status_ns = clock.host_ns()
 
     def take(self, event: Event) -> None:
-        """Record one event: its bytes first, unless the source has handed them over already."""
+        """Record one event: its raw bytes first, unless the source wrote them already."""
         if self._as_wire is not None:
             for item in self._as_wire.encode(event):
                 self._sink.write(item)
@@ -90,7 +90,7 @@ class _Recorder:
 
     @property
     def lost(self) -> int:
-        """The number of items that no file took, and of bytes that were thrown away before."""
+        """Number of items that no file holds, plus bytes that were discarded before."""
         return self._sink.lost + self._source.link_stats().overflow_bytes
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ class _Recorder:
             self._say("")
 
     def summary(self) -> str:
-        """Return one line: how much there is, and what is missing."""
+        """Return one line of text: how much was recorded, and what is missing."""
         count, rate_hz = self._decoder.counts, self._decoder.native.rate_hz
         at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
         lost = f"{count.lost} lost in {count.gaps} gaps"
@@ -132,7 +132,7 @@ class _Recorder:
         self._say(f"{kind}: {message}")
 
     def _say(self, text: str, passing: bool = False) -> None:
-        """Write a line on stderr; on a terminal one that is `passing` gives way to the next."""
+        """Write a line to stderr; on a terminal, the next line replaces a `passing` one."""
         text = visible_lines(text)
         if self._live:
             sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))

@@ -1,1 +1,1 @@
-"""Recordings by the thousand: listed, read and identified by workers, their verdicts in one table."""
+"""Identifies thousands of recordings: workers read them, and their verdicts form one table."""

@@ -1,6 +1,6 @@
-"""Answers of web servers whose bodies are read whole: a page of links, or a range of a file. None is endless.
+"""Limits the length of web servers' answers that are read completely: a page of links, or a range of a file.
 
-Loads aiohttp, which fsspec needs for the web.
+This module loads aiohttp, which fsspec needs for the web.
 """
 
 import re
@@ -10,19 +10,19 @@ from aiohttp import ClientResponse
 from fltea.records.errors import FlteaError
 
 MOST_PAGE_BYTES = 64_000_000
-"""Of the list of a folder: a million names."""
+"""Longest list of a folder [bytes], enough for a million names."""
 
 RANGE = re.compile(r"bytes=(\d+)-(\d+)")
 
 
 class BoundedResponse(ClientResponse):
-    """Reads no more than the range that was asked for, or than a page may have."""
+    """Reads at most the requested range, or the limit for a page."""
 
     async def read(self) -> bytes:
         """Return the body.
 
         Raises:
-            FlteaError: it is longer.
+            FlteaError: the body is too long.
         """
         if self._body is None:
             asked = RANGE.fullmatch(self.request_info.headers.get("Range", ""))
@@ -36,6 +36,6 @@ class BoundedResponse(ClientResponse):
                     raise FlteaError(
                         f"{name}: its server sends more than the {most} bytes that may come at once."
                     )
-            await super().read()  # lets go of the connection
+            await super().read()  # releases the connection
             self._body = bytes(data)
         return await super().read()

@@ -1,8 +1,8 @@
-"""The bytes of a file as it was listed: what changes meanwhile is told, and makes no row of two contents.
+"""Reads the bytes of a file as listed; a later change is an error, so that no row mixes contents.
 
-A web server is asked for that very content (`If-Match`, `If-Unmodified-Since`), and what each of its answers
-says of it is compared, since not all servers look at what they are asked. Of other files it is looked up
-whether they are as they were, before and after reading; S3's file system pins the content by itself.
+Requests to a web server name the listed content (`If-Match`, `If-Unmodified-Since`), and the headers of each
+answer are compared, since not all servers honour such requests. Other files are compared before and after
+reading. S3's file system pins the content itself.
 """
 
 import contextlib
@@ -17,22 +17,22 @@ from fltea.records.errors import FlteaError
 
 PINNED = ("s3", "s3a")
 CHANGED_STATUS = (412, 416)
-"""Precondition failed, and a range that is not in the file: it has become shorter."""
+"""Status codes for a failed precondition, and for a range beyond the end of a file that became shorter."""
 RANGE = re.compile(r"bytes (\d+)-\d+/(\d+|\*)")
 ASKED = re.compile(r"bytes=(\d+)-")
 
 
 @contextlib.contextmanager
 def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for ranges; nothing is read ahead. whole: it is read once, from its beginning to its end.
+    """Open a file for reading ranges, without reading ahead. `whole`: it is read once, from begin to end.
 
     Raises:
-        FlteaError: it is not what it was when it was listed; while it is read, a range does not come whole.
-        OSError: the file system failed; it may raise others.
+        FlteaError: the file changed since it was listed, or a range arrives incomplete.
+        OSError: the file system failed; it may raise other errors, too.
     """
     system = file_system(file.protocol)
     if file.protocol in WEB:
-        # One answer is of one content; with a size given, the server is not asked for it again.
+        # A single answer has a single content; with a given size, fsspec does not ask the server for it.
         blocks = {"block_size": 0} if whole else {}
         asked = {"headers": _conditions(file), "raise_for_status": _check_of(file)}
         with system.open(
@@ -55,7 +55,7 @@ def _opened(system: Any, file: File) -> Any:
 
 
 def changed(file: File) -> FlteaError:
-    """What to raise where a file is another one now."""
+    """Return the error to raise for a file that changed."""
     return FlteaError(
         f"{file.url}: has changed since it was listed, so nothing of it is used. Run the same command again "
         "when nobody writes it."
@@ -66,8 +66,10 @@ def _check(file: File, about: Mapping[str, Any]) -> None:
     size = about.get("size")
     has_grown = (
         file.protocol == "file" and size is not None and size > file.size >= 0
-    )  # what was there, stays
-    known = {_bare(str(about[key])) for key in STAMPS if about.get(key)}  # a list may say less than a look-up
+    )  # the listed bytes remain
+    known = {
+        _bare(str(about[key])) for key in STAMPS if about.get(key)
+    }  # a listing may have fewer stamps than `info`
     is_other = bool(file.stamp and known) and _bare(file.stamp) not in known
     if (is_other and not has_grown) or (size is not None and 0 <= size < file.size):
         raise changed(file)
@@ -78,8 +80,8 @@ def _is_tag(stamp: str) -> bool:
 
 
 def _conditions(file: File) -> dict[str, str]:
-    """What a request says of the content that is wanted. A weak tag fits no `If-Match`."""
-    found = {"Accept-Encoding": "identity"}  # what is packed on the way has other ranges, and another tag
+    """Return the request headers that name the wanted content. `If-Match` does not accept a weak tag."""
+    found = {"Accept-Encoding": "identity"}  # compressed answers have other ranges and tags
     if file.stamp.startswith('"') and _is_tag(file.stamp):
         found["If-Match"] = file.stamp
     elif file.stamp.endswith("GMT"):
@@ -88,7 +90,7 @@ def _conditions(file: File) -> dict[str, str]:
 
 
 def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
-    """Return what looks at the head of each answer, and raises FlteaError if its content is another one."""
+    """Return a function that checks the headers of each answer, and raises FlteaError for other content."""
     seen: dict[str, str] = {}
     if file.stamp:
         seen["ETag" if _is_tag(file.stamp) else "Last-Modified"] = file.stamp
@@ -97,7 +99,7 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
         if answer.status in CHANGED_STATUS:
             raise changed(file)
         if answer.status >= 300:
-            return  # an error, which fsspec tells
+            return  # fsspec reports this error
         for name in ("ETag", "Last-Modified"):
             value = answer.headers.get(name)
             if value and _bare(seen.setdefault(name, value)) != _bare(value):
@@ -114,5 +116,5 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
 
 
 def _bare(tag: str) -> str:
-    """Return a tag without what only some of those who state it put around it."""
+    """Return an entity tag without quotes and without the mark of weak tags, which not all servers write."""
     return tag.removeprefix("W/").strip('"')

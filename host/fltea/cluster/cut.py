@@ -1,4 +1,4 @@
-"""What a piece of a large file is, and what all formats need to find where they may be cut.
+"""Pieces of a large file, and what all formats need to find the places for cuts.
 
 A piece is a head, a range of the file's bytes and a tail, or some row groups of a Parquet file.
 """
@@ -13,9 +13,9 @@ from fltea.cluster.listing import File
 
 
 class Cut(msgspec.Struct, frozen=True):
-    """One piece of a file, which is a recording by itself.
+    """One piece of a file; a piece is a recording of its own.
 
-    begin, end: bytes of the file between head and tail; of Parquet, numbers of row groups.
+    `begin`, `end`: bytes of the file between head and tail; for Parquet, numbers of row groups.
     """
 
     begin: int
@@ -25,18 +25,18 @@ class Cut(msgspec.Struct, frozen=True):
 
 
 class Ranges:
-    """Ranges of a file's bytes, each read when it is asked for."""
+    """Reads ranges of a file's bytes on demand."""
 
     def __init__(self, file: File, stream: BinaryIO) -> None:
         self.file, self.size, self._stream = file, file.size, stream
 
     def read(self, begin: int, end: int) -> bytes:
-        """Return the bytes begin … end - 1, as far as there are any."""
+        """Return the bytes `begin` to `end` - 1, as far as they exist."""
         self._stream.seek(begin)
         return self._stream.read(max(0, min(end, self.size) - begin))
 
     def are_there(self) -> bool:
-        """Return False for a web server that sends files only from their beginning."""
+        """Return whether ranges can be read; some web servers send files only from their beginning."""
         try:
             return len(self.read(self.size - 1, self.size)) == 1
         except ValueError:
@@ -44,9 +44,9 @@ class Ranges:
 
 
 def even_pieces(places: Sequence[int], end: int, block_bytes: int) -> list[tuple[int, int]]:
-    """Join what begins at `places` (rising) and ends at `end` to pieces of equal size, a block at most.
+    """Join parts that begin at `places` (rising) and end at `end` to equal pieces of at most a block.
 
-    A piece whose parts are larger than a block is as large as they are.
+    A piece with parts larger than a block is as large as these parts.
     """
     if not places:
         return []

@@ -1,4 +1,4 @@
-"""Pieces of MCAP files, fltea's and ROS': some chunks each, behind all that the file says of itself."""
+"""Cuts MCAP files of fltea and ROS: each piece has some chunks after all descriptions of the file."""
 
 import struct
 from io import BytesIO
@@ -20,7 +20,7 @@ from fltea.records.records import Hello
 
 FOOTER_BYTES = HEAD.size + 20 + len(MCAP0_MAGIC)
 MOST_SUMMARY_BYTES = 256 << 20
-"""Of a file of a terabyte in chunks of 1 MB it has 100 MB."""
+"""Largest summary that is read; a file of 1 TB in chunks of 1 MB has 100 MB."""
 
 
 class _Summary(NamedTuple):
@@ -28,14 +28,14 @@ class _Summary(NamedTuple):
     descriptions: bytes
     """schemas and channels"""
     chunks: list[int]
-    """where they begin"""
+    """offsets of the chunks"""
     end: int
-    """of the last one"""
+    """end of the last chunk"""
     metadata: list[MetadataIndex]
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Return where it may be cut; nowhere if it has no index, as a killed recorder leaves it."""
+    """Return the pieces; an empty list for a file without an index, as a killed recorder leaves it."""
     try:
         summary = _summary(source)
         if summary is None:
@@ -46,7 +46,7 @@ def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
             Cut(begin, end, _head(source, summary, session, number, begin), _TAIL)
             for number, (begin, end) in enumerate(pieces)
         ]
-    # Whatever the library raises on damaged bytes: reading it whole reports it.
+    # The library raises various errors for damaged bytes; reading the file whole reports them.
     except (McapError, ValueError, struct.error, EOFError, IndexError):
         return []
 
@@ -67,7 +67,7 @@ _TAIL = _tail()
 
 
 def _one(source: Ranges, begin: int, kind: int) -> bytes:
-    """The content of the record of some kind that begins there."""
+    """Return the content of the record at `begin`, which has to be of this kind."""
     found, length = HEAD.unpack(source.read(begin, begin + HEAD.size))
     if found != kind or length > MAX_DESCRIPTION_BYTES:
         raise ValueError("another record stands there")
@@ -101,7 +101,7 @@ def _summary(source: Ranges) -> _Summary | None:
 
 
 def _session(source: Ranges, summary: _Summary) -> PartInfo | None:
-    """Return what a file of ours states of itself; None for others."""
+    """Return the session's metadata of a file of fltea; None for other files."""
     for one in summary.metadata:
         if one.name == SESSION:
             return from_metadata(_metadata(source, one.offset))
@@ -116,7 +116,7 @@ def _metadata(source: Ranges, begin: int) -> dict[str, str]:
 def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: int, begin: int) -> bytes:
     out = RecordBuilder()
     if session is not None:
-        if number:  # as if the recorder had begun a new file there
+        if number:  # metadata as if the recorder had begun a new file there
             heard = [one for one in summary.metadata if one.name == HELLO and one.offset < begin]
             hello = session.hello
             if heard:

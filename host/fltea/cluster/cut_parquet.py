@@ -1,4 +1,4 @@
-"""Pieces of Parquet files: some row groups each. Loads pyarrow, which is an extra."""
+"""Cuts Parquet files into pieces of some row groups. This module loads pyarrow, which is an extra."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from fltea.records.errors import UsageError
 from fltea.records.temporary import named_file
 
 AT_ONCE = 1 << 16
-"""Rows."""
+"""Rows in a batch."""
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Which row groups together are a piece; none if the file is damaged."""
+    """Return the row groups of each piece; an empty list if the file is damaged."""
     try:
         with open_bytes(source.file) as stream, parquet.ParquetFile(stream, pre_buffer=False) as found:
             places = [0]
@@ -32,7 +32,7 @@ def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def write_groups(file: File, cut: Cut, folder: Path) -> Path:
-    """Some row groups as a file of their own."""
+    """Write some row groups as a file of their own."""
     path = folder / "piece.parquet"
     try:
         with open_bytes(file) as stream, parquet.ParquetFile(stream, pre_buffer=False) as found:

@@ -1,4 +1,4 @@
-"""Where text, .npy files and bags of ROS 1 may be cut; nowhere if reading them whole has to say why."""
+"""Cuts text, .npy files and bags of ROS 1. Files with errors are read whole, which reports them."""
 
 import io
 import math
@@ -17,7 +17,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 NEAR_BYTES = 1 << 12
-"""In which the end of a line is looked for first."""
+"""Number of bytes that are searched first for the end of a line."""
 NPY_HEAD_BYTES = 1 << 16
 BAG_HEADER_BYTES = 4096 + 256
 MOST_INDEX_BYTES = 256 << 20
@@ -25,7 +25,7 @@ PLACE = struct.Struct("<Q")
 
 
 def of_text(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
-    """Cut text into whole lines, behind the lines that name the columns; nowhere if these are unknown."""
+    """Cut text into whole lines, after the lines that name the columns; no cuts if these are unknown."""
     begin = source.read(0, HEAD_BYTES)
     reader = TextReader(source.file.url, how)
     try:
@@ -46,7 +46,7 @@ def of_text(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
 
 
 def _line_from(source: Ranges, place: int) -> int | None:
-    """Where the next line begins; None if there is no line."""
+    """Return the offset of the next line; None if there is no line."""
     for length in (NEAR_BYTES, LONGEST_LINE):
         found = source.read(place, place + length).find(b"\n")
         if found >= 0:
@@ -55,7 +55,7 @@ def _line_from(source: Ranges, place: int) -> int | None:
 
 
 def of_npy(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Cut an array into rows, behind a header that says how many; nowhere if columns follow one another."""
+    """Cut an array into rows, each piece with a header of its own; no cuts if it is stored by columns."""
     try:
         found = read_header(io.BytesIO(source.read(0, NPY_HEAD_BYTES)), source.file.url)
     except (ValueError, struct.error):
@@ -77,7 +77,7 @@ def of_npy(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Cut a bag into chunks, behind what it says of its topics; nowhere if it was not closed: no index."""
+    """Cut a bag into chunks, after the descriptions of its topics; no cuts without an index."""
     begin = io.BytesIO(source.read(len(VERSION), len(VERSION) + BAG_HEADER_BYTES))
     header = next_record(begin, source.size)
     if header is None or header.fields.get(b"op") != Op.BAG_HEADER:
@@ -102,7 +102,7 @@ def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def _bag_header() -> bytes:
-    """Of a bag that was closed, and has no chunks in its index."""
+    """Return the header of a closed bag without chunks in its index."""
     fields = ((b"op", Op.BAG_HEADER), (b"index_pos", PLACE.pack(1)), (b"chunk_count", LENGTH.pack(0)))
     pairs = b"".join(LENGTH.pack(len(name) + 1 + len(value)) + name + b"=" + value for name, value in fields)
     return LENGTH.pack(len(pairs)) + pairs + LENGTH.pack(0)

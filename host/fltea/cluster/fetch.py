@@ -1,4 +1,4 @@
-"""A file, or a part of its bytes, where it is worked on: nobody sends samples to anybody."""
+"""Makes a file, or a part of its bytes, available on the worker; samples are not sent between workers."""
 
 import os
 import platform
@@ -13,23 +13,24 @@ from fltea.settings.limits import DEFAULT_LIMITS, MB, Limits
 
 COPY_BYTES = 1 << 22
 LEAST_FREE = 256_000_000
-"""Bytes that are left on the disk of temporary files."""
+"""Space that stays free on the disk of temporary files [bytes]."""
 
 
 def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
-    """The file itself if it is this machine's, else a copy in `folder`, whose name it cannot choose.
+    """Return the path of a local file, or of a copy in `folder`, whose name the remote file cannot choose.
 
-    A server may send more than it stated, or state no size: both are looked at while it is copied.
+    A server may send more than the stated size, or state none, so the size is checked while the file is
+    copied.
 
-    limits: how much of a file without a size is taken.
+    `limits`: largest size of a file that states none.
 
     Raises:
-        UsageError: it has no size, and more than that.
-        FlteaError: it is not the file that was listed any more, or there is no room.
-        OSError: and whatever its file system raises.
+        UsageError: the file states no size, and exceeds the limit.
+        FlteaError: the file changed since it was listed, or the disk is full.
+        OSError: the file system failed; it may raise other errors, too.
     """
     if file.protocol == "file":
-        # On a disk that is not there, or with rights of its own, it is no fault of the file.
+        # An unmounted disk or a worker without permission is not a fault of the file.
         if not os.access(file.path, os.R_OK):
             raise FlteaError(
                 f"{file.url}: is not there, or may not be read, on {platform.node()}. With --dask every "
@@ -53,7 +54,7 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
                     f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."
                 )
             size_text = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
-            check_room(file, len(data), folder, size_text)  # others fill the same disk meanwhile
+            check_room(file, len(data), folder, size_text)  # other programs use the same disk
             out.write(data)
     if known and copied < file.size:
         raise FlteaError(f"{file.url}: has {copied} bytes now, and had {file.size} when listed.")
@@ -61,12 +62,12 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
 
 
 def check_room(file: File, size: int, folder: Path, size_text: str = "") -> None:
-    """Check that the disk of a folder takes so many bytes of a file.
+    """Check that the disk of a folder has room for `size` bytes of a file.
 
-    size_text: stands for its size in the error.
+    `size_text`: text for the file's size in the error.
 
     Raises:
-        FlteaError: it does not; another worker's disk may.
+        FlteaError: the disk has no room; another worker's disk may have it.
     """
     free = shutil.disk_usage(folder).free
     if size + LEAST_FREE > free:

@@ -1,4 +1,4 @@
-"""Which recordings there are, on any file system that fsspec reaches: their address, size and stamp."""
+"""Lists recordings on any file system that fsspec supports: their address, size and stamp."""
 
 import hashlib
 import os
@@ -14,30 +14,30 @@ from fltea.records.secret import refuse_secret
 from fltea.settings.extras import how_to_install, load
 
 PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "memory")
-"""Chains (`zip::s3://…`) and protocols that run programs elsewhere are none of these."""
+"""Supported protocols; chains (`zip::s3://…`) and protocols that run programs elsewhere are not supported."""
 WEB = ("http", "https")
 LIKE_NAMES = ("file", *WEB)
-"""What they call a file is its address."""
+"""Protocols for which the path of a file is its address."""
 MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
-"""Of patterns. Behind a question mark in a web address stands what the server is asked."""
+"""Characters of patterns. In a web address, a query follows a question mark."""
 LONGEST_NAME = 60
-"""Of a copy, without its ending."""
+"""Longest name of a copy, without its ending."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
-"""What file systems call it when a file is no longer the same, the surest first."""
+"""Names that file systems use for a stamp that changes with the file, the most reliable first."""
 MOST_LEVELS = 64
-"""Of folders in one another: a server that makes them up, or leads back to the first one, has no end."""
+"""Deepest level of folders, since a server may invent folders or link back to the first one."""
 SILENT_S = 60.0
-"""How long a web server may send nothing."""
+"""Longest silence of a web server [s]."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
-"""What file systems need that no extra of fltea has."""
+"""Packages for file systems that no extra of fltea installs."""
 DESCRIBE = (".json", ".yaml", ".yml")
-"""Endings of files that lie beside recordings and tell of them, and only where they are named are some."""
+"""Endings of files that describe recordings; they count as recordings only if the user names them."""
 JOURNAL = "_journal.ndjson"
-"""Of a table of verdicts, which may lie among recordings. Readers of Parquet pass over underscores."""
+"""Name of a verdict table's journal. Readers of Parquet ignore names with an underscore."""
 
 
 class File(NamedTuple):
-    """One file. path: as its file system calls it. stamp: changes when the file does; empty: nobody knows."""
+    """One file. `path`: path on its file system. `stamp`: changes with the file; empty if unknown."""
 
     url: str
     protocol: str
@@ -47,15 +47,16 @@ class File(NamedTuple):
 
     @property
     def suffix(self) -> str:
-        """Its ending in small letters, of letters and digits only: it becomes part of a file's name."""
+        """Ending of the name, in small letters and digits only, since it becomes part of a copy's name."""
         found = PurePosixPath(self._name).suffix.lower()
         return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
 
     @property
     def copied_name(self) -> str:
-        """That of a copy: its own but for what no name needs. Some loggers tell only by it what they wrote.
+        """Name of a copy: the file's name without unusual characters; some dialects need the name.
 
-        Files of a session would be looked for by theirs, and are copied one by one.
+        Files of sessions and bags are found by their names, so they get a neutral name and are read one by
+        one.
         """
         name = PurePosixPath(self._name).name.removesuffix(PurePosixPath(self._name).suffix)
         is_one = KINDS.get(self.suffix) not in ("mcap", "bag")
@@ -68,17 +69,17 @@ class File(NamedTuple):
 
 
 class Unlisted(NamedTuple):
-    """A folder below one that was asked for whose files are not known, and why."""
+    """A folder that could not be listed, and the reason."""
 
     folder: File
     reason: str
 
 
 def file_system(protocol: str) -> Any:
-    """What opens files; it keeps no listing, which would be of yesterday and fill the memory.
+    """Return the file system for a protocol. It caches no listings, which would be outdated and use memory.
 
     Raises:
-        UsageError: its package is not installed, or it may not be used here.
+        UsageError: its package is not installed, or the protocol is not supported.
     """
     if protocol not in PROTOCOLS:
         raise UsageError(f"{protocol}://: not supported; supported are {', '.join(PROTOCOLS)}.")
@@ -97,7 +98,7 @@ def file_system(protocol: str) -> Any:
 
 
 def _patience() -> dict[str, Any]:
-    """By itself aiohttp gives a file five minutes in all, as long to a silent one, and memory to any."""
+    """Return limits for aiohttp, whose defaults are 5 min for each file and for silence, and any memory."""
     from aiohttp import ClientTimeout
 
     from fltea.cluster.bounded import BoundedResponse
@@ -107,13 +108,13 @@ def _patience() -> dict[str, Any]:
 
 
 def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
-    """The files of paths, URLs, patterns (`**` is any number of folders) and folders, one folder at a time.
+    """Yield the files of paths, URLs, patterns (`**` stands for any number of folders) and folders.
 
-    Of a folder all recordings in it and below it are taken, by their endings. Links to folders are not
-    followed there, and pipes, sockets and devices are passed over.
+    For a folder, all recordings in it and below it are listed, by their endings. Links to folders are not
+    followed there, and pipes, sockets and devices are skipped.
 
     Raises:
-        UsageError: nothing there, or a URL that cannot be used.
+        UsageError: nothing is found, or a URL cannot be used.
         FlteaError: the file system refuses.
     """
     for pattern in patterns:
@@ -124,13 +125,13 @@ def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
             for file in _matching(system, protocol, path):
                 found += 1
                 yield file
-        except FileNotFoundError as error:  # fsspec says so of web servers that say nothing, too
+        except FileNotFoundError as error:  # fsspec raises this for silent web servers, too
             cause = error.__cause__
             if cause is not None and getattr(cause, "status", 0) != 404:
                 raise FlteaError(f"{pattern}: cannot be read ({type(cause).__name__}: {cause}).") from error
         except (FlteaError, GeneratorExit):
             raise
-        except Exception as error:  # every file system has its own: credentials, names, networks
+        except Exception as error:  # file systems raise their own errors for credentials, names, networks
             raise FlteaError(f"{pattern}: cannot be listed ({type(error).__name__}: {error}).") from error
         if not found:
             raise UsageError(f"{pattern}: no recording is there.")
@@ -174,15 +175,15 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
 
 
 def _one_name(path: str) -> str:
-    """The same for a file however it is named; behind a link `..` is not what stands before."""
+    """Return one path for a file, however it is named; after a link, `..` leads to the target's parent."""
     before, parent, after = f"{path}/".rpartition("/../")
     return os.path.normpath(f"{os.path.realpath(before + parent)}/{after}" if parent else path)
 
 
 def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterator[dict[str, Any] | Unlisted]:
-    """The files of a folder and of those in it, in the order of their names, but for tables of verdicts.
+    """Yield the files of a folder and its subfolders in the order of their names, except tables of verdicts.
 
-    depth: of folders, if limited.
+    `depth`: deepest level of folders; None: no limit.
     """
     folders = [(folder, 0)]
     seen = set()
@@ -200,7 +201,7 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
         except (FileNotFoundError, PermissionError) as error:
             if level == 0:
                 raise
-            if isinstance(error, PermissionError):  # not gone since the folder that it is in was listed
+            if isinstance(error, PermissionError):  # a folder that has gone is skipped
                 reason = f"cannot be listed ({type(error).__name__}: {error})"
                 yield Unlisted(File(_url(protocol, now), protocol, now, -1, ""), reason)
             continue
@@ -218,19 +219,19 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
 
 
 def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
-    """Of a link what it leads to, else as it was listed."""
+    """Return the facts on a link's target; for other files the listed facts."""
     if not about.get("islink"):
         return about
     try:
         found: dict[str, Any] = system.info(about["name"])
-    except OSError:  # it leads nowhere: reported when it is read
+    except OSError:  # a broken link: reading it reports this
         return {**about, "type": "file"}
     return found
 
 
 def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
     name = str(about["name"])
-    if about.get("size") is None:  # what a web server lists
+    if about.get("size") is None:  # web servers list no sizes
         about = system.info(name)
     stamp = next((str(about[key]) for key in STAMPS if about.get(key)), "")
     size = about.get("size")
@@ -239,7 +240,7 @@ def _file(system: Any, protocol: str, about: dict[str, Any]) -> File:
 
 def _url(protocol: str, name: str) -> str:
     url = name if protocol in LIKE_NAMES else f"{protocol}://{name.lstrip('/')}"
-    if protocol in WEB and "?" in url:  # it may be a signature, and the table is for everybody
+    if protocol in WEB and "?" in url:  # the query may be a secret signature, and the table is public
         place, _, query = url.partition("?")
         url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
     return url.encode(errors="replace").decode()  # a name may hold bytes that are no text

@@ -1,7 +1,6 @@
-"""Cuts a large file into pieces, each of which is a recording by itself, whatever the format.
+"""Cuts a large file of any format into pieces, each of which is a recording of its own.
 
-Read whole are formats without a place for a cut: .npz, .db3, compressed files, NDJSON, and files that are
-incomplete.
+Files that cannot be cut are read whole: .npz, .db3, compressed files, NDJSON, and incomplete files.
 """
 
 import contextlib
@@ -20,14 +19,14 @@ from fltea.records.temporary import named_file
 
 
 def cuts_of(file: File, ask: Ask) -> list[Cut]:
-    """Return the pieces of a file; none if it is to be read whole.
+    """Return the pieces of a file; an empty list if it has to be read whole.
 
     Raises:
-        FlteaError: it is not what it was when it was listed.
-        OSError: the file cannot be read now; its file system may raise others.
+        FlteaError: the file changed since it was listed.
+        OSError: the file is not readable now; its file system may raise other errors.
     """
     if file.size <= ask.block_bytes or (file.protocol in WEB and not file.stamp):
-        return []  # of what nothing tells when it changes, one answer is of one content
+        return []  # without a stamp, only a single answer is sure to have one content
     with open_bytes(file) as stream:
         source = Ranges(file, stream)
         if file.protocol in WEB and not source.are_there():
@@ -55,8 +54,8 @@ def write_piece(file: File, cut: Cut, folder: Path) -> Path:
     """Write a piece as a recording in `folder`, and return its path.
 
     Raises:
-        FlteaError: the file is not what it was, or there is no room.
-        OSError: the file system failed; it may raise others.
+        FlteaError: the file changed, or the disk is full.
+        OSError: the file system failed; it may raise other errors.
     """
     if KINDS.get(file.suffix) == "parquet":
         from fltea.cluster.cut_parquet import write_groups

@@ -1,4 +1,4 @@
-"""One row of the table of verdicts: an axis of a recording, or why there is none."""
+"""Rows of the table of verdicts: an axis of a recording, or the reason why there is none."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -16,13 +16,14 @@ VALUE_COLUMNS = [name + end for name in (*VALUES, *COEFFICIENTS) for end in ("",
 
 
 class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
-    """An axis. Of a file that failed there is one row, with `error` and without `axis`.
+    """A row for an axis. A file that failed has one row, with `error` and without `axis`.
 
-    size, stamp: of the file as it was listed. settings: a digest of all settings. again: it failed for a
-    reason that is not the file's, so the next run tries it again. parts: in how many it was summed; 1:
-    whole. Values are None where they are undefined; *_low and *_high are 95 % intervals. α has no unit, f
-    s^-α; N, B and K are in `unit` (per √Hz; itself; per √s). longest_s: of a stretch without a break; what is
-    slower than its tenth is not seen.
+    `size`, `stamp`: of the file as it was listed. `settings`: digest of all settings.
+    `again`: the failure is not the file's fault, so the next run tries the file again.
+    `parts`: number of pieces whose sums were used; 1: the file was read whole.
+    Values are None where they are undefined; *_low and *_high are the ends of 95 % intervals. α has no unit,
+    f is in s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s.
+    `longest_s`: longest stretch without a break [s]; processes slower than a tenth of it are not detected.
     """
 
     file: str
@@ -31,7 +32,7 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     settings: str
     parts: int = 1
     seconds: float | None = None
-    """of a worker's time"""
+    """time that workers took [s]"""
     error: str | None = None
     again: bool = False
     device_id: str | None = None
@@ -46,14 +47,14 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     kind: str | None = None
     text: str | None = None
     p_white: float | None = None
-    """of the null test, on the clean ordinates"""
+    """p-value of the null test, on the clean ordinates"""
     mean: float | None = None
     std: float | None = None
     lsb: float | None = None
     values: dict[str, float | None] = {}
-    """by the names of their columns, which are `VALUE_COLUMNS`"""
+    """values by their columns, which are `VALUE_COLUMNS`"""
     fltea_alpha: float | None = None
-    """the filter's last; None of what was summed in parts: a filter cannot be cut"""
+    """last α of the filter; None if pieces were summed, since a filter cannot be cut"""
     fltea_f: float | None = None
     fltea_describes_noise: bool | None = None
     data_checks: list[str] | None = None
@@ -63,18 +64,18 @@ _row = msgspec.json.Decoder(Row)
 
 
 class Key(msgspec.Struct, frozen=True):
-    """Which file as it was then, and how it was identified."""
+    """Identifies a file in its listed state, and the settings."""
 
     file: File
     settings: str
 
     def row(self, **values: Any) -> Row:
-        """A row of it."""
+        """Return a row for the file with these values."""
         file = self.file
         return Row(file=file.url, size=file.size, stamp=file.stamp, settings=self.settings, **values)
 
     def has(self, row: object) -> bool:
-        """Whether this is a row of it, whose values are of their types and have their columns."""
+        """Return whether `row` is a row of this file with valid types and columns."""
         if not isinstance(row, Row) or not row.values.keys() <= set(VALUE_COLUMNS):
             return False
         try:
@@ -87,12 +88,12 @@ class Key(msgspec.Struct, frozen=True):
 
 
 def failed(key: Key, reason: str, *, again: bool, parts: int = 1) -> list[Row]:
-    """What stands in the table for a file that could not be identified."""
+    """Return the row for a file that could not be identified."""
     return [key.row(error=reason, again=again, parts=parts)]
 
 
 def rows_of(key: Key, report: FileReport, seconds: float) -> list[Row]:
-    """All axes of a recording that was read whole."""
+    """Return a row for each axis of a recording that was read whole."""
     if report.recording is None:
         return failed(key, str(report.failure), again=False)
     return [
@@ -130,18 +131,18 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
 
 
 def of_recording(recording: Loaded) -> dict[str, Any]:
-    """Return what the device states of itself, and what was lost."""
+    """Return the facts that the device states, and the number of lost samples."""
     hello = recording.hello
     return {"device_id": hello.device_id, "sensor": hello.sensor, "lost": recording.counts.lost}
 
 
 def data_check_kinds(data_checks: Iterable[DataCheck]) -> list[str]:
-    """Return each kind once."""
+    """Return the kinds of data checks, each once."""
     return sorted({data_check.kind for data_check in data_checks})
 
 
 def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
-    """Return values of a fit or a curve, and the ends of their intervals."""
+    """Return values of a fit or a curve, with the ends of their intervals."""
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)

@@ -1,4 +1,4 @@
-"""Lists, hands out and collects: how every file comes into the table of verdicts once."""
+"""Lists files, distributes them to workers, and writes each file's verdict to the table once."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -20,10 +20,10 @@ from fltea.records.errors import FlteaError, UsageError
 
 
 class Progress(msgspec.Struct):
-    """What has been done so far. read: bytes of those done.
+    """Progress of a run. `read`: bytes of finished files.
 
-    skipped: files that were in the table already, or are named twice. failed_before: those of them that have
-    a failure there.
+    `skipped`: files that were in the table already, or are named twice. `failed_before`: skipped files that
+    have a failure in the table.
     """
 
     listed: int = 0
@@ -46,7 +46,7 @@ class _Pieces:
 
 @dataclass
 class _Task(Task):
-    """What is done to a file, or to one of its pieces, of that number."""
+    """Work on a file, or on its piece with index `number`."""
 
     file: File
     pieces: _Pieces | None = None
@@ -60,12 +60,12 @@ def run(
     table: VerdictTable,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
-    """Identify all files that are not in the table as they are now.
+    """Identify all files that are not in the table in their present state.
 
-    Files are listed as they are needed, so memory does not grow with their number but for some bytes each.
+    Files are listed when they are needed, so memory grows by only a few bytes for each file.
 
     Raises:
-        FlteaError: the workers are gone, the table cannot be written, or the files cannot be listed.
+        FlteaError: there are no workers left, the table cannot be written, or the files cannot be listed.
     """
     loop = _Loop(files, ask, workers, table, report)
     loop.work()
@@ -120,7 +120,7 @@ class _Loop(HandOut[_Task]):
         return _Task(cuts_of if large else identify_file, (file, self._ask), file)
 
     def settle(self, task: _Task, result: Any) -> None:
-        """Put the rows of a file into the table, or go on with its pieces."""
+        """Write a finished file to the table, or continue with its pieces."""
         file, pieces = task.file, task.pieces
         if pieces is not None and pieces.failed:
             return
@@ -145,7 +145,7 @@ class _Loop(HandOut[_Task]):
                 self._next.appendleft(_Task(fit_pieces, (file, self._ask, pieces.sums), file))
 
     def _is_answer(self, task: _Task, result: Any) -> bool:
-        """Whether a result is of the kind that its task gives, and is told of its file."""
+        """Return whether a result has the type that its task requires, and belongs to its file."""
         if task.do is sum_piece:
             return isinstance(result, PieceSums | str)
         if not isinstance(result, list):

@@ -1,7 +1,7 @@
-"""A recording that is summed in pieces: spectra are additive, so only sums go from worker to worker.
+"""Identifies a recording in pieces: spectra are additive, so workers exchange sums only.
 
-At every cut there is a break, as at a gap: nothing is computed across it, and what is slower than a piece is
-not seen. No filter runs over pieces, so FLTEA's own figures are missing.
+A cut counts as a gap: nothing is computed across it, and processes slower than a piece are not detected.
+Filters do not run over pieces, so FLTEA's own results are missing.
 """
 
 import time
@@ -43,11 +43,11 @@ from fltea.spectrum.spectral import Spectral
 from fltea.spectrum.verdict import decide
 
 SAME_RATE = 5e-3
-"""Of rates: a device's clock and what is found from a column of times differ by less."""
+"""Largest relative difference of rates that count as equal; device clocks differ by less."""
 
 
 class AxisSums(msgspec.Struct, frozen=True):
-    """One axis of a piece. octaves: saved sums. lines: what its spectrum is put together from."""
+    """Sums of one axis of a piece. `octaves`: saved sums. `lines`: parts of its spectrum."""
 
     unit: str
     lsb: float | None
@@ -61,7 +61,7 @@ class AxisSums(msgspec.Struct, frozen=True):
 
 
 class PieceSums(msgspec.Struct, frozen=True):
-    """One piece. about: what a row says of the recording. empty: why it has no sample, "" if it has some."""
+    """Sums of one piece. `about`: facts for the row. `empty`: why it has no sample, "" if it has some."""
 
     rate_hz: float
     about: dict[str, object]
@@ -72,11 +72,11 @@ class PieceSums(msgspec.Struct, frozen=True):
 
     @property
     def samples(self) -> int:
-        """Samples of the longest axis."""
+        """Number of samples of the longest axis."""
         return max((axis.samples for axis in self.axes.values()), default=0)
 
     def goes_with(self, other: "PieceSums") -> bool:
-        """Whether rate, sensor and scales are the same."""
+        """Return whether rate, axes, units and scales are the same."""
         ours, theirs = (
             [(name, axis.unit, axis.lsb) for name, axis in one.axes.items()] for one in (self, other)
         )
@@ -84,10 +84,10 @@ class PieceSums(msgspec.Struct, frozen=True):
 
 
 def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:
-    """The sums of a piece, or why there are none.
+    """Return the sums of a piece, or the reason why there are none.
 
     Raises:
-        OSError: it cannot be fetched now; and whatever its file system raises.
+        OSError: the piece is not readable now; its file system may raise other errors.
     """
     begin = time.monotonic()
     with work_folder() as folder:
@@ -125,10 +125,10 @@ def _sums(series: Series) -> AxisSums:
 
 
 def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
-    """Return rows of all axes of a file whose pieces were summed, or one row that says why there are none.
+    """Return a row for each axis of a file whose pieces were summed, or one row with an error.
 
-    As with samples of several rates, those pieces are taken that go with the one that has the most. A piece
-    without a number in it is a gap.
+    Only pieces with the rate and the axes of the largest piece are used. A piece without any number counts as
+    a gap.
     """
     begin = time.monotonic()
     key = Key(file, ask.digest())
@@ -160,10 +160,10 @@ def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
 
 
 def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]:
-    """The values of a row.
+    """Return the values of a row.
 
     Raises:
-        ValueError: the axis is constant, or there is too little of it.
+        ValueError: the axis is constant, or too short.
     """
     sums, *later = (Octaves.restore(1, 0.0, piece.octaves) for piece in pieces)
     for one in later:

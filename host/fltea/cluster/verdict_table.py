@@ -1,7 +1,7 @@
-"""The table of verdicts: a folder of Parquet files, as Spark and Dask write it, and what is not in one yet.
+"""The table of verdicts: a folder of Parquet files, as Spark and Dask write it, with a journal of new rows.
 
-A recording that is done becomes one line of a journal, at once. When the journal is long its rows become a
-Parquet file, which takes its name when it is whole. So a kill -9 costs only what was under way.
+A finished recording becomes one line of the journal at once. The rows of a long journal become a Parquet
+file, which gets its name when it is complete. So a kill -9 loses only the recordings in progress.
 """
 
 import fcntl
@@ -23,7 +23,7 @@ from fltea.records.own_file import open_own
 from fltea.records.whole_file import whole_file
 
 JOURNAL_BYTES = 8_000_000
-"""Some ten thousand rows: it is read again at the next start, and in memory once."""
+"""Longest journal [bytes], about ten thousand rows; the next start reads it into memory."""
 KEY = ["file", "size", "stamp", "settings"]
 
 TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
@@ -32,7 +32,7 @@ _rows = msgspec.json.Decoder(list[Row])
 
 
 def schema() -> pa.Schema:
-    """The columns, those of `Row`."""
+    """Return the columns of the table: the fields of `Row`."""
     fields = {name: _type(hint) for name, hint in get_type_hints(Row).items() if name != "values"}
     return pa.schema([*fields.items(), *((name, pa.float64()) for name in VALUE_COLUMNS)])
 
@@ -46,9 +46,9 @@ def _type(hint: Any) -> pa.DataType:
 
 
 class VerdictTable:
-    """Open for one program at a time.
+    """A table of verdicts that one program has open.
 
-    What failed for a reason that was not the file's is taken out again when it is opened.
+    Opening removes failures that were not the files' fault, so that these files are tried again.
 
     Raises:
         UsageError: `folder` is something else, or another program writes to it.
@@ -88,22 +88,22 @@ class VerdictTable:
             raise
 
     def __contains__(self, file: File) -> bool:
-        """Whether a file, as it is now, is done with these settings."""
+        """Return whether a file, in its listed state, is done with these settings."""
         return _digest(file.url, file.size, file.stamp, self._settings) in self._done
 
     def __len__(self) -> int:
-        """Files that are done, with any settings."""
+        """Return the number of files that are done, with any settings."""
         return len(self._done)
 
     def failure_of(self, file: File) -> str | None:
-        """Why a file that is done has no verdict, or not on all axes; None if it has all."""
+        """Return why a finished file lacks a verdict on some axis; None if it has all."""
         return self._failures.get(_digest(file.url, file.size, file.stamp, self._settings))
 
     def add(self, rows: list[Row]) -> None:
-        """Take all rows of one file; they are with the operating system when this returns.
+        """Write all rows of one file to the journal; the operating system has them when this returns.
 
         Raises:
-            FlteaError: the disk does not take them.
+            FlteaError: the disk refuses them.
         """
         line = msgspec.json.encode(rows) + b"\n"
         before = self._bytes
@@ -113,7 +113,7 @@ class VerdictTable:
                 self._bytes += taken
                 line = line[taken:]
         except OSError as error:
-            os.ftruncate(self._journal, before)  # no half of a line before the next one
+            os.ftruncate(self._journal, before)  # remove an incomplete line
             self._bytes = before
             raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
         self._note(_key(rows[0]), (row.error for row in rows))
@@ -121,7 +121,7 @@ class VerdictTable:
             self._pack()
 
     def close(self, *, keep_journal: bool = False) -> None:
-        """Make Parquet of the rest."""
+        """Write the remaining rows as Parquet, and close the table."""
         if self._journal < 0:
             return
         try:
@@ -139,7 +139,7 @@ class VerdictTable:
                 )
             self._numbers.append(int(path.stem.removeprefix("part-")))
             self._read_part(path)
-        # Left out: what a kill cut off, and what is in a Parquet file already, should it have come between.
+        # Incomplete lines are skipped; so are rows that a Parquet file holds already, after a kill in between.
         found = {_key(rows[0]): rows for rows in self._lines() if not any(row.again for row in rows)}
         self._write_part([row for key, rows in found.items() if key not in self._done for row in rows])
         for key, rows in found.items():
@@ -147,14 +147,14 @@ class VerdictTable:
         os.ftruncate(self._journal, 0)
 
     def _note(self, key: bytes, errors: Iterable[str | None]) -> None:
-        """A file is done; of its rows' errors the first is kept."""
+        """Note that a file is done; keep the first error of its rows."""
         self._done.add(key)
         for one in errors:
             if one is not None:
                 self._failures.setdefault(key, one)
 
     def _lines(self) -> Iterator[list[Row]]:
-        """What is in the journal, as far as it is whole."""
+        """Yield the complete lines of the journal."""
         for line in (self._folder / JOURNAL).read_bytes().split(b"\n"):
             try:
                 rows = _rows.decode(line)
@@ -177,7 +177,7 @@ class VerdictTable:
             self._note(key, [one])
 
     def _pack(self) -> None:
-        """The journal as a Parquet file, after which it is empty."""
+        """Write the journal as a Parquet file, and empty it."""
         self._write_part([row for rows in self._lines() for row in rows])
         os.ftruncate(self._journal, 0)
         self._bytes = 0

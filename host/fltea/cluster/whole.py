@@ -1,4 +1,4 @@
-"""What a worker does with a recording that it reads whole."""
+"""Identifies a recording that a worker reads whole."""
 
 import hashlib
 import time
@@ -19,11 +19,11 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BLOCK_BYTES = 64_000_000
-"""Larger files are summed in parts, where their format can be cut."""
+"""Size above which files are summed in pieces, if their format can be cut [bytes]."""
 
 
 class Ask(msgspec.Struct, frozen=True):
-    """How to read and identify every file."""
+    """Settings for reading and identifying every file."""
 
     settings: Settings
     channels: tuple[str, ...] | None = None
@@ -32,20 +32,20 @@ class Ask(msgspec.Struct, frozen=True):
     block_bytes: int = BLOCK_BYTES
 
     def digest(self) -> str:
-        """Changes with anything that may change a verdict."""
+        """Return a digest that changes with everything that may change a verdict."""
         stated = msgspec.json.encode([__version__, msgspec.structs.astuple(self)])
         return hashlib.blake2b(stated, digest_size=8).hexdigest()
 
     def request(self, path: Path) -> Request:
-        """One recording, as `fltea.identify` reads it."""
+        """Return a request for one recording, as `fltea.identify` takes it."""
         return Request((path,), self.channels, self.how, self.limits)
 
 
 def identify_file(file: File, ask: Ask) -> list[Row]:
-    """All axes of one file, or one row that says why there are none.
+    """Return a row for each axis of one file, or one row with an error.
 
     Raises:
-        OSError: the file cannot be fetched now; and whatever its file system raises.
+        OSError: the file is not readable now; its file system may raise other errors.
     """
     key = Key(file, ask.digest())
     begin = time.monotonic()

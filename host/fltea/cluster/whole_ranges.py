@@ -1,7 +1,7 @@
-"""A stream of a remote file whose reads give each range of bytes whole, or fail.
+"""A stream of a remote file whose reads return each range of bytes completely, or fail.
 
-What a server sends is not what it was asked for where a proxy answers in its place, cuts a body off, or takes
-no ranges.
+An answer may differ from the request if a proxy answers in the server's place, truncates a body, or ignores
+ranges.
 """
 
 import io
@@ -12,7 +12,7 @@ from fltea.records.errors import FlteaError
 
 
 class WholeRanges(io.RawIOBase):
-    """A stream of a known size that gives as many bytes as are asked for, up to its end."""
+    """A stream of known size that returns as many bytes as are requested, up to its end."""
 
     def __init__(self, file: File, stream: Any) -> None:
         self._file, self._stream = file, stream

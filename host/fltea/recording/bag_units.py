@@ -150,7 +150,7 @@ class AtRest(NamedTuple):
 
 
 def measured_accel(layout: Layout, accel: Scale | None, rest: Rest, how: How) -> AtRest:
-    """Compare the accelerometer's unit with the length of gravity; an unknown unit is derived from gravity."""
+    """Compare the accelerometer's unit with the length of gravity; derive an unknown unit from gravity."""
     units = gravity_units(rest.gravity) if len(rest.gravity) else []
     if not units or not layout.accel:
         return AtRest(accel)

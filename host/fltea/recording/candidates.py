@@ -32,7 +32,7 @@ which differ by 2 %, cannot be distinguished.
 """
 
 STEADY = 0.1
-"""Largest spread of the length of gravity, relative to its mean; above it, values count as no gravity at rest."""
+"""Largest spread of the length of gravity, relative to its mean, at which values count as gravity."""
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
@@ -112,7 +112,7 @@ def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: s
 
 
 def ticks_table(step: float, units: Sequence[str]) -> str:
-    """Return a text for the user: `step`, the options of a `times_table`, and the option for unknown ticks."""
+    """Return a text that shows `step`, the options of a `times_table`, and the option for unknown ticks."""
     return "\n".join([f"A step of {step:.6g} would be:", *units, "  or in ticks of its own: --rate ?"])
 
 

@@ -101,7 +101,7 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
 
 
 def _in_turn(steps: Floats, grain: float) -> int:
-    """Return after how many steps the steps repeat; 0 if they do not, or differ only by rounding to `grain`."""
+    """Return after how many steps the steps repeat; 0 if they do not, except by rounding to `grain`."""
     for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
         middle = np.array([np.median(steps[k::count]) for k in range(count)])
         usual = np.resize(middle, len(steps))
@@ -124,7 +124,7 @@ def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
 def _even_share(
     blocks: Iterable[Floats], median: float, tolerance: float, odd: int
 ) -> tuple[float, float, float]:
-    """Return the share of steps near `median`, this share with steps near 2 to 4 times `median`, and the mean step.
+    """Return the share of steps near `median`, that near 1 to 4 times `median`, and the mean step.
 
     The mean is that of the steps near `median`.
     """
@@ -138,7 +138,7 @@ def _even_share(
 
 
 def _grain(blocks: Blocks, median: float) -> float:
-    """Return the power of ten by which all times are divisible, if it is a large part of the period; else 0."""
+    """Return the power of ten that divides all times, if it is a large part of the period; else 0."""
     grain = 10.0 ** math.floor(math.log10(median * (1 + NEARLY)))
     is_fine = grain <= EVENNESS * median
     on_it = (bool((np.abs(t / grain - np.rint(t / grain)) < NEARLY).all()) for t in blocks())
@@ -189,7 +189,7 @@ def _shortest(times: Floats, rows: int) -> float:
 
 
 def _bursts(blocks: Iterable[Floats], period: float, longest: float) -> Bursts | None:
-    """Return the bursts in which rows arrive, if a board or a radio gathers rows and times are arrival times."""
+    """Return the bursts in which rows arrive, as when a radio collects rows; None without bursts."""
     places: list[Ints] = []
     found: list[Floats] = []
     count, total = 0, 0.0

@@ -194,7 +194,7 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 
 
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
-    """Return the columns of the first triple of patterns with one column for each axis; empty if there is none.
+    """Return the columns of the first triple of patterns with one column for each axis, or empty.
 
     `near`: beginning of the sensor's column names, which decides between the columns of several sensors.
     """

@@ -150,7 +150,7 @@ class Choice:
         in_unit: Callable[[str], object],
         flag: str,
     ) -> None:
-        """Raise UsageError if a column's name and the row of units state different units; `flag`: option to ask for."""
+        """Raise UsageError if a column's name and its unit contradict each other; `flag`: option to name."""
         for place in places if not self.how.overrule else ():
             name, unit = self.names[place], self.units[place]
             by_name, beside = in_name(name), in_unit(unit)
@@ -284,19 +284,19 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Return whether the axes are asked for and a group of columns has times, which then tell the clock."""
+        """Return whether the axes are asked for and some group of columns has times to tell the clock."""
         is_asked = any(one.option.startswith("--columns") for one in self.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
-        """Return the stated sampling rates [Hz], by what states each; several lines may state different rates."""
+        """Return the stated sampling rates [Hz], by what states each; several may contradict."""
         dialect, head = self.dialect, self.facts.head
         if dialect is not None and dialect.rate and (said := re.search(dialect.rate, head, re.M)):
             return {f"the head: {said[0].strip()}": float(said[1])}
         return self.facts.rates or {f"the head: {line}": hz for line, hz in stated_in(head).rates.items()}
 
     def measured_hz(self, time: int, unit: TimeUnit | None, factor: float) -> float | None:
-        """Return the sampling rate measured from the first times, if they are even and their unit is known."""
+        """Return the sampling rate measured from the first times if they are even and have a unit."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= time or len(values) < 3:
             return None

@@ -127,7 +127,7 @@ def _has_rows(begin: bytes) -> bool:
 
 
 def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
-    """Return the kind of a text: fltea's NDJSON, a JSON document, or other text; `by_end`: kind by the name."""
+    """Return the kind of a text: fltea's NDJSON, JSON, or other text; `by_end`: kind by the name."""
     text = begin.removeprefix(BOM).lstrip()
     if OURS.match(text) or (by_end == "ndjson" and not _is_foreign(text)):
         return "ndjson"

@@ -30,7 +30,7 @@ class _One(NamedTuple):
 
 
 class LabelLines:
-    """Converts lines; their number stays the same. The last line of a sample gets all its numbers, others are empty.
+    """Joins a sample's lines: its last line gets all numbers, the others become empty.
 
     A sample ends where a label repeats, or where a label comes that precedes the last one in the first
     samples. With Teleplot's mark `>`, a time in ms may stand before a number: `>gx:1000:1.2`.
@@ -104,7 +104,7 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Return the index at which a sample begins in a cycle of labels: after a z, if an axis precedes x otherwise."""
+    """Return the index at which a sample begins in a cycle of labels: after a z, or else 0."""
     axes = [found[1].lower() if (found := _AXIS.fullmatch(label)) else "" for label in labels]
     for first in (0, *(k + 1 for k, axis in enumerate(axes) if axis == "z")):
         order = "".join([*axes[first:], *axes[:first]])

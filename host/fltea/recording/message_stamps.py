@@ -30,7 +30,7 @@ SET_FORWARD_NS = 1_000_000_000
 """A larger jump of the stamps that the arrivals do not show is a change of the clock, not a gap."""
 
 STEPS, MORE = 1000, 1.05
-"""Steps over which the rate of batches is measured, and a factor that keeps batches from looking like gaps."""
+"""Steps over which the rate of batches is measured, and a factor so that batches are no gaps."""
 
 MOST_PASSES, SAME = 5, 1e-6
 """Most iterations, and the relative change of the period at which they end."""
@@ -126,7 +126,7 @@ def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
 
 
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
-    """Return the most common step, or for batches the mean of many steps; and whether samples come in batches."""
+    """Return the usual step, or for batches the mean of many; and whether samples come in batches."""
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
     far = min(STEPS, max(1, len(steps) // 4))

@@ -154,7 +154,7 @@ def _begins_again(codes: Ints, times: Floats) -> bool:
 
 
 def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
-    """Return whether the numbers of each value are far from those of any other, and the value changes often."""
+    """Return whether each value's numbers are far from those of others, and the value changes often."""
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False
     groups = [values[codes == code] for code in range(codes.max() + 1)]

@@ -1,4 +1,4 @@
-"""Limits of what reading one file may cost. They are the same for every reader, since a file can claim anything.
+"""Limits of what reading one file may cost, the same for every reader, since a file can claim anything.
 
 - **Memory** and temporary files: at most `replay.max_mb`, whatever the file's size.
 - **Decompressed data**: the same limit, and at most `RATIO` times the size of the file. Sensor readings are

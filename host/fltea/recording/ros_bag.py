@@ -113,7 +113,7 @@ def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
 
 
 def _alike(layouts: dict[Topic, Layout | None]) -> set[str]:
-    """Return the topics whose type is made for a gyroscope; without such topics, all with a gyroscope's numbers."""
+    """Return the topics of types for gyroscopes; without any, all with a gyroscope's numbers."""
     there = {topic: layout for topic, layout in layouts.items() if layout is not None}
     some_known = any(layout.is_known for layout in there.values())
     return {topic.name for topic, layout in there.items() if layout.is_known or not some_known}

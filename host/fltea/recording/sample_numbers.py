@@ -31,7 +31,7 @@ Times rounded to 0.99 of a period leave a remainder of about 0.5 at longer steps
 
 
 class Numbered(NamedTuple):
-    """Sequence numbers of samples. `kept`: marks (rows,) of the rows that are samples; other fields: (samples,).
+    """Numbered samples. `kept`: marks (rows,) of rows that are samples; other fields: (samples,).
 
     `begins`: marks of samples that begin a new run. `elapsed`: times of the samples, strictly increasing.
     """

@@ -173,7 +173,7 @@ class Elapsed:
         return jump if is_turn.any() else None
 
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
-        """Return the time at which the times restart at 0, and the longest step there; fractions restart each second."""
+        """Return the time at which the times restart at 0 (fractions: each second), and the longest step."""
         if self._second and max(self._between[1], float(time.max())) < self._second:
             return self._second, self._second / 2
         return self._wrap, self._longest

@@ -158,7 +158,7 @@ class Scan:
             self.lost_bytes = size - at
 
     def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
-        """Return a chunk's length by its fields if its header claims another length and a record follows there."""
+        """Return a chunk's length by its fields if its header claims another, and a record follows."""
         found = chunk_length(file, at)
         if found is None or found.by_fields == length:
             return None
@@ -166,7 +166,7 @@ class Scan:
         return found.by_fields if end <= self._size and begins_record(file, end, self._size) else None
 
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
-        """Return the damage at byte `at`, and the offset at which reading continues; None if nothing follows."""
+        """Return the damage at byte `at` (None if nothing follows), and the offset to continue at."""
         room = self._size - at - HEAD.size
         self.why = (
             "they are zeros" if kind == 0 else f"a record that claims {length} bytes, and {room} are left"

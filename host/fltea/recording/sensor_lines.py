@@ -17,7 +17,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 FEWEST_LINES, LOOKS, MOST_LINES = 64, 4, 2000
-"""When live lines are checked for several sensors: after FEWEST_LINES, then whenever the number of lines has grown by
+"""Live lines are checked for several sensors after FEWEST_LINES, then whenever their number has grown by
 the factor LOOKS, until MOST_LINES.
 """
 

@@ -282,7 +282,7 @@ class _Gyroscope(NamedTuple):
 
 
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
-    """Return the columns with the length of the axes, and the sampling rate of the nearest group around the axes.
+    """Return the columns with the length of the axes, and the sampling rate of their nearest group.
 
     Columns in the groups around the axes have short names: `imu.t` becomes `t`. An axis of another length or
     without numbers is kept, so that the error can name it.

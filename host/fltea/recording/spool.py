@@ -80,7 +80,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         return self._read(name, 0, self.length(name))
 
     def mapped(self, name: str) -> NDArray[Any]:
-        """Return a column, at least one row, as a memory map; the spool needs a folder, for other processes."""
+        """Return a column with rows as a memory map, which other processes may share; needs a folder."""
         column = self._columns[name]
         column.file.flush()
         return np.memmap(column.file.name, column.dtype, "r", shape=(self._rows[name], *column.shape))

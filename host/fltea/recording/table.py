@@ -105,7 +105,7 @@ def samples_of(rows: Rows, chosen: Chosen) -> Samples:
 
 
 class Plausible:
-    """Checks whether rates may come from a gyroscope at rest; a wrong unit or column gives impossible values."""
+    """Checks whether rates fit a gyroscope at rest; a wrong unit or column gives impossible values."""
 
     def __init__(self, chosen: Chosen) -> None:
         self._chosen, self.rows = chosen, 0

@@ -10,7 +10,7 @@ BEGIN_BYTES, MOST_HELD = 256, 4096
 
 
 class TextDecoder:
-    """Takes the bytes of a text in pieces of any length, and returns lines in UTF-8. `begin`: the first bytes.
+    """Takes the bytes of a text in any pieces, and returns lines in UTF-8. `begin`: the first bytes.
 
     A few bytes are held back as long as they may be the beginning of a document.
     """

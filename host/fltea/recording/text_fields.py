@@ -174,7 +174,7 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
-    """Return the numbers in lines of one kind (n, width), with NaN for other fields. `tag`: first field of rows.
+    """Return the numbers in lines of one kind (n, width), NaN for other fields. `tag`: first field.
 
     The result is cached, since a header may stand among the rows thousands of times.
     """

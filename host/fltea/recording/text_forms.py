@@ -92,7 +92,7 @@ LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
 
 
 _IN_BRACES = re.compile(rb"([A-Za-z_]\w*)\s*:\s*(?:(\{)|\[[^\[\]]*\]|([^,{}\[\]]*))|(\})")
-"""Matches a key with a mapping, a list or a value, or the end of a mapping: `{stamp: {sec: 1, nanosec: 2}}`."""
+"""Matches a key with a mapping, list or value, or the end of a mapping: `{stamp: {sec: 1}}`."""
 
 DEEPEST = 8
 """Deepest nesting of mappings in one line."""

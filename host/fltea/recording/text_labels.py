@@ -38,7 +38,7 @@ DEEPEST = 4
 
 
 def decode_object(line: str | bytes) -> dict[str, Any]:
-    """Read a JSON object; nested names become `gyro.x`, and three numbers in a list `gyro_x`, `gyro_y`, `gyro_z`.
+    """Read a JSON object; nested names become `gyro.x`, three numbers in a list `gyro_x` and so on.
 
     Raises:
         ValueError: the line is no JSON object.
@@ -77,7 +77,7 @@ def without_axis(name: str) -> str:
 
 
 def _fitting(name: str, unit: str) -> str:
-    """Return a unit if it fits the quantity of a name, else ""; a unit of an object need not fit all its names."""
+    """Return a unit if it fits the quantity of a name, else ""; objects hold several quantities."""
     is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
     is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
     return unit if is_rate or is_other else ""

@@ -294,7 +294,7 @@ class LayoutFinder:
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """Return the first field if it tells kinds of rows apart, "" if not; None for a row of another kind."""
+        """Return the first field if it tells kinds of rows apart, else ""; None for another kind."""
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
             return ""
@@ -314,7 +314,7 @@ class LayoutFinder:
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
     def _has_kinds(self) -> bool:
-        """Return whether a dialect identifies the rows by their first field; its head names columns of all kinds."""
+        """Return whether a dialect with several kinds of rows fits; its head names columns of all kinds."""
         kinds = self._kinds()
         if "head" in self._known or names_kinds(self._newest):
             self._known["head"] = True

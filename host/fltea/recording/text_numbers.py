@@ -116,7 +116,7 @@ class RowParser:
         return Plain(begin, passed, np.array(rows, np.int64), np.array(values))
 
     def one(self, text: str) -> list[float] | WhyNot | None:
-        """Return the numbers in a line; the reason if it holds no sample; None if it is empty or a comment."""
+        """Return the numbers in a line, or why it holds no sample; None if it is empty or a comment."""
         layout = self.layout
         if layout.parse is not None:
             return None if self._is_empty(text) else _of_named(layout, layout.parse, text)
@@ -210,7 +210,7 @@ def end_of_line(data: bytes, begin: int) -> int:
 
 
 def decoded(line: bytes) -> str:
-    """Return a line as text, in UTF-8 or else in the Windows encoding, since units have signs beyond ASCII."""
+    """Return a line as text, in UTF-8 or else the Windows encoding; units have signs beyond ASCII."""
     try:
         return line.decode()
     except UnicodeDecodeError:

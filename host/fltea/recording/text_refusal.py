@@ -89,7 +89,7 @@ def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, 
 
 
 def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
-    """Return the nearest header above rows of `width` fields: its line number, its names, and the units below."""
+    """Return the nearest header above rows of `width` fields: its line number, names, and units."""
     units = None
     for number, line in reversed([*lines]):
         found = bare_fields(line)

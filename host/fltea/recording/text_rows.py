@@ -34,7 +34,7 @@ SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
 """Number of first lines and bytes that are kept, to find out what the columns hold."""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
-"""Matches the beginning of a JSON array, an object over several lines, or an object of columns as of pandas."""
+"""Matches the beginning of a JSON array, of an object over several lines, or of pandas' columns."""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
 """Most lines of a block that are examined as headers, and most headers of a file."""

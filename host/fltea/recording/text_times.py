@@ -187,7 +187,7 @@ class _DayMonth:
         self._newest: tuple[int, int] | None = None
 
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
-        """Return the days since 1970 of a date, given for both orders; None if it is no date in this order."""
+        """Return the days since 1970 of a date, given for both orders; None for an invalid date."""
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):
             self._is_day_first = month_first is None

@@ -103,7 +103,7 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
 
 
 def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
-    """Return the rate by some rows' times if they are even and their unit is known or can only be s, else None."""
+    """Return the rate by some times if they are even and in a known unit or in s; else None."""
     times = times[np.isfinite(times)]
     if not len(times):
         return None

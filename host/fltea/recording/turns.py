@@ -28,7 +28,7 @@ class Turns:
         self._ordinal = 0
 
     def take(self, rows: Rows) -> list[Rows]:
-        """Return the sensor's rows among `rows` and rows held back before; the last few are held back again."""
+        """Return the sensor's rows among `rows` and rows held back; the last few are held back again."""
         found = self.finish() if rows.begins else []
         self._held.append(rows)
         if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:

@@ -20,7 +20,7 @@ MOST_SHOWN, MOST_FIGURES = 8, 6
 
 
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
-    """Find the column that tells sensors apart, and the value of the sensor to read; later questions use its rows.
+    """Find the column that tells sensors apart, and the sensor to read, whose rows later questions use.
 
     `tag`: first field of a row, in files with rows of several kinds. `gyro`: columns of the axes.
 
@@ -90,7 +90,7 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Return the columns that tell sensors apart by their names or the dialect, and columns that state units."""
+    """Return the columns that tell sensors apart by name or dialect, and columns that state units."""
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
         return [found[0]]

@@ -1,4 +1,4 @@
-"""Chooses the unit of the gyroscope's axes, by the user, the file or the dialect, which may not contradict."""
+"""Chooses the unit of the gyroscope's axes, by the user, the file or the dialect, which must agree."""
 
 from collections.abc import Sequence
 

@@ -14,7 +14,7 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 MESSAGES = "GYR", "IMU", "ISB"
-"""Messages with unfiltered samples, filtered samples, and batches of raw samples; the first present is read."""
+"""Messages with unfiltered samples, filtered samples, and raw batches; the first present is read."""
 
 TYPES = {
     "b": "i1",
@@ -147,7 +147,7 @@ class _Log:
         return {k: found for k, name in enumerate(names) if len(found := self.rows(name))}
 
     def batches(self, heads: Any) -> Sheet:
-        """Return the samples of batches; the head of each batch gives its scale, its rate and its first time."""
+        """Return the samples of batches, with scale, rate and first time from the head of each batch."""
         data, begins = self.rows("ISBD"), self.offsets("ISBH")
         every = self.rows("ISBH")
         head = np.searchsorted(begins, self.offsets("ISBD")) - 1

@@ -56,7 +56,7 @@ def number_of(value: Any, other: float = math.nan) -> float:
 
 
 def rate_of(name: str, value: Any, unit: str = "") -> float | None:
-    """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states; None if it states none.
+    """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states; else None.
 
     `name`: name of the fact. `unit`: unit that is stated separately.
     """

@@ -1,6 +1,6 @@
-"""Files of HDF5: tables of pandas, and data sets with attributes, as netCDF and NWB have them.
+"""Reads HDF5 files: tables of pandas, and data sets with attributes, as in netCDF and NWB.
 
-A data set may stand in other files, whatever these are. Nothing but the file itself is read.
+A data set may lie in other files, which can be anything. Only the file itself is read.
 """
 
 import math
@@ -23,17 +23,17 @@ from fltea.records.errors import UsageError
 
 MISSING = "_fillvalue", "missing_value"
 NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
-"""Attributes by which numbers are multiplied, and what is added then: https://cfconventions.org (8.1 Packed
-Data), and https://nwb-schema.readthedocs.io (TimeSeries), whose `resolution` changes nothing."""
+"""Attributes for the factor and the offset of numbers: https://cfconventions.org (8.1 Packed Data), and
+https://nwb-schema.readthedocs.io (TimeSeries), whose `resolution` changes no numbers."""
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
-"""What to do about data sets elsewhere."""
+"""Advice for data sets in other files."""
 
 MATLABS = "#refs#", "#subsystem#"
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read the tables of pandas, or else all data sets by their paths, block by block."""
+    """Read the tables of pandas, or else all data sets by their paths, in blocks."""
     import h5py
 
     found: dict[str, Any] = {}
@@ -47,7 +47,7 @@ def read(path: Path, _: str) -> Sheet:
             found[name] = NoNumbers(elsewhere, max((1, *item.shape)))
             return
         attributes = _attributes_of(item)
-        if path.endswith("/starting_time") and "rate" in attributes:  # of NWB's group
+        if path.endswith("/starting_time") and "rate" in attributes:  # the rate of a group in NWB
             facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):
             facts.update({f"{name}.{key}".lstrip("."): value for key, value in attributes.items()})
@@ -80,7 +80,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def outside(item: Any) -> str:
-    """Return where a data set stands if that is outside its file, "" if not, in words without a subject."""
+    """Return where a data set lies if it is outside the file, as words without a subject; else ""."""
     import h5py
 
     if not isinstance(item, h5py.Dataset):
@@ -94,7 +94,7 @@ def outside(item: Any) -> str:
 
 
 def _links_elsewhere(file: Any) -> dict[str, str]:
-    """The links that lead out of a file, directly or by way of another, and where to."""
+    """Return the links that lead out of a file, directly or through other links, and their targets."""
     import h5py
 
     found: dict[str, str] = {}
@@ -116,7 +116,7 @@ def _links_elsewhere(file: Any) -> dict[str, str]:
 
 
 def _parts_elsewhere(group: Any) -> str:
-    """Which part of a table of pandas' stands outside its file, and where, "" if none does."""
+    """Return which part of a pandas table lies outside the file, and where; "" if none does."""
     import h5py
 
     for name in group:
@@ -128,13 +128,13 @@ def _parts_elsewhere(group: Any) -> str:
 
 
 def _attributes_of(item: Any) -> dict[str, Any]:
-    """Attributes by their names in small letters; long ones say nothing of columns."""
-    sizes = {key: np.size(one) for key, one in item.attrs.items()}  # None of an empty one
+    """Return attributes by their names in small letters; long ones do not describe columns."""
+    sizes = {key: np.size(one) for key, one in item.attrs.items()}  # None for an empty attribute
     return {key.lower(): item.attrs[key] for key, size in sizes.items() if 0 < (size or 0) <= MOST_SENSORS}
 
 
 def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
-    """A data set; a field of MATLAB's array of structures is one of references, a structure each."""
+    """Yield a data set; a field of a MATLAB array of structures holds references, and each target is yielded."""
     import h5py
 
     of_structures = "/" in path and h5py.check_ref_dtype(data.dtype) is not None
@@ -148,9 +148,9 @@ def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) -> tuple[Any, str]:
-    """A data set as its attributes say that it is to be read, and what is wrong with these.
+    """Return a data set converted as its attributes state, and what is wrong with the attributes.
 
-    scaled_by: the names of those that scale; what is used is taken out of them.
+    `scaled_by`: names of the attributes for factor and offset; attributes that are applied are removed.
     """
     kind = next(iter(texts_of(attributes.get("matlab_class"))), "")
     if kind == "char":
@@ -177,7 +177,7 @@ def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) 
 
 
 class _Scaled:
-    """A data set whose numbers stand for others, and some for none."""
+    """A data set with factor and offset applied, and NaN for missing values."""
 
     dtype = np.dtype(np.float64)
 

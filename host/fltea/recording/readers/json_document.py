@@ -163,7 +163,7 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 
 
 def _index(keys: Sequence[str]) -> dict[str, Any]:
-    """Return a column of row keys, unless they count the rows; Unix times of a `DatetimeIndex` become dates."""
+    """Return a column of row keys, unless they count the rows; Unix times become dates."""
     if not all(key.removeprefix("-").isdecimal() for key in keys):
         return {"index": list(keys)}
     numbers = [int(key) for key in keys]

@@ -110,7 +110,7 @@ def _devices(data: Mapping[str, Any]) -> list[str]:
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
-    """Return the samples of FIFO messages; each message has the time of its last sample and several samples."""
+    """Return the samples of FIFO messages, each with the time of its last sample and several samples."""
     axes = {
         axis: sorted((n for n in data if n.startswith(f"{axis}[")), key=lambda n: int(n[2:-1]))
         for axis in "xyz"

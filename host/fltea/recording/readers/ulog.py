@@ -43,7 +43,7 @@ KINDS = re.compile(rb"[ACDFILMOPQRS]")
 """Matches the letters of the message kinds that PX4 documents."""
 
 SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
-"""Kinds that random bytes hardly ever resemble, kinds of any length, and kinds that describe later messages."""
+"""Kinds that random bytes hardly resemble, kinds of any length, and kinds that describe others."""
 
 PADDING = "_padding"
 
