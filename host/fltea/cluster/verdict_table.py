@@ -139,7 +139,7 @@ class VerdictTable:
                 )
             self._numbers.append(int(path.stem.removeprefix("part-")))
             self._read_part(path)
-        # Incomplete lines are skipped; so are rows that a Parquet file holds already, after a kill in between.
+        # Incomplete lines are skipped, and rows that a Parquet file holds already, after a kill in between.
         found = {_key(rows[0]): rows for rows in self._lines() if not any(row.again for row in rows)}
         self._write_part([row for key, rows in found.items() if key not in self._done for row in rows])
         for key, rows in found.items():

@@ -63,7 +63,7 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     with opened as content:
-        # In another process, /dev/stdin is its own stdin, and the name of a compressed file's content leads nowhere.
+        # In another process, /dev/stdin is its own stdin, and the content of an archive has no path.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
         limits_of_it = ProcessLimits.of(quota)

@@ -134,7 +134,7 @@ def _attributes_of(item: Any) -> dict[str, Any]:
 
 
 def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
-    """Yield a data set; a field of a MATLAB array of structures holds references, and each target is yielded."""
+    """Yield a data set, or the targets of the references in a MATLAB array of structures."""
     import h5py
 
     of_structures = "/" in path and h5py.check_ref_dtype(data.dtype) is not None
