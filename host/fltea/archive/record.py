@@ -61,7 +61,7 @@ class _Recorder:
 
     def __init__(self, source: Source, config: Config) -> None:
         self._source, self._name = source, config.name or "device"
-        self._sink = RecordSink(config.record.for_devices(1), self._name, self._tell)
+        self._sink = RecordSink(config.record.for_devices(1), self._name, self._report)
         self._decoder = Decoder(lambda: source.unix_offset_ns, config.link.max_gap, self._name)
         self._as_wire: AsWire | None = None
         if isinstance(source, SerialSource):
@@ -70,7 +70,7 @@ class _Recorder:
             self._as_wire = AsWire(lambda: source.unix_offset_ns)
         self._folder = Path(config.record.folder or ".")
         self._live = sys.stderr.isatty()
-        self._date = DateWatch(self._tell)
+        self._date = DateWatch(self._report)
         self._date.look()
         self._status_ns = clock.host_ns()
 
@@ -128,7 +128,7 @@ class _Recorder:
                 yield Gap(first - missing, missing, block.epoch, first_ns, device=self._name)
             yield block
 
-    def _tell(self, kind: str, message: str) -> None:
+    def _report(self, kind: str, message: str) -> None:
         self._say(f"{kind}: {message}")
 
     def _say(self, text: str, passing: bool = False) -> None:

@@ -243,4 +243,4 @@ def _url(protocol: str, name: str) -> str:
     if protocol in WEB and "?" in url:  # the query may be a secret signature, and the table is public
         place, _, query = url.partition("?")
         url = f"{place}?…{hashlib.blake2b(query.encode(), digest_size=4).hexdigest()}"
-    return url.encode(errors="replace").decode()  # a name may hold bytes that are no text
+    return url.encode(errors="replace").decode()  # a name may hold bytes that are no valid text

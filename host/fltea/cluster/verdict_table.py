@@ -118,7 +118,7 @@ class VerdictTable:
             raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
         self._note(_key(rows[0]), (row.error for row in rows))
         if self._bytes > JOURNAL_BYTES:
-            self._pack()
+            self._empty_journal()
 
     def close(self, *, keep_journal: bool = False) -> None:
         """Write the remaining rows as Parquet, and close the table."""
@@ -126,7 +126,7 @@ class VerdictTable:
             return
         try:
             if not keep_journal:
-                self._pack()
+                self._empty_journal()
         finally:
             os.close(self._journal)
             self._journal = -1
@@ -176,7 +176,7 @@ class VerdictTable:
         for key, one in zip(map(_digest, *columns), errors, strict=True):
             self._note(key, [one])
 
-    def _pack(self) -> None:
+    def _empty_journal(self) -> None:
         """Write the journal as a Parquet file, and empty it."""
         self._write_part([row for rows in self._lines() for row in rows])
         os.ftruncate(self._journal, 0)

@@ -84,14 +84,14 @@ class Gathered:
             self._unusable += batch.count
             return
         if batch.topic != self._topic:
-            self._look()
+            self._read_waiting()
             self._topic, self._layout = batch.topic, layout
         self._waiting.extend(zip(batch.arrival_ns, batch.data, repeat(batch.publisher)))
         if len(self._waiting) >= AT_ONCE:
-            self._look()
+            self._read_waiting()
 
     @np.errstate(over="ignore", invalid="ignore")
-    def _look(self) -> None:
+    def _read_waiting(self) -> None:
         if not self._waiting:
             return
         arrivals, data, by = zip(*self._waiting, strict=True)
@@ -147,7 +147,7 @@ class Gathered:
 
     def lacks(self) -> str:
         """Return what the topic has instead of the sensor that the user names; "" if the sensor is there."""
-        self._look()
+        self._read_waiting()
         return self._sensors.lacks()
 
     def stored(self, others: list[str], notes: list[Note]) -> Stored:
@@ -157,7 +157,7 @@ class Gathered:
             NotStated: there are several sensors and the user names none, or a unit or the rate is missing.
             UsageError: the messages hold no rates, or contradict the user's options.
         """
-        self._look()
+        self._read_waiting()
         several = self._layout.several
         which = (
             Missing(f"which gyroscope is meant of {listed(several)}", "") if several else self._sensors.which
@@ -171,7 +171,7 @@ class Gathered:
         raise asked_with(self._where, ask, options, lambda: self._stored(others, notes))
 
     def _stored(self, others: list[str], notes: list[Note]) -> Stored:
-        self._take_once()
+        self._drop_repeated()
         self._clean_accel()
         n = self._spool.length("gyro")
         self._check(n, others)
@@ -261,7 +261,7 @@ class Gathered:
             self._keep(is_of_sensor(values[1]) for values in self._spool.blocks(COLUMNS, AT_ONCE))
             self._not_numbers += self._bad_accel
 
-    def _take_once(self) -> None:
+    def _drop_repeated(self) -> None:
         """Drop messages that another file of the bag holds, too."""
         twice = held_twice(self._spool)
         if twice is not None and twice.any():

@@ -191,11 +191,11 @@ def read_ros(
     known = more != UNKNOWN if layout.more and not is_fifo else np.ones((len(row), 2), np.bool_)
     if not layout.accel:
         accel, known[:, 1] = np.zeros_like(rates), False
-    told = tuple(_told(column, name, words) for name, column in zip(layout.tell, tell.T, strict=True))
+    told = tuple(_as_texts(column, name, words) for name, column in zip(layout.tell, tell.T, strict=True))
     return Imu(row, time, rates, accel, known[:, 0], known[:, 1], told)
 
 
-def _told(column: Floats, name: str, words: Words) -> NDArray[np.str_]:
+def _as_texts(column: Floats, name: str, words: Words) -> NDArray[np.str_]:
     """Return the values of a field that tells sensors apart, as texts."""
     numbers, places = np.unique(column, return_inverse=True)
     known = words.of(name)

@@ -30,7 +30,7 @@ class Topic(NamedTuple):
 
     @property
     def is_imu(self) -> bool:
-        """Whether messages may hold a gyroscope's numbers (for JSON and protobuf a guess by names)."""
+        """Whether messages may hold a gyroscope's numbers (a guess by names for JSON and protobuf)."""
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()
             return "imu" in names or "gyro" in names or any(word in self.schema for word in RATES)

@@ -58,7 +58,7 @@ class Sensors:
         """
         kept = np.ones(len(values[0]) if values else 0, np.bool_)
         if self._of is None and len(kept):
-            self._of = self._look(values, np.zeros((len(kept), 1)) if figures is None else figures)
+            self._of = self._choose_fields(values, np.zeros((len(kept), 1)) if figures is None else figures)
         for place, sensor in (self._of or {}).items():
             words = values[place][kept].tolist()
             try:
@@ -71,7 +71,7 @@ class Sensors:
             kept[kept] = ours
         return kept
 
-    def _look(self, values: Sequence[NDArray[np.str_]], figures: Floats) -> dict[int, OneSensor]:
+    def _choose_fields(self, values: Sequence[NDArray[np.str_]], figures: Floats) -> dict[int, OneSensor]:
         """Choose the fields that tell sensors apart, and the field that holds the user's value."""
         column, mark, value = (self._value or "").rpartition("=")
         words = {place: {*one.tolist()} for place, one in enumerate(values)}

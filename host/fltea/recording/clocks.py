@@ -86,7 +86,7 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     if single >= EVEN_SHARE and grain * elapsed.unit_s > COARSEST_S:
         grain = 0.0
     period = _by_stretches(blocks, median, grain) if grain else None
-    if period == math.inf and grain < median / 2:  # then no step that lacks a sample is near the median
+    if period == math.inf and grain < median / 2:  # the median step then contains no lost sample
         period = None
     if period is not None or (grain and share < EVEN_SHARE):
         step = median if period in (None, math.inf) else period

@@ -11,7 +11,7 @@ def decompressed_zstd(data: bytes, most: int, window: int = 0) -> bytes:
 
     `window`: largest window that it may need [bytes].
     """
-    import zstandard  # an extra, and not every bag needs it
+    import zstandard  # imported here, since it is an extra that not every bag needs
 
     unpacker = zstandard.ZstdDecompressor(max_window_size=max(window, SMALLEST_WINDOW_BYTES))
     return bytes(unpacker.stream_reader(data).read(most))

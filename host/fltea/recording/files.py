@@ -97,7 +97,7 @@ class Stored(NamedTuple):
 
 
 def check_span(path: Path, rate_hz: float, samples: int, span_s: float) -> None:
-    """Raise UsageError for a rate, or a time from the first sample to the last, that no gyroscope has."""
+    """Raise UsageError for an impossible sampling rate or duration."""
     if not LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ or span_s > LONGEST_S:
         raise UsageError(
             f"{path}: a rate of {rate_hz:.6g} Hz is no gyroscope's ({samples} samples over {span_s:.3g} s)."

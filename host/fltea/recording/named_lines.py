@@ -38,7 +38,7 @@ class NamedLines:
         self._alike: tuple[int, list[str]] = -1, []
 
     def of_object(self, number: int, line: str) -> Chosen | None:
-        """Return the columns of a line that is an object, if they are those that are meant."""
+        """Return the columns of a line that is a JSON object, if it has the wanted columns; else None."""
         try:
             found = decode_object(line)
         except (ValueError, RecursionError):  # msgspec's errors are ValueErrors
@@ -54,7 +54,7 @@ class NamedLines:
         return None
 
     def of_labels(self, number: int, line: str) -> Chosen | None:
-        """Return the columns of a line of labels, if they are those that are meant."""
+        """Return the columns of a labelled line, if it has the wanted columns; else None."""
         found = labelled(line)
         if found is None:
             return None

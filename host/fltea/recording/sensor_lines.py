@@ -30,7 +30,7 @@ class SensorLines:
         self._sensor: OneSensor | None = None
         self._turns: Turns | None = None
         self._chosen: Chosen | None = None
-        self._next_look: float = 0.0
+        self._next_check: float = 0.0
 
     @property
     def is_known(self) -> bool:
@@ -42,7 +42,7 @@ class SensorLines:
         if self._chosen is None:
             self._chosen = chosen
             more = max(FEWEST_LINES, LOOKS * looked_at)
-            self._next_look = math.inf if looked_at >= MOST_LINES else more
+            self._next_check = math.inf if looked_at >= MOST_LINES else more
             if chosen.turn[1] > 1:
                 self._turns = Turns(*chosen.turn, chosen.time_at)
         if self._sensor is None and chosen.sensor is not None:
@@ -58,12 +58,12 @@ class SensorLines:
         chosen = self._chosen
         if (
             chosen is None
-            or lines < self._next_look
+            or lines < self._next_check
             or self._how.topic is not None
             or chosen.sensor is not None
         ):
             return
-        self._next_look = math.inf if lines >= MOST_LINES else LOOKS * lines
+        self._next_check = math.inf if lines >= MOST_LINES else LOOKS * lines
         check_sensors(self._where, chosen, self._how, facts(chosen.names))
 
     def why_none(self) -> UsageError | None:

@@ -333,7 +333,7 @@ class _Table:
         """Return how the rows are numbered; report runs and repeated rows that the times show."""
         chosen, spool = self._chosen, self._spool
         if chosen.time is None:
-            assert chosen.rate_hz is not None  # `choose` refuses a table without both
+            assert chosen.rate_hz is not None  # `choose` requires a column of times or a rate
             check_given(str(self._path), chosen.rate_hz, overrule=chosen.overrule)
             self._begins = [np.array(self._headers, np.int64)]
             return Timing(chosen.rate_hz, None)

@@ -147,7 +147,7 @@ def _units(text: str) -> Iterator[tuple[bool, str]]:
     label = ""
     for piece in re.split(r"[,;|\t]|\band\b", text):
         found = _LABEL.match(piece)
-        assert found is not None  # it matches any text
+        assert found is not None  # the pattern matches any text
         words_before, mark, value = found.groups()
         if mark:
             label = words_before

@@ -165,9 +165,7 @@ class LayoutFinder:
 
     def _headers(self, line: str) -> Iterator[_Names]:
         """Yield the possible names of columns in a line, for each possible separator."""
-        text = line.strip(
-            " \r\n"
-        )  # a tab separates, so one in front belongs to a first column without a name
+        text = line.strip(" \r\n")  # not tabs, since a tab in front follows a first column without a name
         for mark in COMMENTS:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):

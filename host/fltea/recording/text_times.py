@@ -75,7 +75,7 @@ class Clocks:
     def with_seconds(self, text: str) -> str:
         """Return lines with seconds in place of dates and times of day."""
         if self._in_ms is None or not self._colon_is_ms:
-            self._look(text[:_ENOUGH])
+            self._examine(text[:_ENOUGH])
         with_commas = (";" in text or "\t" in text) and _DECIMAL_COMMAS.search(text) is not None
         mark = "," if with_commas else "."
         pieces: list[str] = []
@@ -95,7 +95,7 @@ class Clocks:
         turned = "".join([*pieces, text[done:]])
         return _ARROW.sub(_before_line, turned) if " -> " in turned else turned
 
-    def _look(self, text: str) -> None:
+    def _examine(self, text: str) -> None:
         """Find out how fractions of seconds are written.
 
         Milliseconds without leading zeros have several lengths and never begin with a zero. Read as

@@ -174,7 +174,7 @@ class _Columns:
 
 
 def _words(array: Any) -> tuple[Any, list[str]] | None:
-    """Return texts as numbers from 0, and the words they stand for; None if this is not possible."""
+    """Return texts as numbers from 0, and the words they stand for; or None."""
     if isinstance(array, NoNumbers | str) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
         return None
     values = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in array[()]]
