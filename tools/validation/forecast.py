@@ -27,10 +27,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def judge(name: str, series: int) -> list[Row]:
-    (
-        """Judge series of one noise; return predicted and observed mean squares by series and time."""
-        ""
-    )
+    """Judge series of one noise; return predicted and observed mean squares by series and time."""
     rng = np.random.default_rng((20261125, zlib.crc32(name.encode())))
     parts = NOISES[name]
     rows: list[Row] = []

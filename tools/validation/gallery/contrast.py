@@ -63,10 +63,7 @@ def below(bins: Bins, lam: float) -> Bins:
 
 
 def shortfall(bins: Bins, models: Array) -> Array:
-    (
-        """Return by how much 2 log L of models (count, bins) falls short of the truth, at the best scale."""
-        ""
-    )
+    """Return by how much 2 log L of models (count, bins) falls short of the truth, at the best scale."""
     ratio = bins.truth / models
     total = bins.weight.sum()
     size = ratio @ bins.weight / total
