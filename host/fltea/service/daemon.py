@@ -1,4 +1,4 @@
-"""One run of the program: a pipeline for every source, the outputs, and an orderly end."""
+"""Run the program: a pipeline for each source, the outputs, and an orderly end."""
 
 import contextlib
 import os
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def run(configs: Sequence[Config]) -> None:
-    """Run until every source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
+    """Run until each source has ended, a signal arrives, the only output's reader leaves, or `--once` fails.
 
     Raises:
         UsageError: the configuration does not describe a source or an output, or a recording is bad.
@@ -47,9 +47,9 @@ def run(configs: Sequence[Config]) -> None:
     with StopOnSignal() as stop:
         try:
             failure, done = _Run(configs, stop).run()
-        except KeyboardInterrupt:  # stopped before there was anything to stop
+        except KeyboardInterrupt:  # the signal came before anything had started
             return
-    if not done:  # a thread hangs in an output that nobody reads; Python would wait for it
+    if not done:  # a thread hangs in an output without a reader; Python would wait for that thread
         if failure is not None:
             _last_words(f"error: {failure}")
         os._exit(failure.exit_code if failure else 0)
@@ -58,17 +58,17 @@ def run(configs: Sequence[Config]) -> None:
 
 
 LOOK_S = 1.0
-"""How often the program looks whether all still move, for the service manager."""
+"""Time between two checks for the service manager that all sources still move [s]."""
 
 STUCK_S = 20.0
-"""A live source gives an event at least every half second; a walk that takes this long hangs."""
+"""A device stream that handles no event for this long hangs: a live source gives two a second [s]."""
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
-    """SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
+    """Lets SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
 
-    count: of them. bell: rung when the end is asked for; an event's lock cannot be taken twice, by a second
-    signal within the first.
+    `count`: number of signals. `wake_up`: rung when the end is asked for; a `threading.Event` would not do,
+    since a second signal within the first would wait for its lock forever.
     """
 
     def __init__(self) -> None:
@@ -80,7 +80,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     def __enter__(self) -> "StopOnSignal":
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
-                continue  # nohup
+                continue  # the program was started by nohup
             self._before[number] = signal.signal(number, self._on_signal)
         return self
 
@@ -106,7 +106,7 @@ class _Run:
     def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
         self._configs = configs
         self._stop = stop
-        self._done = False  # every source has ended, or there is a reason to end them
+        self._done = False  # every source has ended, or a failure ends them
         self._failure: FlteaError | None = None
         self._hub = Hub(self._on_output_end)
         self._lock = threading.Lock()
@@ -118,7 +118,7 @@ class _Run:
         self._ingests: list[Ingest] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
-        """Run to the end; what failed, and whether every output could be closed."""
+        """Run to the end; return the failure, if any, and whether every output could be closed."""
         configs = [config for config in self._configs if not is_shared(config.source)]
         shared = [config for config in self._configs if is_shared(config.source)]
         sources: list[Source] = []
@@ -127,7 +127,7 @@ class _Run:
         for config in self._configs:
             _check_filters(config)
         try:
-            for config in configs:  # the sources first: a wrong one leaves no half-open outputs
+            for config in configs:  # sources before outputs: a wrong source leaves no half-open outputs
                 sources.append(open_source(config))
                 check_recordable(config, sources[-1])
             check_descriptors(sources, configs)
@@ -178,7 +178,7 @@ class _Run:
             [
                 *_closing([*sources, *self._ingests]),
                 *(Awaited(thread.name.strip(), _has_ended(thread)) for thread in threads),
-                Awaited("looks", self._fit_worker.close),
+                Awaited("refits", self._fit_worker.close),
             ]
         )
         saving = [] if state is None else [_begun(state.close, "state", kept=True)]
@@ -193,7 +193,7 @@ class _Run:
         return failure, not ending.left
 
     def _is_asked(self) -> bool:
-        """Whether anybody wants the end, or something has failed."""
+        """Whether a user or a failure asks for the end."""
         return self._stop.asked or self._failure is not None
 
     def _wait(self, done: Callable[[], bool]) -> None:
@@ -206,13 +206,13 @@ class _Run:
                 self._manager.alive()
 
     def _stay(self) -> None:
-        """Without --once a recording's last state stays on view until somebody ends the program."""
-        text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so by itself)."
+        """Without `--once`, keep the recording's last state on view until a user ends the program."""
+        text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so automatically)."
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
 
     def _pump(self, walk: DeviceStream) -> None:
-        """Walk one source to its end, in a thread of its own."""
+        """Take all events of one source, in a thread of its own."""
         try:
             for event in walk.source.events():
                 walk.take(event)
@@ -227,13 +227,13 @@ class _Run:
             self._end(walk, None)
 
     def _ingest(self, config: Config) -> "Ingest":
-        from fltea.service.ingest.loop import Ingest  # few have many devices behind a broker
+        from fltea.service.ingest.loop import Ingest  # imported late, since few programs use a broker
         from fltea.service.ingest.receivers import receiver_of
 
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
     def _end(self, walk: "DeviceStream | Ingest", error: Exception | None) -> None:
-        """A walk has ended: by itself, or with a fault, which must not leave a daemon that looks alive."""
+        """Note that a source has ended; after a fault the program must end, so that it does not look alive."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error
@@ -256,7 +256,7 @@ class _Run:
 
 
 def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:
-    """Close something that may take its time, in a thread of its own."""
+    """Begin to close something slow, in a thread of its own."""
     thread = threading.Thread(target=close, daemon=True)
     thread.start()
     return Awaited(name, _has_ended(thread), kept)
@@ -271,12 +271,12 @@ def _has_ended(thread: threading.Thread) -> Callable[[float], bool]:
 
 
 def _closing(sources: "Sequence[Source | Ingest]") -> list[Awaited]:
-    """Close all side by side."""
+    """Begin to close all sources at the same time."""
     return [_begun(source.close, "a source") for source in sources]
 
 
 def _check_filters(config: Config) -> None:
-    """Refuse what is right setting by setting, and no filter can start from."""
+    """Refuse settings that are valid one by one, but with which no filter can start."""
     for name in ("estimator", "accel"):
         try:
             LaneSettings(getattr(config, name), h=1.0, R=1.0).table(1)
@@ -285,7 +285,7 @@ def _check_filters(config: Config) -> None:
 
 
 def _last_words(text: str) -> None:
-    """Write a line to stderr if it takes any; a thread that hangs in it may hold the lock of `sys.stderr`."""
+    """Write to stderr unless it is blocked; a hanging thread may hold the lock of `sys.stderr`."""
     with contextlib.suppress(OSError):
         if select.select([], [2], [], 0)[1]:
             os.write(2, visible_lines(f"fltea: {text}\n").encode())

@@ -1,18 +1,18 @@
-"""Looks whether the machine's date can be, and reports it once if it cannot."""
+"""Check whether the machine's date is possible, and report it once if it is not."""
 
 from fltea.records.clock import wrong_date
 from fltea.records.ports import Report
 
 
 class DateWatch:
-    """Reports a date that is not believed, each time that it comes to that. report: takes kind and text."""
+    """Reports an impossible date, each time it becomes impossible. `report`: takes kind and text."""
 
     def __init__(self, report: Report) -> None:
         self._report = report
         self._is_wrong = False
 
     def look(self) -> None:
-        """Look at the date."""
+        """Check the date now."""
         text = wrong_date()
         if text and not self._is_wrong:
             self._report("clock_wrong", text)

@@ -1,4 +1,4 @@
-"""The budget of file descriptors: a device that would find none left is an error before anything begins."""
+"""Check the number of file descriptors, so that too few of them are an error before anything begins."""
 
 import contextlib
 import os
@@ -12,20 +12,20 @@ from fltea.settings.config import Config
 from fltea.sources.serial import SerialSource
 
 RESERVE = 64
-"""For outputs, their clients, the state, a new file of a recording, and ports while they are opened."""
+"""Descriptors for outputs, their clients, the state, a recording's new file, and ports while they open."""
 
 OF_OTHERS = 4
-"""Most that a source has open that is no port with a descriptor, of which there is one each."""
+"""Most descriptors that a source uses, except a port with a descriptor, which uses one."""
 
 MOST = 1 << 16
-"""Not all that a system allows, which may be a milliard."""
+"""Largest limit to ask for: a system may allow a thousand million."""
 
 
 def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> None:
-    """Let this process have as many descriptors as it may, and see that they are enough for its devices.
+    """Raise this process's limit of descriptors, and check that it is enough for all devices.
 
     Raises:
-        UsageError: they are not.
+        UsageError: the limit is too low.
     """
     each = [
         (1 if isinstance(source, SerialSource) and source.port.has_descriptor else OF_OTHERS)
@@ -44,13 +44,13 @@ def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> N
 
 
 def _raised_limit() -> int:
-    """Return the limit, after it was raised as far as that is possible and sensible."""
+    """Raise the limit as far as it is possible and sensible, and return it."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY:
         return MOST
     most = MOST if hard == resource.RLIM_INFINITY else min(hard, MOST)
     if most > soft:
-        with contextlib.suppress(OSError, ValueError):  # a system that forbids it
+        with contextlib.suppress(OSError, ValueError):  # the system may forbid it
             resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
             return most
     return soft

@@ -1,4 +1,4 @@
-"""The way of one device's samples, from its source to the outputs."""
+"""Move one device's samples from its source through the pipeline to the outputs."""
 
 import math
 import time
@@ -24,14 +24,14 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""Stops behind which what stands in all records of samples may be another."""
+"""Stops after which the values that all records of samples share may differ."""
 
 
 class DeviceStream:
-    """Moves everything from a source through its pipeline to the outputs, in whatever thread calls it.
+    """Moves everything from a source through its pipeline to the outputs, in the thread that calls it.
 
-    failure: the trouble that ends it under `--once`. moved_s: when it last moved, monotonic; infinity once it
-    has ended.
+    `failure`: the trouble that ends the stream under `--once`. `moved_s`: monotonic time of the last event
+    [s]; infinity once the stream has ended.
     """
 
     def __init__(
@@ -72,10 +72,10 @@ class DeviceStream:
         self._save_ns = clock.host_ns() + self._save_period_ns
 
     def take(self, event: Event) -> None:
-        """Move one event.
+        """Handle one event.
 
         Raises:
-            UsageError: the settings do not fit what the source gives, or it cannot be recorded.
+            UsageError: the settings do not fit the samples, or these cannot be recorded.
         """
         self.moved_s = time.monotonic()
         if not self._has_wire:
@@ -86,7 +86,7 @@ class DeviceStream:
         self.look()
 
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
-        """Move samples that the native device took. unprinted: they stand in no text yet."""
+        """Publish samples that the native device took. `unprinted`: they are not printed as text yet."""
         found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
         texts: ByText = dict.fromkeys(self._hub.printing(self.name), ()) if is_printed else NOTHING_PRINTED
@@ -95,30 +95,30 @@ class DeviceStream:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
-        """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
+        """Do what a stop of the native device leads to. `now_ns`: arrival time of the sample at the stop."""
         self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
         if stop in CHANGES_TEXT:
             self._look_at_words()
 
     def look(self) -> None:
-        """Keep a snapshot if one is due."""
+        """Save a snapshot if one is due."""
         if self._state is not None and clock.host_ns() >= self._save_ns:
             self._save_ns = clock.host_ns() + self._save_period_ns
             self._deposit(self._state)
 
     def wants(self) -> tuple[bool, bool, bool]:
-        """Whether anybody takes its samples in blocks, printed, and as bytes."""
+        """Return whether any output takes the samples in blocks, as printed text, and as bytes."""
         has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
         takes_blocks = has_board or self._hub.takes_blocks(self.name)
         return takes_blocks, bool(texts) and not has_board, self._tap.wanted
 
     @property
     def device(self) -> Device:
-        """The native device, for who gives it the samples natively."""
+        """The native device, for callers that give it the samples natively."""
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return what comes out, and the same for outputs that take samples as lines, by what they print."""
+        """Return the items, and the same items for each kind of printed output, with samples as text."""
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []
         printed: dict[Wanted | None, list[AnyRecord | Block | Printed]] = {text: [] for text in texts}
@@ -141,7 +141,7 @@ class DeviceStream:
         return found, printed
 
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
-        """Return rows that the device has taken as they are printed, and how many of them are not."""
+        """Return the rows as printed by the device, and the number of rows that are not printed."""
         printer = self._printers.get(text)
         if printer is None:
             return [block], len(block)
@@ -150,12 +150,12 @@ class DeviceStream:
         return lines + ([block.rows(len(block) - missed, len(block))] if missed else []), missed
 
     def _print_as(self, block: Block) -> None:
-        """Let the device print what it takes from now on with the words of these rows."""
+        """Let the device print later samples with the shared values of this block."""
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
 
     def _look_at_words(self) -> None:
-        """Print nothing more with words that have changed."""
+        """Stop printing with shared values that have changed."""
         if (words := self._pipeline.words) != self._words:
             self._words = words
             self._printers = {}
@@ -176,24 +176,24 @@ class DeviceStream:
         return self._pipeline.hello
 
     def save(self) -> DeviceState | None:
-        """A snapshot of its estimators; None while there is nothing to keep."""
+        """Return a snapshot of the estimators; None while there is nothing to keep."""
         return self._pipeline.save()
 
     def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
-        """The source has ended (whole), or nothing more is wanted of it.
+        """End the stream: its source has ended (`whole`), or no more samples are wanted.
 
-        now_ns: when the newest arrived of what was taken natively.
+        `now_ns`: arrival time of the newest sample that was taken natively.
         """
         self.moved_s = math.inf
         self._pipeline.came_to(now_ns)
-        ended = self._once or not self.source.live  # else somebody waits for the program to end
+        ended = self._once or not self.source.live  # otherwise a user waits for the program to end
         last = list(self._pipeline.finish(last_fit=ended, whole=whole))
         self._hub.publish(self.name, last, wait=not self.source.prompt)
         if self._state is not None:
             self._deposit(self._state)
 
     def _make_wire(self, event: Event) -> None:
-        """Let a source without a wire have one while somebody records it."""
+        """Encode the events of a source without a wire protocol while an output records its bytes."""
         if not self._tap.wanted:
             self._as_wire = None
             return
@@ -209,5 +209,5 @@ class DeviceStream:
 
 
 def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
-    """Whether a record says that what was asked for will not come from this device."""
+    """Whether a record says that this device will not give what was asked for."""
     return isinstance(record, Error) and record.kind == "no_device_estimates"

@@ -1,25 +1,25 @@
-"""What the program waits for at its end, for how long, and what it says meanwhile."""
+"""Wait at the end of the program for all that has to end, with a time limit and messages."""
 
 import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 KEEP_S = 40.0
-"""What nothing else has, snapshots and recordings, gets so long to be written after a signal."""
+"""Time after a signal to write snapshots and recordings, which exist nowhere else [s]."""
 
 OTHER_S = 10.0
-"""Sources, walks and other outputs get so long: a bus may hang, and a reader may have stopped reading.
+"""Time after a signal for sources, device streams and other outputs, which may hang [s].
 
-All together is less than the 90 s after which a service manager kills.
+The sum of both is less than the 90 s after which a service manager kills the program.
 """
 
 SAY_S, LOOK_S = 3.0, 0.05
 
 
 class Awaited(NamedTuple):
-    """Something that ends. name: for people. done: waits so many seconds for it; whether it has ended.
+    """Something that has to end. `name`: for messages. `done`: waits a time [s]; returns whether it ended.
 
-    kept: it writes what nothing else has.
+    `kept`: it writes data that exist nowhere else.
     """
 
     name: str
@@ -28,11 +28,11 @@ class Awaited(NamedTuple):
 
 
 class Ending:
-    """Waits for what ends: as long as it takes, and up to a limit once the end was asked for.
+    """Waits for things to end: without a limit first, and up to a limit once the end was asked for.
 
-    asked: whether it was, by a signal or a failure. signals: how many there were; one that comes after it was
-    said what is waited for ends the waiting. say: writes a line. left: what did not end in time; lost: those
-    of it that write what nothing else has.
+    `asked`: returns whether a signal or a failure has asked for the end. `signals`: returns the number of
+    signals; a further signal after the message about waiting ends the waiting. `say`: writes a message.
+    `left`: names of what did not end in time. `lost`: the names of these whose data exist nowhere else.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Ending:
         self.lost: list[str] = []
 
     def wait(self, awaited: Sequence[Awaited]) -> None:
-        """Wait for all of these, side by side."""
+        """Wait for all of these, at the same time."""
         began_s: float | None = None
         for name, done, kept in awaited:
             most_s = KEEP_S if kept else OTHER_S

@@ -1,4 +1,4 @@
-"""All outputs of a running program: who gets which record, what each has lost, and what they report."""
+"""Give each record to the outputs of a running program, and count what each output loses."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
@@ -13,10 +13,10 @@ from fltea.service.ending import Awaited
 from fltea.service.sink_queue import SinkQueue, SinkThread
 
 ESSENTIAL = "stdout"
-"""The output without which a program that has no other need not go on; its failure is then the program's."""
+"""Name of the output whose end ends a program without other outputs; its failure fails the program."""
 
 ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
-"""What outputs that print the same are given of a device, samples as lines as far as they were printed."""
+"""A device's records for each kind of printed text, with its samples as text where they were printed."""
 
 NOTHING_PRINTED: ByText = MappingProxyType({})
 
@@ -24,23 +24,23 @@ NOTHING_PRINTED: ByText = MappingProxyType({})
 class Hub:
     """Takes records from the pipelines' threads and queues them for every sink.
 
-    on_stop: called, from any thread, when the last output that anybody reads is gone; with the reason if it
-    failed, with None if its reader left.
+    `on_stop`: called, from any thread, when the last output with a reader is gone: with the exception if that
+    output failed, with None if its reader left.
     """
 
     def __init__(self, on_stop: Callable[[Exception | None], None]) -> None:
         self._on_stop = on_stop
-        # Replaced as a whole, never changed: other threads walk through them.
+        # Replaced as a whole, never changed in place, since other threads iterate over them.
         self._shared: list[SinkQueue] = []
         self._of: dict[str, list[SinkQueue]] = {}
         self.changes = 0
-        """How often an output was added or taken out."""
+        """Number of times that an output was added or removed."""
         self._log: SinkQueue | None = None
         self._ended: list[SinkQueue] = []
         self._threads: dict[str, SinkThread] = {}
 
     def add(self, sink: Sink, device: str | None = None) -> SinkQueue:
-        """Add an output, of one device or of all; also while the program runs."""
+        """Add an output for one device or for all; this may also be done while the program runs."""
         thread = None
         if sink.together:
             thread = self._threads.setdefault(sink.name, SinkThread(f"sinks {sink.name}"))
@@ -54,13 +54,13 @@ class Hub:
         return sink_queue
 
     def remove(self, sink_queue: SinkQueue, device: str) -> None:
-        """Give a device's output nothing more; what is queued still goes out, and then it is closed."""
+        """Remove a device's output; it still writes what is queued, and is then closed."""
         self._of = self._of | {device: [one for one in self._of.get(device, []) if one is not sink_queue]}
         self.changes += 1
         sink_queue.close()
 
     def add_log(self, sink: Sink) -> None:
-        """Add the log, which is no output: nothing of its own is counted."""
+        """Add the log. It is no output, so nothing of it is counted."""
         self._log = SinkQueue(sink, lambda sink_queue, error: None)
         self._log.start()
 
@@ -76,8 +76,8 @@ class Hub:
     ) -> None:
         """Queue a device's records.
 
-        printed: the same for outputs of these texts (`printing`). wait: hold the caller up for outputs that
-        must not lose any.
+        `printed`: the same records for outputs of printed text (`printing`). `wait`: wait while an output
+        that must not lose records has no room.
         """
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             own = printed.get(sink_queue.sink.prints, records)
@@ -88,7 +88,7 @@ class Hub:
                 self._log.put(errors)
 
     def printing(self, device: str) -> dict[Wanted, list[SinkQueue]]:
-        """Return a device's outputs that take its samples printed, by what they print."""
+        """Return a device's outputs that take its samples printed, by the text that they print."""
         found: dict[Wanted, list[SinkQueue]] = {}
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             if sink_queue.sink.prints is not None:
@@ -96,41 +96,41 @@ class Hub:
         return found
 
     def print(self, text: Wanted, printed: Printed) -> None:
-        """Queue what was printed of many devices for the outputs that they share and that print it."""
+        """Queue text printed for many devices to the shared outputs that take this text."""
         for sink_queue in self._shared:
             if sink_queue.sink.prints == text:
                 sink_queue.put((printed,))
 
     def takes_blocks(self, device: str) -> bool:
-        """Whether any output of a device takes its samples otherwise than printed."""
+        """Return whether any output of a device takes its samples in another form than printed text."""
         return any(
             sink_queue.sink.prints is None for sink_queue in (*self._shared, *self._of.get(device, ()))
         )
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until all outputs that devices share have room; False if one has none in time."""
+        """Wait until all shared outputs have room; return False if one has none in time."""
         return all(sink_queue.wait_for_room(timeout_s) for sink_queue in self._shared)
 
     def written(self) -> Callable[[], bool]:
-        """What says whether outputs that devices share have written all that they were given until now."""
+        """Return a function that says whether the shared outputs have written all that is queued now."""
         queued = [(sink_queue, sink_queue.progress()[0]) for sink_queue in self._shared]
         return lambda: all(sink_queue.progress()[1] >= count for sink_queue, count in queued)
 
     def full(self) -> list[str]:
-        """Names of those that have none."""
+        """Return the names of the shared outputs that have no room."""
         return [sink_queue.name for sink_queue in self._shared if not sink_queue.wait_for_room(0)]
 
     def depart(self, device: str, *, moved: bool) -> None:
-        """Let all know that this device is gone. moved: to another program."""
+        """Tell the shared outputs that a device is gone. `moved`: another program goes on with it."""
         for sink_queue in self._shared:
             sink_queue.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
-        """What is to be called with all that comes over the wire of a device."""
+        """Return the function that takes all that arrives over the wire of a device."""
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
-        """Return what an output calls to report a trouble: an `error` record goes to all."""
+        """Return the function with which an output reports a trouble as an `error` record to all outputs."""
 
         def report(kind: str, message: str) -> None:
             error = Error(kind, message, unix_ns(), device=device)
@@ -143,29 +143,29 @@ class Hub:
         return report
 
     def sink_queues(self) -> list[tuple[str | None, SinkQueue]]:
-        """All outputs, with the device that each belongs to."""
+        """Return all outputs, each with its device; None for a shared output."""
         return [(None, sink_queue) for sink_queue in self._shared] + [
             (device, sink_queue) for device, sink_queues in self._of.items() for sink_queue in sink_queues
         ]
 
     def is_read(self, device: str) -> bool:
-        """Whether there is any output that a device writes to."""
+        """Return whether a device has any output."""
         return bool(self._shared or self._of.get(device))
 
     def stats(self, device: str) -> dict[str, OutputStats]:
-        """Counts of the outputs that a device writes to, by name."""
+        """Return the counts of a device's outputs, by name."""
         return {
             sink_queue.sink.name: sink_queue.stats()
             for sink_queue in (*self._shared, *self._of.get(device, ()))
         }
 
     def release(self) -> None:
-        """Hold nobody up any more: what an output has no room for is dropped from now on."""
+        """Make no caller wait any more: an output without room drops records from now on."""
         for _, sink_queue in self.sink_queues():
             sink_queue.release()
 
     def close(self) -> list[Awaited]:
-        """Let every output write what is queued, and close it."""
+        """Close every output after it has written what is queued; return what to wait for."""
         sink_queues = self.sink_queues()
         for _, sink_queue in sink_queues:
             sink_queue.close()
@@ -179,7 +179,7 @@ class Hub:
         ]
 
     def close_log(self) -> list[Awaited]:
-        """Close the log: after the others, which may have reported something."""
+        """Close the log, after the outputs, which may have reported something."""
         if self._log is None:
             return []
         self._log.close()
@@ -199,18 +199,18 @@ class Hub:
 
 
 class Tap:
-    """Hands on what comes over the wire of one device to the outputs that want it, as of then."""
+    """Passes on what arrives over the wire of one device to the outputs that want it at that time."""
 
     def __init__(self, sink_queues: Callable[[], Sequence[SinkQueue]], wait: bool) -> None:
         self._sink_queues, self._wait = sink_queues, wait
 
     @property
     def wanted(self) -> bool:
-        """Whether anybody takes it."""
+        """Whether any output wants it."""
         return any(sink_queue.sink.takes_wire for sink_queue in self._sink_queues())
 
     def __call__(self, event: TransportEvent | Reads) -> None:
-        """Hand on one event."""
+        """Pass on one event."""
         items: Iterable[Item] = (event,)
         for sink_queue in self._sink_queues():
             if sink_queue.sink.takes_wire:

@@ -1,4 +1,4 @@
-"""Opens the outputs that the configuration asks for; the libraries of each are loaded only then."""
+"""Open the outputs that the configuration asks for; an output's libraries are loaded only then."""
 
 import sys
 from collections.abc import Collection, Sequence
@@ -17,11 +17,11 @@ from fltea.sinks.opening import Opening
 
 
 def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] = ()) -> None:
-    """Add all outputs to the hub. replays: names of the devices that are recordings.
+    """Add all outputs to the hub. `replays`: names of the devices that are recordings.
 
     Raises:
-        UsageError: wrong settings, or a library that is not installed.
-        FlteaError: an output that cannot be opened, such as a port that is taken.
+        UsageError: settings are wrong, or a library is not installed.
+        FlteaError: an output cannot be opened, for example because its port is taken.
     """
     program = _with_format(configs[0])
     configs = [program, *configs[1:]]
@@ -52,7 +52,7 @@ def _opened(output: Output, opening: Opening) -> Sink:
 
 
 def _with_format(program: Config) -> Config:
-    """Return the settings with what the standard output shows."""
+    """Return the settings with the format of the standard output."""
     if program.format != "auto":
         return program
     return msgspec.structs.replace(program, format="table" if sys.stdout.isatty() else "ndjson")

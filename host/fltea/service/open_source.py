@@ -1,6 +1,6 @@
-"""A source from its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file.
+"""Open a source by its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file.
 
-What few need is imported when it is: a program's start on a Raspberry Pi takes a second.
+Rarely used modules are imported late, since the program's start takes a second on a Raspberry Pi.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ from fltea.wire.transport import ANY_BOARD
 
 TEXT = ("stdin", "serial-text")
 SAMPLES_ONLY = ("i2c", "iio", "synthetic", *TEXT)
-"""Kinds that give no estimates of a device's own."""
+"""Kinds of sources whose devices do not estimate."""
 
 
 def find_board() -> str:
-    """URL of the Arduino Due that is plugged in, or will be: it is waited for like any port.
+    """Return the URL of the Arduino Due that is plugged in, or will be: it is waited for like any port.
 
     Raises:
-        UsageError: there is more than one.
+        UsageError: more than one board is plugged in.
     """
     from serial.tools import list_ports
 
@@ -37,10 +37,10 @@ def find_board() -> str:
 
 
 def open_source(config: Config) -> Source:
-    """The source that the configuration asks for, not yet started.
+    """Return the source that the configuration asks for, not started yet.
 
     Raises:
-        UsageError: an unknown URL, several boards, or a bad recording.
+        UsageError: the URL is unknown, several boards are plugged in, or a recording is bad.
     """
     url = config.source or f"serial:{find_board()}"
     scheme, colon, rest = url.partition(":")
@@ -105,10 +105,10 @@ def open_source(config: Config) -> Source:
 
 
 def check_shared(configs: Sequence[Config]) -> None:
-    """Refuse what has no meaning for devices that come and go by the hundred, which these sources have.
+    """Refuse outputs and options that make no sense for a source of very many devices.
 
     Raises:
-        UsageError: a setting that is for single devices.
+        UsageError: a setting is only for single devices.
     """
     for config in configs:
         wrong = [_flag(output) for output in OUTPUTS if output.is_on(config) and not output.of_many]
@@ -127,10 +127,10 @@ def _flag(output: Output) -> str:
 
 
 def check_recordable(config: Config, source: Source) -> None:
-    """Refuse to keep what is kept already, or what cannot be.
+    """Refuse `--record` and `--state` for a recording, and `--state` for estimates by a device.
 
     Raises:
-        UsageError: a setting that does not fit the source.
+        UsageError: a setting does not fit the source.
     """
     if isinstance(source, ReplaySource) and (config.record.folder or config.state.file):
         raise UsageError(
@@ -154,5 +154,5 @@ def _need_wire(config: Config, url: str) -> None:
 
 
 def _startup(config: EstimatorConfig) -> int:
-    """Samples that a recording needs at least, as far as that is known without its rate."""
+    """Return the fewest samples that a recording needs, as far as they are known without its rate."""
     return config.startup_needed if isinstance(config.startup, int) else 0

@@ -1,4 +1,4 @@
-"""All devices on ports with descriptors, walked by one thread, round after round (host/native/round.hpp)."""
+"""Serve all devices on ports with descriptors in one thread, round by round (host/native/round.hpp)."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -21,37 +21,37 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""Of each of many devices samples in blocks, and bytes, wait so long for more: who takes them does so device
-by device, and a thousand times a second at most."""
+"""Time that samples in blocks, and bytes, of each of many devices wait for more [ns]. Outputs that take these
+handle them device by device, and at most a thousand times a second."""
 
 
 class PortStop(IntEnum):
-    """What of a line is Python's, as of host/native/port_stream.hpp."""
+    """Events of a port that Python handles, as in host/native/port_stream.hpp."""
 
     ITEM = 1
-    """An item of the wire."""
+    """An item of the wire protocol."""
     STOP = 2
-    """A stop of the device."""
+    """A stop of the native device."""
     ROWS = 3
-    """Samples that somebody takes in blocks."""
+    """Samples that an output takes in blocks."""
     READS = 4
-    """Bytes that somebody takes as they came."""
+    """Bytes that an output takes as they came."""
     LOST = 5
-    """The port was lost."""
+    """The port is gone."""
     FAULT = 6
-    """What came cannot be taken, and nothing more is."""
+    """Data cannot be used, and nothing more is read."""
 
 
 def has_port(walk: DeviceStream) -> bool:
-    """Whether the operating system says when this walk's source has something to read."""
+    """Return whether the operating system can report that this stream's source has something to read."""
     return isinstance(walk.source, SerialSource) and walk.source.port.has_descriptor
 
 
 class PortLoop:
-    """Lets each walk take what came from its port.
+    """Lets each device stream take what came from its port.
 
-    on_end: called, from the loop's thread, with a walk that has ended and the exception that ended it, if one
-    did. pressure: what is to know how long samples wait.
+    `on_end`: called, from the loop's thread, with a device stream that has ended and the exception that ended
+    it, or None. `pressure`: learns how long samples wait.
     """
 
     def __init__(
@@ -76,14 +76,14 @@ class PortLoop:
         self._openings = Openings(ports, self._round.open, self._round.wake)
 
     def run(self) -> None:
-        """Walk until `close`, or until each walk has failed."""
+        """Run until `close`, or until each device stream has failed."""
         try:
             while self._going and not self._closed:
                 self._take_round()
             self._hand_on(self._going)
             for place in list(self._going):
                 self._finish(place)
-        except Exception as error:  # of the loop itself: a daemon that hears nothing must not look alive
+        except Exception as error:  # of the loop itself: the program must not look alive then
             for place in self._going:
                 self._on_end(self.walks[place], error)
             raise
@@ -113,7 +113,7 @@ class PortLoop:
                 self._finish(place)
 
     def _run(self, wait_s: float) -> None:
-        """Take what comes, and do what has happened."""
+        """Wait up to `wait_s` for data, and handle all events of the ports."""
         printed, happened = self._round.run(wait_s)
         for text, (data, parts) in zip(self._texts, printed, strict=True):
             if data:
@@ -122,7 +122,7 @@ class PortLoop:
             self._happened(place, HANDLERS[kind], details)
 
     def _hand_on(self, places: Iterable[int]) -> None:
-        """Wait no longer for more of what has come: these walks are to end."""
+        """Take all that has come from these ports without waiting for more, since their streams end."""
         waiting = set(places)
         for place in waiting:
             self._round.wants(place, *self.walks[place].wants(), 0)
@@ -130,7 +130,7 @@ class PortLoop:
             self._run(0.0)
 
     def _look(self, now_ns: int) -> None:
-        """See who takes what, whether snapshots are due, and whether this machine keeps up."""
+        """Update what the outputs want, save due snapshots, and check whether this machine keeps up."""
         self._changes = self._hub.changes
         many = len(self.walks) if len(self.walks) > DEVICES_A_SECOND else 0
         for place in self._going:
@@ -145,7 +145,7 @@ class PortLoop:
             self._pressure.look(now_ns)
 
     def _happened(self, place: int, handle: "Callable[[PortLoop, int, Any], None]", details: Any) -> None:
-        """Let one walk do what has happened on its port."""
+        """Handle an event of one port; a failure ends only that device stream."""
         if place not in self._going:
             return
         walk = self.walks[place]
@@ -215,4 +215,4 @@ HANDLERS: dict[int, Callable[[PortLoop, int, Any], None]] = {
     PortStop.LOST: PortLoop._on_lost,
     PortStop.FAULT: PortLoop._on_fault,
 }
-"""What each thing that is Python's leads to."""
+"""What handles each event that is Python's."""

@@ -1,16 +1,16 @@
-"""Whether this machine keeps up with its devices; the live fits give way if it does not, all alike."""
+"""Check whether this machine keeps up with its devices, and refit all of them less often if it does not."""
 
 from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
 LOOK_NS = 10**9
-"""How often loops look at their devices, and at this."""
+"""Time between two checks of the devices and of the pressure [ns]."""
 
 LATE_NS = 10**9
-"""Samples that have waited for so long show that the fits take time that they need."""
+"""Waiting time of samples which shows that the refits take too much of the processor [ns]."""
 
 LOOKS = 3
-"""So many looks in a row have to find it: many devices that begin together are no reason."""
+"""Number of late checks in a row that are needed, since many devices that begin together are late once."""
 
 CALM_NS = LATE_NS // 4
 STEP_NS = 10 * 10**9
@@ -19,9 +19,9 @@ SLOWEST = 64.0
 
 
 class Pressure:
-    """Lets the fits of all devices come more rarely while samples wait, and more often after a calm minute.
+    """Makes refits of all devices less frequent while samples wait, and more frequent after a calm minute.
 
-    Samples and estimates never give way. report: is called whenever the fits become rarer.
+    Samples and estimates are never left out. `report`: called whenever refits become less frequent.
     """
 
     def __init__(self, fit_worker: FitWorker, report: Report) -> None:
@@ -30,11 +30,11 @@ class Pressure:
         self._changed_ns = self._late_ns = -QUIET_NS
 
     def waited(self, ns: int) -> None:
-        """Take note of how long samples waited after they had arrived."""
+        """Note how long samples waited after they had arrived [ns]."""
         self._longest_ns = max(self._longest_ns, ns)
 
     def look(self, now_ns: int) -> None:
-        """Judge what happened since the last look."""
+        """Judge the waiting times since the last call."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         fit_worker = self._fit_worker
         if longest_ns > CALM_NS:

@@ -1,4 +1,4 @@
-"""Recordings that begin and end while the program runs, as those of `--record` do with it."""
+"""Begin and end recordings while the program runs, like the recordings of `--record`."""
 
 import shutil
 import threading
@@ -19,17 +19,17 @@ from fltea.settings.outputs import RecordConfig
 
 FINISH_S = 5.0
 FREE_EVERY_S = 5.0
-"""How often the disk is asked for its room."""
+"""Time between two queries of the disk's free space [s]."""
 
 REPLAYED = "This source is a recording already."
 FAULT = "The recording stopped because of a fault: see the list of events."
 
 
 class RecorderOfHub:
-    """Adds recordings to the hub and takes them out again.
+    """Adds recordings to the hub and removes them again.
 
-    settings: as of `--record`; without a folder there, `folder` is used.
-    replays: devices that are recordings.
+    `settings`: as of `--record`; if they have no folder, `folder` is used.
+    `replays`: names of the devices that are recordings.
     """
 
     def __init__(self, hub: Hub, settings: RecordConfig, folder: str, replays: Collection[str]) -> None:
@@ -44,12 +44,12 @@ class RecorderOfHub:
         self._free: tuple[float, int | None] = (-FREE_EVERY_S, None)
 
     def adopt(self, device: str, sink_queue: SinkQueue) -> None:
-        """Take note of a recording that runs as long as the program."""
+        """Note a recording that runs as long as the program."""
         self._fixed[device] = sink_queue
         self._began_s[device] = time.monotonic()
 
     def view(self, device: str) -> RecordingView:
-        """How the recording of a device is."""
+        """Return the state of a device's recording."""
         sink_queue = self._fixed.get(device) or self._running.get(device)
         folder, free = str(self._folder), self._free_bytes()
         if sink_queue is None:
@@ -70,10 +70,10 @@ class RecorderOfHub:
         )
 
     def start(self, device: str, hello: Hello | None) -> None:
-        """Begin to record, if nobody did.
+        """Begin to record, unless a recording runs already.
 
         Raises:
-            UsageError: the device cannot be recorded, the folder not be written to, or a library is missing.
+            UsageError: the device cannot be recorded, the folder cannot be written, or a library is missing.
         """
         with self._lock:
             if device in self._fixed or device in self._running:
@@ -92,7 +92,7 @@ class RecorderOfHub:
         """End a recording that `start` began, and finish its file.
 
         Raises:
-            FlteaError: it runs as long as the program, or its file cannot be finished in time.
+            FlteaError: the recording runs as long as the program, or its file cannot be finished in time.
         """
         with self._lock:
             if device in self._fixed:
@@ -111,7 +111,7 @@ class RecorderOfHub:
                 )
 
     def _free_bytes(self) -> int | None:
-        """Room in the folder, or in the nearest one above that is there."""
+        """Return the free space at the folder, or at its nearest parent that exists."""
         asked_s, free = self._free
         if time.monotonic() - asked_s < FREE_EVERY_S:
             return free

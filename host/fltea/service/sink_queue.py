@@ -1,4 +1,4 @@
-"""A sink behind a bounded queue, and a thread that writes: slow or broken, it loses only its own records."""
+"""Put a bounded queue and a writing thread before a sink: a slow or broken one loses only its own records."""
 
 import threading
 import time
@@ -15,11 +15,11 @@ from fltea.service.wake_up import WakeUp
 IDLE_S = 0.5
 
 MOST_WAITING = 1_000_000
-"""Records that may wait for one thread: of many devices each has less room than alone."""
+"""Most records that may wait for one thread: with many devices each queue has less room than alone."""
 
 
 def weight(item: Item | Departed) -> int:
-    """How many records an item stands for."""
+    """Return how many records an item counts as."""
     if isinstance(item, Departed):
         return 0
     if isinstance(item, Reads):
@@ -30,9 +30,9 @@ def weight(item: Item | Departed) -> int:
 
 
 class SinkThread:
-    """Writes to outlets, one after the other, for as long as it has any.
+    """Writes to sink queues, one after the other, as long as it has any.
 
-    bell: rung when one of them has something; hurry: one closes.
+    `wake_up`: rung when a queue has an item. `hurry`: set when a queue closes.
     """
 
     def __init__(self, name: str) -> None:
@@ -43,11 +43,11 @@ class SinkThread:
         self._sink_queues: list[SinkQueue] = []
 
     def room(self, capacity: int) -> int:
-        """Return how many records may wait in one outlet, which alone would have `capacity`."""
+        """Return the most records that may wait in one queue, which would have room for `capacity` alone."""
         return min(capacity, MOST_WAITING // max(1, len(self._sink_queues)))
 
     def add(self, sink_queue: "SinkQueue") -> None:
-        """Begin to write to an outlet."""
+        """Begin to write to a sink queue."""
         with self.changed:
             self._sink_queues.append(sink_queue)
             first = len(self._sink_queues) == 1
@@ -58,7 +58,7 @@ class SinkThread:
         going, rested_s = True, 0.0
         while going:
             self.wake_up.wait(IDLE_S)
-            # Only who has just written rests: to wake up for each of many that come together costs more.
+            # Rest after each writing, since a wake-up for each of many items that come together costs more.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:
                 self.wake_up.clear()
@@ -76,10 +76,11 @@ class SinkThread:
 
 
 class SinkQueue:
-    """Feeds one sink.
+    """Feeds one sink from a queue.
 
-    on_end: called once, from the outlet's thread, when the sink can take no more: with None if its reader
-    left, else with the exception. thread: that of several outlets; else it has its own.
+    `on_end`: called once, from the writing thread, when the sink can take no more: with None if its reader
+    left, else with the exception. `thread`: a thread shared by several queues; by default the queue has its
+    own.
     """
 
     def __init__(
@@ -94,18 +95,18 @@ class SinkQueue:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        self._queued = self._waiting = 0  # records that ever were in the queue, and those that are
+        self._queued = self._waiting = 0  # records that were ever queued, and records that wait now
         self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
         self._ended = self._released = False
         self._written = self._dropped = self._overflow = 0
         self._in_hand = 0
         self._idle_s = 0.0
-        self._lost_before: int | None = None  # the sink's own count, while a batch is in hand
+        self._lost_before: int | None = None  # the sink's own count before the batch being written
 
     @property
     def name(self) -> str:
-        """Key of its counts in `stats.outputs`."""
+        """Key of the sink's counts in `stats.outputs`."""
         return self.sink.name
 
     def start(self) -> None:
@@ -119,10 +120,10 @@ class SinkQueue:
         *,
         wait: bool = False,
     ) -> None:
-        """Queue items; those beyond the sink's capacity are dropped and counted.
+        """Queue items; items beyond the sink's capacity are dropped and counted.
 
-        wait: for room, if the sink is lossless.
-        arrived_ns: monotonic time at which what they report arrived, for the latency; None where it has none.
+        `wait`: wait for room if the sink is lossless.
+        `arrived_ns`: monotonic arrival time of the data, for the latency; None if it has no such time.
         """
         with self._changed:
             room = self.thread.room(self.sink.capacity)
@@ -142,25 +143,25 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the queue is less than half full, or has ended; False if it is not in time."""
+        """Wait until the queue is less than half full, or has ended; return False if it is not in time."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: self._waiting < self.sink.capacity // 2 or self._ended or self.closing, timeout_s
             )
 
     def progress(self) -> tuple[int, int]:
-        """How many records were queued so far, and how many of them are no longer on their way."""
+        """Return how many records were queued so far, and how many of these no longer wait."""
         with self._changed:
             return self._queued, self._queued - self._waiting - self._in_hand
 
     def stats(self) -> OutputStats:
-        """Count what was written and what was lost; what is being written still waits."""
+        """Return the counts of written, lost and waiting records; records being written still wait."""
         with self._changed:
             lost = self.sink.lost if self._lost_before is None else self._lost_before
             return OutputStats(self._written - lost, self._dropped + lost, self._waiting + self._in_hand)
 
     def close(self) -> None:
-        """Take nothing more; what is queued still goes out (see `join`)."""
+        """Take no more items; queued ones are still written (see `join`)."""
         with self._changed:
             self.closing = self._released = True
             self.thread.hurry.set()
@@ -168,17 +169,17 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def release(self) -> None:
-        """Hold nobody up any more, who waits for room."""
+        """Make no caller wait for room any more."""
         with self._changed:
             self._released = True
             self._changed.notify_all()
 
     def join(self, timeout_s: float) -> bool:
-        """Wait until the sink has written everything and is closed; False if it did not manage."""
+        """Wait until the sink has written everything and is closed; return False if it has not in time."""
         return self.done.wait(timeout_s)
 
     def write(self) -> bool:
-        """Write what is queued; False once closed and empty, or at its end."""
+        """Write what is queued; return False once the queue is closed and empty, or the sink has ended."""
         if not (self._queue or self.closing or time.monotonic() >= self._idle_s):
             return True
         try:
@@ -187,7 +188,7 @@ class SinkQueue:
             self.sink.close()
         except SinkClosed:
             self._end(None)
-        except Exception as error:  # whatever a library raises ends this output alone
+        except Exception as error:  # any exception of a library ends only this output
             self._end(error)
         return False
 
@@ -205,7 +206,7 @@ class SinkQueue:
                 self.sink.depart(item)
             else:
                 self.sink.write(item)
-        if overflow:  # the queue was full then, so what was dropped comes behind all that was in it
+        if overflow:  # the queue was full then, so the dropped items follow all the queued ones
             self.sink.on_overflow(overflow)
         self.sink.flush()
         with self._changed:
@@ -227,7 +228,7 @@ class SinkQueue:
             self._dropped += self._waiting
             self._waiting = 0
             self._queue.clear()
-            if self._lost_before is not None:  # how much of the last batch went out nobody knows
+            if self._lost_before is not None:  # it is unknown how much of the last batch was written
                 self._dropped += max(0, self._in_hand - (self.sink.lost - self._lost_before))
                 self._written += min(self._in_hand, self.sink.lost - self._lost_before)
                 self._in_hand, self._lost_before = 0, None

@@ -1,6 +1,6 @@
-"""Snapshots of the estimators in a file, so that a restarted daemon goes on where it stopped.
+"""Save snapshots of the estimators in a file, so that a restarted program continues where it stopped.
 
-When one may be used, `fltea.stream.snapshot` says.
+`fltea.stream.snapshot` decides whether a snapshot may be used.
 """
 
 import fcntl
@@ -19,13 +19,13 @@ from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
 MOST_BYTES = 1 << 30
-"""Of all devices, each with every sample of a direct memory."""
+"""Largest size of the file, for many devices with every sample of a direct memory."""
 
 VERSION = 5
-"""Of the file and of the native states in it; up to 4 these had a header of their own."""
+"""Version of the file and of the native states in it; up to version 4 these had a header of their own."""
 
 LOOK_S = 1.0
-"""What is new is on the disk after this long; how often there is something, `period_s` says."""
+"""Longest time until a new snapshot is written; `period_s` sets how often there is one [s]."""
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,10 +39,10 @@ class _Header(msgspec.Struct, frozen=True):
 
 
 class StateFile:
-    """Keeps the latest snapshot of every device and writes them all, in a thread of its own.
+    """Keeps the latest snapshot of every device, and writes all of them in a thread of its own.
 
     Raises:
-        UsageError: the file cannot be read or written, is none of ours, or another program has it.
+        UsageError: the file cannot be read or written, is not fltea's, or another program uses it.
     """
 
     def __init__(self, config: StateConfig, report: Callable[[str, str], None]) -> None:
@@ -91,9 +91,9 @@ class StateFile:
             return {}
 
     def refuse(self, name: str) -> None:
-        """Set the file aside for somebody to look at, since an estimator has refused a device's snapshot.
+        """Set the file aside for inspection, since an estimator has refused a device's snapshot.
 
-        Those of the other devices are written again.
+        The snapshots of the other devices are written again.
         """
         with self._lock:
             self._devices.pop(name, None)
@@ -104,7 +104,7 @@ class StateFile:
         refused = self._path.with_name(self._path.name + ".refused")
         try:
             self._path.replace(refused)
-        except FileNotFoundError:  # another device's estimator was first
+        except FileNotFoundError:  # another device's estimator has set the file aside already
             return
         except OSError as error:
             self._report("state_failed", f"{why}; the file cannot be kept as {refused} ({error}).")
@@ -112,13 +112,13 @@ class StateFile:
             self._report("state_refused", f"{why}; the file is kept as {refused}.")
 
     def put(self, name: str, state: DeviceState) -> None:
-        """Replace a device's snapshot; it is written before long."""
+        """Replace a device's snapshot; it is written soon."""
         with self._lock:
             self._devices[name] = state
             self._changed = True
 
     def close(self) -> None:
-        """Write what is new."""
+        """Write new snapshots, and end."""
         self._stop.set()
         self._thread.join()
         self._write()
@@ -155,14 +155,15 @@ def _check_writable(path: Path) -> None:
 
 
 def _hold(path: Path) -> int:
-    """Return the descriptor of .FILE.lock, by which no second program takes the file; it says who has it.
+    """Lock .FILE.lock, so that no second program uses the file, and return the lock's descriptor.
 
-    The file itself cannot hold the lock: it is replaced as a whole whenever it is written.
+    The lock's file contains the number of this process. The state file itself cannot be locked, since each
+    writing replaces it by a new file.
     """
     lock = path.with_name(f".{path.name}.lock")
     try:
         held = open_own(lock, 0o644)
-    except (OSError, ValueError) as error:  # ValueError: a name with a NUL
+    except (OSError, ValueError) as error:  # ValueError: the name contains a NUL
         raise UsageError(f"--state {path}: {lock} cannot be made ({error}).") from error
     try:
         fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)

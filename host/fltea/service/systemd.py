@@ -1,4 +1,4 @@
-"""What a service tells systemd: a service of its Type=notify: sd_notify(3), a datagram to $NOTIFY_SOCKET."""
+"""Notify systemd about a service of Type=notify (sd_notify(3): a datagram to $NOTIFY_SOCKET)."""
 
 import contextlib
 import os
@@ -17,17 +17,17 @@ class ServiceManager:
         self._said_s = -PERIOD_S
 
     def ready(self) -> None:
-        """The sources and outputs are set up."""
+        """Report that sources and outputs are set up."""
         self._say("READY=1")
 
     def alive(self) -> None:
-        """Every device's walk has moved of late. Without this systemd starts the service again."""
+        """Report that every device stream has moved recently; otherwise systemd restarts the service."""
         if time.monotonic() - self._said_s >= PERIOD_S:
             self._said_s = time.monotonic()
             self._say("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """The program ends because it was asked to."""
+        """Report that the program ends because it was asked to."""
         self._say("STOPPING=1")
 
     def _say(self, state: str) -> None:

@@ -1,4 +1,4 @@
-"""What a thread waits for, and is rung by who need not have Python's lock."""
+"""Wake a waiting thread up, also from native code that does not hold Python's lock."""
 
 import select
 
@@ -6,10 +6,10 @@ from fltea import _native
 
 
 class WakeUp(_native.WakeUp):
-    """Rings until it is cleared; one thread waits for it.
+    """A wake-up that stays rung until it is cleared; one thread waits for it.
 
     Raises:
-        OSError: no descriptor is left.
+        OSError: no file descriptor is left.
     """
 
     def __init__(self) -> None:
@@ -18,5 +18,5 @@ class WakeUp(_native.WakeUp):
         self._poll.register(self, select.POLLIN)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for it; whether it has been rung."""
+        """Wait until it is rung; return whether it was rung within `timeout_s`."""
         return bool(self._poll.poll(timeout_s * 1e3))

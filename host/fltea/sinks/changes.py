@@ -1,4 +1,4 @@
-"""What a step of a bias and a motion of the sensor are in words, for page, table and log alike."""
+"""Describe steps of a bias and motions of the sensor in words, for page, table and log alike."""
 
 from datetime import UTC, datetime, timedelta
 
@@ -9,11 +9,11 @@ from fltea.sinks.words import figure
 MOVES = "the sensor moves"
 MINUS = "\u2212"
 UNIX_FROM_NS = 366 * 86400 * 10**9
-"""Times before this one count from the beginning of a recording that has no clock."""
+"""Times before this one count from the beginning of a recording that has no date."""
 
 
 def sentence(record: Step | Motion, at: str = "") -> str:
-    """Return what happened, without a full stop. at: the time, as its reader has it."""
+    """Return what happened, without a full stop. `at`: the time as text for the reader."""
     if isinstance(record, Step):
         return f"{record.axis}: {step_words(record.size, record.size_std, record.unit, at)}"
     since = f" since {at}" if at else ""
@@ -24,7 +24,7 @@ def sentence(record: Step | Motion, at: str = "") -> str:
 
 
 def step_words(size: float, size_std: float, unit: str, at: str = "") -> str:
-    """Return what a step of a bias was; at: the time, as its reader has it."""
+    """Return the description of a step of a bias; `at`: the time as text for the reader."""
     return f"step of {signed_size(size, size_std, unit)}" + (f" at {at}" if at else "")
 
 
@@ -34,13 +34,13 @@ def size(step: Step) -> str:
 
 
 def signed_size(size: float, size_std: float, unit: str) -> str:
-    """Return the same of numbers."""
+    """Return a step's size with sign, standard deviation and unit, from its numbers."""
     sign = MINUS if size < 0 else "+"
     return f"{sign}{plus_minus(abs(size), size_std)} {unit.replace('^2', '²')}"
 
 
 def short_size(step: Step) -> str:
-    """Return the size alone, to two digits, for a mark in a figure."""
+    """Return only the size, to two digits, for a mark in a diagram."""
     return f"{step.size:+#.2g}".rstrip(".").replace("-", MINUS)
 
 
@@ -52,7 +52,7 @@ def moved(samples: int | None, largest: float | None) -> str:
 
 
 def time_of(record: Step | Motion) -> str:
-    """Return when it was: the time of day here, or since the beginning of a recording without a clock."""
+    """Return the local time of day of a record, or its time since the start of a recording without a date."""
     if record.host_ns < UNIX_FROM_NS:
         return str(timedelta(seconds=record.host_ns // 10**9))
     return f"{datetime.fromtimestamp(record.host_ns // 10**9, UTC).astimezone():%H:%M:%S}"

@@ -1,7 +1,7 @@
-"""Records of blocks as lines of JSON, from their columns: byte for byte what msgspec makes of the records.
+"""Print records of blocks as JSON lines from their columns, byte for byte as msgspec encodes the records.
 
-The records themselves say what stands in a line: one is made with a hole in place of each number and encoded,
-and what stands between its holes is kept for the blocks that say the same.
+One record is encoded with a hole in place of each number. The text between the holes is then reused for all
+blocks whose other values are the same.
 """
 
 import re
@@ -18,7 +18,7 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""Texts that are kept; where devices come and go by the thousand they are made again."""
+"""Most texts that are kept; with thousands of changing devices they are made again."""
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
 _encode = msgspec.json.Encoder().encode
@@ -31,13 +31,13 @@ class BlockLines:
         self._known: dict[tuple[str | None, Wanted], tuple[object, Lines]] = {}
 
     def of(self, block: Block, wanted: Wanted, rows: range) -> bytes:
-        """Return the records of some rows, a line each."""
+        """Return the records of some rows as JSON lines."""
         found = bytearray()
         self.add(found, block, wanted, rows)
         return bytes(found)
 
     def add(self, into: bytearray, block: Block, wanted: Wanted, rows: range) -> None:
-        """Add them to what is there."""
+        """Append the records of some rows as JSON lines to `into`."""
         place, said = (block.device, wanted), _said(block)
         known = self._known.get(place)
         if known is None or known[0] != said:
@@ -48,15 +48,15 @@ class BlockLines:
 
 
 def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
-    """Return what prints rows that the native device takes, as long as all but their columns is as here.
+    """Return a printer of rows that the native device takes, while all but the columns stays the same.
 
-    block: of rows that a device has taken, as they came.
+    `block`: rows as the device has taken them.
     """
     return RunPrinter(_lines(block, wanted), block.every, block.weight_of_row, _shape(block))
 
 
 def _shape(block: Block) -> list[int]:
-    """Which columns there are, as of `_native.RunPrinter`."""
+    """Return which columns the block has, as `_native.RunPrinter` takes them."""
     accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
     shape = [block.gyro_dps.shape[1], accel_axes, block.temperature_c is not None, block.flags is not None]
     estimated = [one.unit for one in block.estimates]
@@ -66,7 +66,7 @@ def _shape(block: Block) -> list[int]:
 
 
 def _said(block: Block) -> object:
-    """What stands in all records of a block."""
+    """Return the values that all records of a block share."""
     return (
         block.epoch,
         block.variant,
@@ -77,7 +77,7 @@ def _said(block: Block) -> object:
 
 
 def _columns(block: Block) -> list[Any]:
-    """All that has a row a sample."""
+    """Return all columns with one row per sample."""
     columns: list[Any] = [block.seq, block.device_us, block.host_ns, block.gyro_dps]
     columns += [block.accel_ms2, block.temperature_c, block.flags, block.corrected_dps]
     for estimates in block.estimates:
@@ -88,7 +88,7 @@ def _columns(block: Block) -> list[Any]:
 
 
 class _Holes(Values):
-    """In place of the numbers of one row, which column and which place in it they are."""
+    """Stands for the numbers of a row: gives holes with the index of the column and the index in its row."""
 
     def __init__(self, columns: Sequence[Any]) -> None:
         self._columns = columns

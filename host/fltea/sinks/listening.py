@@ -1,8 +1,8 @@
-"""Where servers here listen, and who may ask: those who name this machine, and whose page came from here.
+"""Decide where servers listen, and which requests they answer: those that name this machine or its own page.
 
-A page of somebody else's site could let its own name resolve to this machine (DNS rebinding) and then read
-what we serve as its own; its requests still name that site as their `Host`. Bare addresses are no names, so
-they pass.
+A page of another site could let its own name resolve to this machine (DNS rebinding), and then read our
+answers as its own; but its requests still name that site as their `Host`. Bare addresses are no names, so
+requests with an address pass.
 """
 
 import errno
@@ -15,36 +15,36 @@ from fltea.records.errors import FlteaError, UsageError
 
 
 def own_names(host: str, others: Collection[str]) -> set[str]:
-    """Names under which what listens at `host` may be asked for, in lower case."""
+    """Return the names under which a server at `host` may be asked, in lower case."""
     machine = socket.gethostname()
     names = {"localhost", host, machine, machine.partition(".")[0] + ".local", *others}
     return {name.lower() for name in names}
 
 
 def is_own(host: str, names: Collection[str]) -> bool:
-    """Whether a request's `Host`, with or without a port, is one of `names` or a bare address."""
+    """Return whether a request's `Host`, with or without a port, is one of `names` or a bare address."""
     try:
         name = (urlsplit(f"//{host.lower()}").hostname or "").rstrip(".")
-    except ValueError:  # no URL at all
+    except ValueError:  # not a URL
         return False
     return name in names or _is_address(name)
 
 
 def is_from_here(host: str, origin: str | None) -> bool:
-    """Whether the page that asks `host`, if it is a page that asks, came from there too."""
+    """Return whether a request to `host` comes from no page, or from a page of this server."""
     try:
         return origin is None or urlsplit(origin).netloc.lower() == host.lower()
-    except ValueError:  # no URL at all
+    except ValueError:  # not a URL
         return False
 
 
 def url_of(host: str, port: int) -> str:
-    """Return the address of what listens."""
+    """Return the URL of a server."""
     return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
 def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaError:
-    """Return the error to be raised, which states what to do. option: where the address was given."""
+    """Return the error to raise, which says what to do. `option`: the setting that gave the address."""
     if isinstance(error, PermissionError):
         return UsageError(
             f"{option}: ports below 1024 need the rights of root: give a port above, not {port}."

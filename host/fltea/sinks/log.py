@@ -1,4 +1,4 @@
-"""Errors, steps and motions as lines for a person, or for a service's journal, and never a flood."""
+"""Write errors, steps and motions for people, or for a service's journal, at a limited rate."""
 
 from collections.abc import Callable
 
@@ -10,13 +10,13 @@ from fltea.sinks.changes import sentence, time_of
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
-"""Of one kind and device at most `BURST` lines are written within this time; the rest is counted."""
+"""Time in which at most `BURST` messages of one kind and device are written; more are counted [ns]."""
 
 
 class LogSink(Sink):
-    """Writes `fltea: KIND: TEXT` of an error, and `fltea: TEXT` of a step or a motion.
+    """Writes `fltea: KIND: TEXT` for an error, and `fltea: TEXT` for a step or a motion.
 
-    The device's name stands before that where there are several.
+    With several devices, the device's name comes after `fltea:`.
     """
 
     name = "log"
@@ -27,7 +27,7 @@ class LogSink(Sink):
         self._lines: dict[tuple[str | None, str], tuple[int, int, int]] = {}
 
     def write(self, item: Item) -> None:
-        """Write a line for an error, a step or a motion, unless there were many of its kind."""
+        """Write an error, a step or a motion, unless there were too many of its kind."""
         if isinstance(item, Error):
             kind, text = item.kind, f"{item.kind}: {' '.join(item.message.split(chr(10)))}"
         elif isinstance(item, Step | Motion):
@@ -44,7 +44,7 @@ class LogSink(Sink):
         self._lines[key] = (since_ns, count + 1, silenced + (count >= BURST))
 
     def flush(self) -> None:
-        """Report the counts of lines that were left out a while ago."""
+        """Report how many messages were left out more than a minute ago."""
         now_ns = host_ns()
         for key, (since_ns, _, silenced) in list(self._lines.items()):
             if now_ns - since_ns >= PERIOD_NS:
@@ -52,7 +52,7 @@ class LogSink(Sink):
                 del self._lines[key]
 
     def close(self) -> None:
-        """Report the counts of lines that were left out."""
+        """Report how many messages were left out."""
         for key, (_, _, silenced) in self._lines.items():
             self._report_silenced(key, silenced)
 

@@ -1,7 +1,7 @@
-"""What a board estimates by itself: to which sample it belongs, and how far it is from ours.
+"""Follow the estimates that a board makes: find the sample of each one, and compare it with the host's.
 
-An estimate comes after its sample, by as much as the board is behind. One whose sample is not among the
-newest of this epoch is dropped and counted.
+An estimate arrives later than its sample, by the board's delay. An estimate whose sample is not among the
+newest samples of this epoch is dropped and counted.
 """
 
 from collections.abc import Iterator
@@ -30,16 +30,17 @@ from fltea.stream.epoch import Beginning, Item, Notice, Standing
 from fltea.stream.live import LiveFits, accepted_by
 
 AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every", "longest_slice_us"
-"""Of the board's estimator: what its statistics have as it came."""
+"""Fields of the board's estimator message that its statistics repeat unchanged."""
 
 
 class BoardEstimates:
     """Follows the board's own estimates.
 
-    Where it alone estimates, they become `Estimate` records; else `DeviceEstimates` compare them with this
-    computer's, which computes with the board's settings as soon as it knows them. fits: the live fits,
-    whose verdict on white noise the records state. Nothing of a board is ever saved: it begins its window
-    with each boot.
+    Where only the board estimates, its estimates become `Estimate` records. Otherwise `DeviceEstimates`
+    records compare them with this computer's estimates, made with the board's settings as soon as these are
+    known. Nothing of a board is ever saved: it begins its start-up window with each boot.
+
+    `fits`: the live fits, whose verdict on white noise the records state.
     """
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
@@ -60,9 +61,9 @@ class BoardEstimates:
         self._estimates = self._lost = self._unplaced = 0
 
     def host_settings(self) -> EstimatorConfig | None:
-        """Return the settings for this computer from now on: the board's, once they are known.
+        """Return the settings that this computer's filters use from now on: the board's, once they are known.
 
-        None if the board alone estimates.
+        None if only the board estimates.
         """
         if self.alone:
             return None
@@ -78,7 +79,7 @@ class BoardEstimates:
         self._notices.begin()
 
     def forget(self) -> None:
-        """Believe no estimate of samples until now."""
+        """Forget all samples until now, so that estimates for them are dropped."""
         self._unplaced += len(self._group)
         self._fits.forget()
         self._samples.clear()
@@ -87,7 +88,7 @@ class BoardEstimates:
         self._sequence = None
 
     def on_block(self, block: Block, host_ns: Ints) -> Iterator[Item]:
-        """Remember samples, whose estimates come later; host_ns (n,): their arrival, monotonic."""
+        """Remember samples, since their estimates come later; `host_ns` (n,): monotonic arrival [ns]."""
         yield from self._notices.unused(int(host_ns[0]))
         self._samples.add(block)
         late = self._notices.silent_from(host_ns) if self.stated is None else None
@@ -100,7 +101,7 @@ class BoardEstimates:
             yield block.rows(late + 1, len(block))
 
     def on_event(self, event: Event) -> Iterator[Item]:
-        """Take what the board says of its estimates."""
+        """Take an event with which the board reports its estimates."""
         if isinstance(event, LinkDown):
             self.forget()
             self.stated = self._settings = None
@@ -115,7 +116,7 @@ class BoardEstimates:
             yield from self._fits.on_bins(event, self._samples.newest())
 
     def standing(self) -> Standing:
-        """How the board's estimator gets on."""
+        """Return the state of the board's estimator."""
         s = self.stated
         standing = Standing(device=self._stats())
         if self.alone:
@@ -135,7 +136,7 @@ class BoardEstimates:
         yield from self._notices.on_estimator(stated)
 
     def _on_axis(self, e: DeviceAxis) -> Iterator[Item]:
-        """Take the estimate of one axis; a record comes with the last axis of a sample, or after it."""
+        """Take the estimate of one axis; yield a record once all axes of a sample, or a later one, came."""
         self._estimates += 1
         if self._sequence is not None:
             self._lost += (e.sequence - self._sequence - 1) % SEQUENCE_WRAP
@@ -156,7 +157,7 @@ class BoardEstimates:
             yield from self._record(sample, self.stated.variant)
 
     def _axes_stats(self) -> dict[str, AxisStats]:
-        """Return what the board states of each axis, in place of what a host that estimates would."""
+        """Return the statistics that the board states for each axis."""
         result = {}
         for axis, place in self._axes.items():
             bias = R = None

@@ -1,4 +1,4 @@
-"""A board's estimate of an axis as records state it, alone or with its difference from the host's (pure)."""
+"""Make records of a board's estimate of an axis, alone or with its difference from the host's estimate."""
 
 import math
 
@@ -10,7 +10,7 @@ from fltea.stream.live import AcceptedFit
 
 
 def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEstimate:
-    """Return what is known of an axis, with the board's estimate in place of the host's filters."""
+    """Return the estimate of an axis, with the board's filter in place of the host's."""
     valid, numbers = _numbers(e)
     of_board = FlteaEstimate(*numbers, valid, e.tuned)
     return msgspec.structs.replace(known, null_p=fit.null_p, whiteness=fit.whiteness, fltea=of_board)
@@ -19,11 +19,11 @@ def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEst
 def compare(
     e: DeviceAxis, known: AxisEstimate | None, host_age: int | None, same_settings: bool
 ) -> DeviceAxisEstimate:
-    """Return the board's estimate, and its difference from the host's or why there is none.
+    """Return the board's estimate, with its difference from the host's estimate or why there is none.
 
-    known: what the host knows after the same sample. host_age: steps since the start-up window of its
-    filters, the first one is 1; None where they estimate nothing. same_settings: the host computes with the
-    settings that the device states.
+    `known`: the host's estimate after the same sample. `host_age`: steps of the host's filters since their
+    start-up window, from 1; None where they estimate nothing. `same_settings`: the host uses the settings
+    that the device states.
     """
     valid, numbers = _numbers(e)
     host = None if known is None or host_age is None else known.fltea
@@ -65,7 +65,7 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
-    """Return whether an estimate holds, and its numbers; null in place of any that is not finite."""
+    """Return whether an estimate is valid, and its numbers; None for an innovation that is not finite."""
     if not (e.valid and all(map(math.isfinite, (e.alpha, e.alpha_std, e.f, e.f_std, e.state_dps)))):
         return False, (None, None, None, None, None, None)
     innovation = None if e.missing else finite(e.innovation_dps)
@@ -73,5 +73,5 @@ def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
 
 
 def finite(value: float) -> float | None:
-    """Return the value, or None if it is none of a number."""
+    """Return the value, or None if it is not finite."""
     return value if math.isfinite(value) else None

@@ -1,7 +1,7 @@
-"""What a board's own maximum-likelihood fits become: records, with their difference from this computer's fit.
+"""Make records of a board's own maximum-likelihood fits, with their difference from this computer's fit.
 
-A fit takes the board up to a minute, so its record stands at the newest sample when it comes; `age` and
-`samples` say of what it is. Its bins come behind it, some at a time.
+The board needs up to a minute for a fit, so the record states the moment of the newest sample when the fit
+arrives; `age` and `samples` tell which samples were fitted. The fit's bins arrive later, in several messages.
 """
 
 import math
@@ -22,22 +22,22 @@ from fltea.stream.epoch import Moment
 from fltea.stream.live import AcceptedFit
 
 MOST_ORDER = 2.0
-"""Of the model that the board fits."""
+"""Largest order of the model that the board fits."""
 
 ROUNDING = 1e-5
-"""Of a frequency in the device's float."""
+"""Relative rounding error of a frequency in the device's single precision."""
 
 MOST_DPS2 = 1e8
-"""Of a variance: no gyroscope turns at 10,000 deg/s."""
+"""Largest variance that a fit can have: no gyroscope turns at 10,000 deg/s."""
 
 CHECK_EVERY_NS = 1_000_000_000
-"""Time between two fits of an axis's bins: a sound device sends them every half minute."""
+"""Shortest time between two fits of an axis's bins here: a working device sends them every half minute."""
 
 AS_STATED = (
     *("number", "age", "samples", "ordinates", "evaluations", "searched", "tuned", "bins_left_out"),
     *("ratio_white", "ratio_relaxation"),
 )
-"""Of a fit: what the record has as it came."""
+"""Fields of the board's fit that the record repeats unchanged."""
 
 VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 
@@ -45,8 +45,8 @@ VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 class BoardFits:
     """Makes records of a board's fits.
 
-    came: fits that came; refused: those of them for which there was no sample yet, or whose numbers or bins
-    no fit can have.
+    `came`: number of fits that arrived. `refused`: how many of these came before any sample, or had
+    impossible numbers or bins.
     """
 
     def __init__(self, device: str | None, accepted: Callable[[str], AcceptedFit]) -> None:
@@ -62,12 +62,12 @@ class BoardFits:
         self._rate_hz = rate_hz
 
     def forget(self) -> None:
-        """Another epoch: bins that are still to come belong to no fit."""
+        """Begin another epoch: bins that still arrive belong to no fit."""
         self._newest.clear()
         self._bins.clear()
 
     def on_fit(self, fit: DeviceFit, axes: Collection[str], moment: Moment | None) -> Iterator[DeviceFits]:
-        """Take a fit."""
+        """Take a fit, and yield its record."""
         self.came += 1
         found = _axis_fit(fit, self._settled(fit.axis).fit) if fit.axis in axes else None
         if moment is None or found is None:
@@ -77,13 +77,13 @@ class BoardFits:
         yield DeviceFits(*moment, {fit.axis: found}, device=self._device)
 
     def on_bins(self, bins: DeviceBins, moment: Moment | None) -> Iterator[DeviceFits]:
-        """Take some bins of the newest fit; the fit again with all of them, when they are there."""
+        """Take some bins of the newest fit; yield the fit again once all its bins have arrived."""
         fit, parts = self._newest.get(bins.axis), self._bins.get(bins.axis)
         if fit is None or parts is None or moment is None or bins.number != fit.number:
             return
         total = parts[0].total if parts else bins.total
         if not bins.hz or bins.total != total or bins.first != sum(len(part.hz) for part in parts):
-            self._bins.pop(bins.axis)  # some were lost
+            self._bins.pop(bins.axis)  # some bins were lost
             return
         parts.append(bins)
         if bins.first + len(bins.hz) < total:
@@ -98,7 +98,7 @@ class BoardFits:
         yield DeviceFits(*moment, {bins.axis: found}, device=self._device)
 
     def _spectrum(self, parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
-        """All bins; None if one is no bin."""
+        """Return the spectrum of all bins; None if a bin is impossible."""
         hz = [one for part in parts for one in part.hz]
         density = [one for part in parts for one in part.density_dps2_per_hz]
         ordinates = [one for part in parts for one in part.ordinates]
@@ -111,7 +111,7 @@ class BoardFits:
         return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
     def _check(self, spectrum: DeviceSpectrum, axis: str, moment: Moment) -> float | None:
-        """Order by this computer's fit of the bins; None if it was asked too soon, or there is none."""
+        """Return the order by this computer's fit of the bins; None if that is too soon, or impossible."""
         before_ns = self._checked_ns.get(axis)
         if not self._rate_hz > 0 or (before_ns is not None and moment.host_ns - before_ns < CHECK_EVERY_NS):
             return None
@@ -120,7 +120,7 @@ class BoardFits:
 
 
 def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
-    """The fit of an axis; None if its numbers are none of a fit."""
+    """Return the fit of an axis as recorded; None if no fit can have its numbers."""
     ratios = fit.ordinates, fit.ratio_white, fit.ratio_relaxation
     numbers = *ratios, fit.alpha, fit.f, fit.s2_dps2, fit.R_dps2
     verdict = next((one for one in VERDICTS if one == fit.verdict), None)
@@ -158,8 +158,8 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
 def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
     """Return this computer's order for the bins that a board fitted: a check of the board's arithmetic.
 
-    It is that of the highest likelihood, in white noise; None for bins that cannot be fitted, such as bins of
-    several stretches of samples, of which two may have the same frequency.
+    It is the order with the highest likelihood, in white noise. None for bins that cannot be fitted, such as
+    bins of several stretches of samples, where two bins may have the same frequency.
     """
     lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
     power = np.square(spectrum.density) * (rate_hz / 2)

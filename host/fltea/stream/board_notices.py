@@ -1,4 +1,4 @@
-"""What a user is to know of a board that estimates, each reported once or once a minute."""
+"""Report what a user has to know about a board that estimates, each thing once or once a minute."""
 
 from collections.abc import Iterator
 
@@ -11,11 +11,11 @@ from fltea.stream.board_settings import unused_settings
 from fltea.stream.epoch import Notice
 
 PATIENCE_NS = 5 * 10**9
-"""A board that sends samples states its estimator within this time."""
+"""Longest time in which a board that sends samples states its estimator."""
 
 
 class BoardNotices:
-    """Reports what is wrong; config: the settings of the host, of which a board needs none."""
+    """Reports what is wrong with a board. `config`: the host's settings, which the board does not use."""
 
     def __init__(self, config: EstimatorConfig) -> None:
         self._config = config
@@ -24,19 +24,19 @@ class BoardNotices:
         self._constant: set[str] = set()
         self._invalid = OnceAMinute()
         self._skipped: tuple[int, int | None] = (0, None)
-        """samples that were reported as skipped, and when; None before the first statement"""
+        """Number of samples reported as skipped, and time of that report; None before the first one."""
 
     def begin(self) -> None:
         """Begin an epoch."""
         self._constant.clear()
 
     def on_link_down(self) -> None:
-        """Begin with a board that may be another one."""
+        """Expect that the next board may be another one."""
         self._waits_since_ns = None
         self._skipped = (0, None)
 
     def unused(self, now_ns: int) -> Iterator[Notice]:
-        """Report which settings were changed in vain, since the board has its own."""
+        """Report which settings have no effect, since the board has its own."""
         if self._unused_reported:
             return
         self._unused_reported = True
@@ -50,7 +50,7 @@ class BoardNotices:
             yield Notice("settings_unused", text, now_ns)
 
     def silent_from(self, host_ns: Ints) -> int | None:
-        """Return the row of samples with which the board's silence is too long; None while it is not."""
+        """Return the index of the sample at which the board's silence is too long; None while it is not."""
         if self._silence_reported:
             return None
         if self._waits_since_ns is None:
@@ -95,7 +95,7 @@ class BoardNotices:
             )
 
     def on_axis(self, e: DeviceAxis, before: DeviceAxis | None) -> Iterator[Notice]:
-        """Report what is wrong with an axis that only the board estimates; before: its last estimate."""
+        """Report what is wrong with an axis that only the board estimates; `before`: its last estimate."""
         if e.constant and e.axis not in self._constant:
             self._constant.add(e.axis)
             text = (

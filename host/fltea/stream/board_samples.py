@@ -1,4 +1,4 @@
-"""The newest samples of a board, for its estimates and fits, which come after them."""
+"""Remember the newest samples of a board, since its estimates and fits arrive after their samples."""
 
 from typing import NamedTuple
 
@@ -8,11 +8,11 @@ from fltea.records.records import GYRO_UNIT, AxisEstimate
 from fltea.stream.epoch import Moment
 
 REMEMBERED = 256
-"""Samples for which an estimate may still come; the board drops samples when it is further behind."""
+"""Number of samples for which an estimate may still come; a board that is further behind skips samples."""
 
 
 class RecentSample(NamedTuple):
-    """A sample, row `row` of `block`. age: steps of the host's estimates since the start-up window."""
+    """A sample, row `row` of `block`. `age`: steps of the host's estimates since the start-up window."""
 
     seq: int
     block: Block
@@ -20,16 +20,16 @@ class RecentSample(NamedTuple):
     age: int
 
     def moment(self) -> Moment:
-        """Return its number, epoch, and the times of device and host."""
+        """Return the sample's number, epoch, device time and host time."""
         block, row = self.block, self.row
         return Moment(self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row]))
 
     def estimates(self) -> dict[str, AxisEstimate]:
-        """Return what this computer knows after it; of its filters nothing where they estimate nothing."""
+        """Return this computer's estimates after the sample, with those of its filters if these estimate."""
         return self.block.estimates_at(self.row, GYRO_UNIT)
 
     def has_filters(self) -> bool:
-        """Return whether this computer's filters make estimates: not in their start-up window."""
+        """Return whether this computer's filters estimate, which they do not in their start-up window."""
         return any(columns.unit == GYRO_UNIT for columns in self.block.estimates)
 
 
@@ -59,7 +59,7 @@ class RecentSamples:
         return self._samples[next(reversed(self._samples))].moment() if self._samples else None
 
     def find(self, number: int) -> RecentSample | None:
-        """Return the sample of a number as the wire has it, which wraps; None if it is not remembered."""
+        """Return the sample with the wrapped number of the wire protocol; None if it is not remembered."""
         if not self._samples:
             return None
         newest = next(reversed(self._samples))

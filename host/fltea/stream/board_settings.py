@@ -1,4 +1,4 @@
-"""With what a device estimates, as settings of the host's own engine (pure)."""
+"""Convert the settings that a device estimates with into settings of the host's own filters."""
 
 import msgspec
 
@@ -8,12 +8,12 @@ from fltea.settings.estimator import EstimatorConfig
 
 
 def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
-    """Settings with which the host computes what the device computes, in double precision.
+    """Return settings with which the host computes what the device computes, in double precision.
 
-    They are the single-precision numbers that the device uses.
+    Their values are the single-precision numbers that the device uses.
 
     Raises:
-        ValueError: no estimator of this host works with them.
+        ValueError: no filter of this host works with these settings.
     """
     order = {
         "P0": stated.alpha_P0,
@@ -48,12 +48,12 @@ def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
 
 
 def info_of(stated: DeviceEstimator) -> EstimatorInfo:
-    """What an epoch is estimated with if the device alone does it."""
+    """Return what an epoch states about its estimator if only the device estimates."""
     return EstimatorInfo(stated.variant, "device", "compressed", stated.guard, 0, stated.startup, (), ())
 
 
 def unused_settings(config: EstimatorConfig) -> list[str]:
-    """Settings that were changed for nothing, since the device has its own; each as a dotted path."""
+    """Return the changed settings that have no effect, since the device has its own; each a dotted path."""
     usual = EstimatorConfig(estimate_on=config.estimate_on)
     names = [name for name in config.__struct_fields__ if getattr(config, name) != getattr(usual, name)]
     return [f"estimator.{name}" for name in names]

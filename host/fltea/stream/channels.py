@@ -1,4 +1,4 @@
-"""FLTEA's filters of the axes of one sensor, as this computer runs them."""
+"""Run FLTEA's filters for the axes of one sensor on this computer."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -18,17 +18,17 @@ from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tuning import HandedOver, handed_over
 
 LONGEST_BRIDGE = 30_000
-"""Missing samples that an estimator of unlimited memory predicts: half a second's work."""
+"""Most missing samples that an estimator of unlimited memory predicts over: this takes half a second."""
 
 
 class Channels:
     """The filters of the axes of one sensor, in its unit; the native device gives them the samples.
 
-    axes: names, and the columns of the sensor's samples that they are. h: sampling period in s. resolution:
-    one LSB in the sensor's unit, None where unknown. state: what `save` returned, to go on from there.
+    `axes`: for each axis's name, its column in the sensor's samples. `h`: sampling period [s].
+    `resolution`: one LSB in the sensor's unit, None if unknown. `state`: a result of `save` to continue from.
 
     Raises:
-        ValueError: settings that no filter can work with, or a state that does not fit them.
+        ValueError: no filter works with the settings, or the state does not fit them.
     """
 
     def __init__(
@@ -45,31 +45,31 @@ class Channels:
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
-        """What stands in all columns until the next fit: null_p and whiteness of each axis."""
+        """Values that stay the same in all columns until the next fit: null_p and whiteness of each axis."""
         self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
 
     def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
-        """Return what the bank has found of samples as columns."""
+        """Return the bank's results for samples as columns."""
         return AxisColumns._make((self._names, self._unit, *self.words, *found))
 
     def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
-        """Return which axes became invalid, by name."""
+        """Return the names of the axes that became invalid, and why."""
         return [(self._names[lane], why) for _, lane, why in lost]
 
     @property
     def waiting(self) -> list[bool]:
-        """Which axes wait for a fit to tune them."""
+        """Whether each axis waits for a fit to tune its filter."""
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
     def go_by(self, accepted: Sequence[AcceptedFit]) -> None:
-        """Take the fits of the axes that count from the next sample on."""
+        """Use these fits of the axes from the next sample on."""
         self._fits = tuple(accepted)
         self.words = self._words()
         self._tune()
 
     def fill(self) -> None:
-        """Begin to estimate: the start-up window is full."""
+        """Begin to estimate, since the start-up window is full."""
         self.bank.fill()
         self._tune()
 
@@ -77,7 +77,7 @@ class Channels:
         return tuple(one.null_p for one in self._fits), tuple(one.whiteness for one in self._fits)
 
     def _tune(self) -> None:
-        """Hand what the fits know of the noise to the filters."""
+        """Retune the filters with what the fits say about the noise."""
         if not self._tuned or self.bank.baseline is None:
             return
         new: dict[str, HandedOver] = {}
@@ -101,11 +101,11 @@ class Channels:
         return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
 
     def bridge(self, count: int) -> None:
-        """Bridge the time for which the program stood still, as far as the memory reaches."""
+        """Bridge the time in which the program did not run, at most as long as the memory."""
         self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
-        """Return what is to be reported once the window is full."""
+        """Yield what is to be reported once the start-up window is full."""
         baseline = self.bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
@@ -116,12 +116,12 @@ class Channels:
             yield Notice("constant_axis", text, host_ns)
 
     def save(self) -> OnlineState | None:
-        """What a later run needs to go on; None while the start-up window fills."""
+        """Return what a later run needs to continue; None while the start-up window fills."""
         return self.bank.save()
 
     @cached_property
     def info(self) -> EstimatorInfo:
-        """What they are estimated with."""
+        """Settings that the axes are estimated with."""
         c = self.config
         return EstimatorInfo(
             c.variant,
@@ -136,7 +136,7 @@ class Channels:
         )
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:
-        """Statistics of every axis."""
+        """Yield the statistics of each axis."""
         bank = self.bank
         baseline, restarts, interventions = bank.baseline, bank.restarts, bank.interventions
         lag1, nis, is_white = bank.lag1, bank.nis, bank.is_white
@@ -165,14 +165,14 @@ class Channels:
 
 
 def _numbers(setting: str | float | list[float]) -> tuple[float, ...]:
-    """Return what bias or R is set to; nothing where the start-up window gives it."""
+    """Return the values that the settings give bias or R; empty where the start-up window gives them."""
     if isinstance(setting, str):
         return (0.0,) if setting == "none" else ()
     return tuple(setting) if isinstance(setting, list) else (setting,)
 
 
 def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
-    """Kind and text of the error that an axis has become invalid."""
+    """Return kind and text of the error which says that an axis became invalid."""
     if reason == "runaway":
         return "axis_runaway", (
             f"{axis} ran away (order or parameter beyond all bounds) and begins again: an offset, a wrong R "

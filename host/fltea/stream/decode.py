@@ -1,7 +1,7 @@
-"""From what a source gives to samples in physical units, with their place in the epoch and their time.
+"""Turn the events of a source into samples in physical units, with their number in the epoch and their time.
 
-All of it is native (host/native/device.hpp), with the sensors' estimators if there are any:
-`fltea.stream.pipeline` gives them. Recordings are exported without.
+The native device (host/native/device.hpp) does all of it. It also runs the sensors' estimators that
+`fltea.stream.pipeline` gives it. Exports of recordings use it without estimators.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,41 +22,45 @@ from fltea.wire.sample_scaling import Scales
 
 
 class Stop(IntEnum):
-    """Why samples are not taken any further, as of host/native/device.hpp; what is told then."""
+    """Why the native device stops (see host/native/device.hpp), and which details it gives then."""
 
     END = 0
-    """All are taken."""
+    """All samples are taken."""
     MORE = 1
-    """Nothing has happened, and there is more."""
+    """Nothing has happened, and there are more samples."""
     STATS_DUE = 2
-    """Before a sample: it arrived when statistics were due."""
+    """Before a sample that arrived when statistics were due."""
     GAP = 3
-    """Before a sample: others are missing. Told: how many, its number and time, lost axes of each sensor."""
+    """Before a sample: others are missing. Details: number missing, the sample's number and time, axes
+    lost."""
     EPOCH = 4
-    """Before a sample: an epoch begins with it. Told: as of `FirstSample`."""
+    """Before a sample that begins an epoch. Details: the fields of `FirstSample`."""
     HAPPENED = 5
-    """After a sample. Told: for each event its sensor, and either losses or a step or motion."""
+    """After a sample. Details: for each event its sensor, and either lost axes or a step or motion."""
     WINDOW_FULL = 6
     """After a sample: the start-up window of a sensor is full."""
     FIT_COUNTS = 7
-    """After a sample: from the next one on a fit counts."""
+    """After a sample: a fit takes effect at the next one."""
     FIT_DUE = 8
-    """After a sample: a fit is to begin."""
+    """After a sample: a refit is to begin."""
     RATE_DIFFERS = 9
-    """After a sample: no more are believed. Told: the rate that HELLO states, and by the device's clock."""
+    """After a sample: later samples are not used. Details: the rate in HELLO, and the rate by the device's
+    clock."""
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
-"""Of each sensor the columns of its tracker, and of its filters or None; None for one without samples."""
+"""For each sensor the columns of its tracker, and those of its filters or None; None without samples."""
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
-"""Samples that were taken: which of the source's is the first, their columns (`COLUMNS`), the sensors'."""
+"""Samples that were taken: index of the first in the source's block, their columns, and the sensors'
+results."""
 
 
 class FirstSample(NamedTuple):
-    """The first sample of an epoch. missing: samples lost just before it; seq, epoch_us: its place in it.
+    """The first sample of an epoch.
 
-    sequence, device_us: as they came. gyro_axes, has_accel: what it holds, and is scaled.
+    `missing`: number of samples lost just before it. `seq`, `epoch_us`: its number and time in the epoch.
+    `sequence`, `device_us`: its number and time as received. `gyro_axes`, `has_accel`: its axes with a scale.
     """
 
     reason: EpochReason
@@ -70,7 +74,7 @@ class FirstSample(NamedTuple):
 
 
 class Decoded(NamedTuple):
-    """Samples in physical units and in counts, without a gap. missing: samples lost just before them."""
+    """Samples without a gap, in physical units and in counts. `missing`: samples lost just before them."""
 
     block: Block
     raw: RawBlock
@@ -82,8 +86,9 @@ class Decoded(NamedTuple):
 class Decoder:
     """Turns the events of a source into samples.
 
-    unix_offset_ns: the source's. max_gap: longest gap that an epoch survives, in samples or as a time.
-    device, output: as `Block` has them. `epoch` counts from 1; 0 before the first.
+    `unix_offset_ns`: returns the source's offset from its clock to Unix time. `max_gap`: longest gap within
+    an epoch, in samples or as a time. `device`, `output`: as in `Block`. `epoch`: counts from 1; 0 before the
+    first.
     """
 
     def __init__(
@@ -98,26 +103,26 @@ class Decoder:
         self._unix_offset_ns, self._max_gap = unix_offset_ns, max_gap
         self._hello: Hello | None = None
         self.contradiction: str | None = None
-        """What the user has to know if the device's clock contradicted its HELLO (`feed` alone notes it)."""
+        """Message to the user if the device's clock contradicts its HELLO; only `feed` sets it."""
         self._template = _empty(device, output or OutputConfig())
 
     @property
     def hello(self) -> Hello | None:
-        """The newest HELLO; None where it is not known which device it is."""
+        """The newest HELLO; None while the device is unknown."""
         return self._hello if self.native.knows_hello else None
 
     @property
     def source(self) -> str:
-        """Where the samples come from, as the newest HELLO says; "" before the first."""
+        """Where the samples come from, as the newest HELLO says; empty before the first HELLO."""
         return "" if self._hello is None else self._hello.source
 
     @property
     def counts(self) -> SampleStats:
-        """What became of the samples until now."""
+        """Counts of what became of the samples until now."""
         return SampleStats(*self.native.counts)
 
     def on_hello(self, hello: Hello) -> bool:
-        """Take note of a HELLO; True if it states something new (the first, or another boot or sensor)."""
+        """Note a HELLO; return whether it is the first, or states another boot or sensor."""
         before = self._hello
         another_boot = before is None or _boot(hello) != _boot(before)
         another_sensor = before is None or hello.sensor_starts != before.sensor_starts
@@ -128,14 +133,14 @@ class Decoder:
         return news
 
     def on_other(self, event: Event) -> None:
-        """Take note of an event that is neither a HELLO nor samples."""
+        """Note an event that is neither a HELLO nor samples."""
         if isinstance(event, LinkDown):
-            self.native.forget_hello()  # what follows may come from another device
+            self.native.forget_hello()  # later samples may come from another device
         elif isinstance(event, Break):
             self.native.on_break(event.reason)
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
-        """Take one event; samples that can be used, and a HELLO that states something new."""
+        """Take one event; yield the usable samples, and each HELLO that states something new."""
         if isinstance(event, RawBlock):
             yield from self._decoded(event)
         elif not isinstance(event, Hello):
@@ -144,9 +149,9 @@ class Decoder:
             yield event
 
     def advance(self, raw: RawBlock) -> Iterator[tuple[Stop, int, Rows | None, Any]]:
-        """Yield each stop: why, which sample comes next, what was taken until then, and what is told.
+        """Yield each stop: its kind, the next sample's index, the samples taken until then, and the details.
 
-        Whoever takes a stop does what it leads to before the next one; for `EPOCH` that is `begin`.
+        The caller handles a stop before it asks for the next one; for `EPOCH` it calls `begin`.
         """
         stop, place = -1, 0
         while stop != Stop.END:
@@ -154,13 +159,13 @@ class Decoder:
             yield stop, place, rows, details  # type: ignore[misc]
 
     def begin(self, sensors: list[Any]) -> None:
-        """Begin an epoch. sensors: as `_native.Device.begin` takes them."""
+        """Begin an epoch. `sensors`: as `_native.Device.begin` takes them."""
         self.epoch += 1
         self._template = self._template.but(epoch=self.epoch)
         self.native.begin(self._unix_offset_ns(), sensors)
 
     def block(self, samples: tuple[Any, ...]) -> Block:
-        """Return samples as a block."""
+        """Return the columns `samples` as a block."""
         seq, device_us, host_ns, gyro_dps, accel_ms2, temperature_c, flags = samples
         return self._template.but(
             seq=seq,
@@ -176,7 +181,7 @@ class Decoder:
         missing, reason = 0, None
         for stop, _, rows, details in self.advance(raw):
             if stop == Stop.EPOCH:
-                reason, missing, *_ = details  # as of FirstSample
+                reason, missing, *_ = details  # the fields of FirstSample
                 self.begin([])
             elif stop == Stop.GAP:
                 missing, *_ = details
@@ -192,7 +197,7 @@ class Decoder:
 
 
 def explain_rate(source: str, stated_hz: float, measured_hz: float) -> str:
-    """Return what the user has to know of a device that contradicts itself."""
+    """Return the message about a device whose clock contradicts its HELLO."""
     return (
         f"{source}: HELLO states {stated_hz:.4g} Hz, and by the device's own clock and numbers its samples "
         f"come at {measured_hz:.4g} Hz. One of them is wrong, and all that is in seconds or Hz with it, so "
@@ -202,7 +207,7 @@ def explain_rate(source: str, stated_hz: float, measured_hz: float) -> str:
 
 
 def _empty(device: str | None, output: OutputConfig) -> Block:
-    """Return a block without samples, of which others are made."""
+    """Return a block without samples, from which other blocks are made."""
     whole = np.empty(0, dtype=np.int64)
     rates = np.empty((0, len(AXES)))
     return Block(device, 0, whole, whole, whole, rates, every=output.every, corrected=output.corrected)

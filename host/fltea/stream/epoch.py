@@ -1,4 +1,4 @@
-"""What an epoch of a device begins with, what comes out of it, and how it stands."""
+"""Define what an epoch of a device begins with, what it yields, and the state of its estimators."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, He
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""No sample has this number, and none comes at this time; as of host/native/device.hpp."""
+"""Number that no sample has, and time at which none comes; same as in host/native/device.hpp."""
 
 
 class Moment(NamedTuple):
@@ -25,7 +25,7 @@ class Moment(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Kind and text of an `error` record; host_ns: when, on the source's monotonic clock."""
+    """Kind and text of an `error` record; `host_ns`: its time on the source's monotonic clock."""
 
     kind: str
     message: str
@@ -33,14 +33,14 @@ class Notice(NamedTuple):
 
 
 Item = AnyRecord | Block | Notice
-"""What goes on to the outputs, but for a notice, which becomes an `error` record."""
+"""What the outputs receive, except that a notice becomes an `error` record first."""
 
 
 class Beginning(NamedTuple):
-    """What is known of the samples of an epoch when it begins.
+    """What is known about the samples of an epoch when it begins.
 
-    gyro_axes, accel: what its samples hold. saved: what to go on from. missing: samples lost just before, as
-    far as anybody knows.
+    `gyro_axes`, `accel`: the sensors that its samples contain. `saved`: saved state to continue from.
+    `missing`: number of samples lost just before the epoch, as far as it is known.
     """
 
     hello: Hello
@@ -50,7 +50,7 @@ class Beginning(NamedTuple):
     missing: int = 0
 
     def axes(self, wanted: Sequence[str] | None) -> tuple[dict[str, int], dict[str, int]]:
-        """Axes of both sensors and their columns, as `channels` wants them; None: the gyroscope's."""
+        """Return both sensors' `wanted` axes with their columns; None stands for all of the gyroscope."""
         gyro, accel = AXES[: self.gyro_axes], ACCEL_AXES if self.accel else ()
         return (
             {axis: i for i, axis in enumerate(gyro) if wanted is None or axis in wanted},
@@ -58,16 +58,16 @@ class Beginning(NamedTuple):
         )
 
     def absent(self, wanted: Sequence[str] | None) -> list[str]:
-        """Return which of the wanted axes there are not."""
+        """Return the wanted axes that the samples do not contain."""
         available = AXES[: self.gyro_axes] + (ACCEL_AXES if self.accel else ())
         return [axis for axis in wanted or () if axis not in available]
 
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the sensors of a device need to go on; None where there is none.
+    """What the sensors of a device need to continue; None where nothing was saved.
 
-    gyro, accel: the filters. gyro_fit, accel_fit: sums of the live fits. gyro_track, accel_track: what the
-    trackers know.
+    `gyro`, `accel`: the filters. `gyro_fit`, `accel_fit`: sums of the live fits. `gyro_track`, `accel_track`:
+    state of the trackers.
     """
 
     gyro: OnlineState | None = None
@@ -80,7 +80,7 @@ class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 @dataclass
 class Standing:
-    """How the estimators of a device get on, for `Stats` and `Epoch`."""
+    """State of a device's estimators, for `Stats` and `Epoch`."""
 
     startup_remaining: int = 0
     axes: dict[str, AxisStats] = field(default_factory=dict)
@@ -90,8 +90,8 @@ class Standing:
     fit_period_s: float | None = None
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
 
-    def fit_worker(self, of_board: "Standing") -> "Standing":
-        """Return this computer's with the board's, which counts where this computer estimates nothing."""
+    def with_board(self, of_board: "Standing") -> "Standing":
+        """Return this state, with the board's where this computer estimates nothing."""
         return Standing(
             max(self.startup_remaining, of_board.startup_remaining),
             of_board.axes | self.axes,

@@ -1,6 +1,6 @@
-"""When a look begins and from when on it counts, in samples: nothing depends on how fast anybody is (pure).
+"""Decide when refits begin and take effect, counted in samples, so that replays give the same results.
 
-A record that is a little longer says hardly anything new, so looks follow its growth.
+A record that has grown by little says hardly anything new, so the time between refits follows its growth.
 """
 
 import math
@@ -10,23 +10,25 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 DEVICES_A_SECOND = 12
-"""Devices of three axes that may all look once a second: while they are young a search takes 25 ms each."""
+"""Number of three-axis devices that can all be refitted once a second: the model search of a young record
+takes 25 ms per device."""
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Multiples of it, less whole numbers, are far apart, however many there are."""
+"""Golden ratio. The fractional parts of its multiples are well spaced, for any number of devices."""
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, LOOK_GROWTH = 10, 100
-"""The record grows by one part in so many from search to search, and from look to look."""
+"""A model search is made when the record has grown by 1/`SEARCH_GROWTH`, a refit at 1/`LOOK_GROWTH`."""
 LONGEST_S = 60.0
-"""From look to look, for who watches."""
+"""Longest time between two refits while an output shows them [s]."""
 CURVES_S, CURVES_PERIODS = 10.0, 4
-"""Curves are drawn no more often: they are most of a record's bytes, and a third of the work for many."""
+"""Shortest time between two fits with curves, in seconds and in periods: curves are most of a record's bytes,
+and a third of the work with many devices."""
 SEARCH_LAG = 50
-"""A search counts no sooner than when the epoch has grown by one part in so many: the walk goes on meanwhile,
-also at full speed and of many devices that began together."""
+"""A model search takes effect only when the epoch has grown by 1/`SEARCH_LAG`. Samples are taken meanwhile,
+also when a file is read at full speed, or when many devices began together."""
 
 
 def period_s(config: Config, fit_worker: FitWorker) -> float:
-    """Seconds of samples from look to look at least: more by default where there are many devices."""
+    """Return the shortest time between two refits, in seconds of samples; by default longer for many devices."""
     given = config.live.period_s
     usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
     return (
@@ -37,18 +39,19 @@ def period_s(config: Config, fit_worker: FitWorker) -> float:
 
 
 def turn(fit_worker: FitWorker, number: int, period: int) -> int:
-    """Return by how much of a period one of many devices does later what all do once in it: they have turns.
+    """Return the offset within a period at which device `number` does what every device does once a period.
 
-    number: which of them it is. period: in samples, or in ns. Many begin together, and all walks would wait.
+    Many devices begin together; without different offsets all device streams would wait at the same time.
+    `number`: index of the device. `period`: in samples, or in ns.
     """
     return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
 
 class Look(NamedTuple):
-    """What a look is for.
+    """What a refit is for.
 
-    settles: estimates go by it until the next one that does. fresh: everything is searched for again.
-    counts: the number of the sample from which on it does.
+    `settles`: estimates use it until the next refit that settles. `fresh`: the model is searched for again.
+    `curves`: the record holds the curves. `counts`: number of the sample at which the refit takes effect.
     """
 
     settles: bool
@@ -58,11 +61,13 @@ class Look(NamedTuple):
 
 
 class LookTimes:
-    """The numbers of the samples of an epoch, counted from 1, with which looks begin.
+    """Gives the numbers of an epoch's samples, counted from 1, at which refits begin.
 
-    These are multiples of the period, in samples. A look counts before the next multiple; only a search may
-    hold up looks that settle nothing. grows: searches follow the record's growth; else every look is one.
-    every: there are others, for who looks on; what settles does not depend on them.
+    These numbers are multiples of the period, in samples. A refit takes effect before the next multiple; only
+    a model search may take longer, and delays refits that settle nothing.
+    `grows`: model searches follow the record's growth; otherwise every refit is a model search.
+    `every`: refits that settle nothing are made as well, for outputs that show them. The refits that settle
+    do not depend on that.
     """
 
     def __init__(self, rate_hz: float, *, grows: bool, every: bool) -> None:
@@ -75,10 +80,10 @@ class LookTimes:
         self._drawn: int | None = None
 
     def at(self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False) -> Look | None:
-        """Return the look that begins with sample `number`, which is `check` or later.
+        """Return the refit that begins with sample `number`, which is `check` or later; None if none begins.
 
-        samples: of the whole record. period: from now on. noticed: something has happened that is to be seen.
-        busy: the last look does not count yet.
+        `samples`: number of samples of the whole record. `period`: the period from now on, in samples.
+        `noticed`: a change of the data calls for a refit. `busy`: the last refit has not taken effect yet.
         """
         self.check = (number // period + 1) * period
         settles = number >= self._search
@@ -92,7 +97,7 @@ class LookTimes:
         step = min(math.ceil(samples / LOOK_GROWTH), round(LONGEST_S * self._rate_hz)) if self._grows else 1
         self.due = min(self._search, self._next(number, step, period)) if self._every else self._search
         drawn = self._drawn
-        if not self._every:  # nobody wants news in between
+        if not self._every:  # no output shows refits in between
             self.check = self._search
         apart = max(CURVES_S * self._rate_hz, CURVES_PERIODS * period)
         curves = self._every and settles and (drawn is None or number - drawn >= apart)

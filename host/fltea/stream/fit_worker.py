@@ -1,4 +1,4 @@
-"""What is done beside the walks: the looks at all axes of all devices of a program, in one thread."""
+"""Make the refits of all axes of all devices of a program in one thread, while samples are taken."""
 
 import threading
 from collections.abc import Callable
@@ -9,22 +9,22 @@ T = TypeVar("T")
 
 
 class FitWorker:
-    """What the looks of a program share; this one makes each where its result is asked for.
+    """What the refits of a program share. This class makes each refit where its result is asked for.
 
-    devices: how many there are. slower: how many times rarer than usual looks come, for all alike, because
-    the processor does not keep up. Who runs many devices changes both.
+    `devices`: number of devices. `slower`: factor by which all refits come less often than usual, because the
+    processor does not keep up. The code that runs many devices changes both.
     """
 
     def __init__(self, devices: int = 1, slower: float = 1.0) -> None:
         self.devices, self.slower = devices, slower
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin some work; what this returns gives its result, and raises what it raised."""
+        """Begin `work`; the returned function gives its result, or raises the exception that it raised."""
         return _Work(work).result
 
 
 class _Work:
-    """Some work, and what came of it; concurrent.futures would cost each start of the program 5 ms."""
+    """Some work and its result; importing concurrent.futures would delay each program start by 5 ms."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self._work, self._done, self._begun = work, threading.Event(), threading.Lock()
@@ -49,9 +49,9 @@ class _Work:
 
 
 class FitThread(FitWorker):
-    """Does the work of all in a thread of its own, in the order in which it was begun, until it is closed.
+    """Does all work in a thread of its own, in the order in which it was begun, until it is closed.
 
-    Whoever waits for what nobody has begun does it himself, so that a replay has two cores for its looks.
+    A caller that waits for work that has not started does that work itself, so a replay uses two cores.
     """
 
     def __init__(self, devices: int = 1) -> None:
@@ -62,16 +62,16 @@ class FitThread(FitWorker):
         self._closed = False
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin some work as soon as what was begun before is done."""
-        one = _Work(work)
+        """Queue `work`; it starts when all work queued before it is done."""
+        part = _Work(work)
         with self._lock:
             if self._thread.ident is None and not self._closed:
                 self._thread.start()
-        self._waiting.put(one)
-        return one.result
+        self._waiting.put(part)
+        return part.result
 
     def close(self, timeout_s: float | None) -> bool:
-        """Begin nothing more; False if what is being done did not end in time."""
+        """Start no more work; return False if the work being done does not end within `timeout_s`."""
         with self._lock:
             self._closed = True
             if self._thread.ident is None:
@@ -81,5 +81,5 @@ class FitThread(FitWorker):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        while (one := self._waiting.get()) is not None and not self._closed:
-            one.run()
+        while (part := self._waiting.get()) is not None and not self._closed:
+            part.run()

@@ -1,7 +1,7 @@
-"""What happens to a sensor besides its samples, as records: steps of the bias, and motion (pure).
+"""Make records of steps of the bias and of motion.
 
-A step and a motion are known some samples after they have begun. Their records stand behind the sample with
-which they are known, and state the time at which they began.
+A step or a motion is detected some samples after it has begun. Its record follows the sample at which it is
+detected, and states the time at which it began.
 """
 
 from collections.abc import Sequence
@@ -13,15 +13,15 @@ from fltea.records.records import Motion, Step
 from fltea.stream.epoch import Moment
 
 BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
-"""Who has shown motion, where that is no axis of the sensor."""
+"""What detected motion, if it was not an axis of the sensor itself."""
 
 
 def record_of(
     event: TrackerEvent, moment: Moment, axes: Sequence[str], unit: str, h: float, device: str | None
 ) -> Step | Motion:
-    """Return the record of what is known since a sample. moment: of that sample; h: sampling period in s.
+    """Return the record of an event. `moment`: of the detecting sample; `h`: sampling period [s].
 
-    Times of samples before are found by the rate, so that they do not depend on how blocks are cut.
+    Times of earlier samples follow from the rate, so that they do not depend on how samples are grouped.
     """
     before = max(event.ago - 1, 0)
     place = (
@@ -47,9 +47,9 @@ def record_of(
 
 
 def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
-    """Return the samples that sums of the noise leave out, (n, axes): motion, and those at a step.
+    """Return which samples the sums of the noise leave out, (n, axes): those in motion, and those at a step.
 
-    With a sample that is left out a stretch of samples ends, so no spectrum goes across a step.
+    A sample that is left out ends a stretch of samples, so no spectrum spans a step.
     """
     steps = [event for event in events if event.kind == EventKind.STEP]
     if not steps:

@@ -1,7 +1,7 @@
-"""What the tracker of an axis is to go by: made of what the live fit has found, where the look is made.
+"""Make the model that an axis's tracker uses, from a live fit, in the thread that makes the fit.
 
-It is made of the samples that the tracker remembered when the look began. So the samples that come meanwhile
-wait for nothing, and nothing depends on how long it takes.
+The model is made with the samples that the tracker remembered when the refit began. So samples that come
+meanwhile do not wait, and the result does not depend on how long this takes.
 """
 
 from typing import NamedTuple
@@ -21,53 +21,61 @@ from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 
 ENOUGH = 3000
-"""Samples: a fit of fewer knows too little of what is slow, and the bank of walks goes on."""
+"""Number of samples: a shorter fit knows too little about slow noise, so the bank of random walks stays."""
 FEWEST, LIKELIER = 300, 30.0
-"""Samples, from which on a fit counts that makes them so much likelier than the bank does, in 2 log L."""
+"""A fit of at least `FEWEST` samples replaces the bank of random walks early if its likelihood is higher by
+`LIKELIER`, in 2 log L."""
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
-"""A filter is made again for a record that is so much longer, or for a noise so much likelier, by log L."""
+"""A filter is made again if the record is longer by the ratio `GROWTH`, or if the new noise model is likelier
+by `APART`, in log L."""
 EVERY = 2
-"""Of so many values of what the offset may do one is tried: the bias is as good, in a fifth of the time."""
+"""Only one in `EVERY` values of the offset's variance is tried: the bias is as good, in a fifth of the
+time."""
 DIGITS = 3
-"""Of the figures of a fit: the last ones differ between a run and its replay."""
+"""Significant digits of a fit's figures that are used, since the last ones differ between run and replay."""
 
 
 class Learned(NamedTuple):
-    """A noise, and what follows for its filter."""
+    """A noise model of an axis, and the tracker model that follows from it."""
 
     noise: Noise
     model: str
-    """The names of its parts."""
+    """Names of the noise model's parts."""
     tracker_model: TrackerModel
-    """What the tracker goes by."""
+    """The model that the tracker uses."""
     system: System
-    """The mean of all that the offset may do."""
+    """State-space system with the mean of all variances that the offset may have."""
     K: Interval
-    """How the offset walks, as of `OffsetWalk`."""
+    """Random walk of the offset, as `OffsetWalk.K` gives it."""
     at_rest: Array
-    """Covariance of x after a rest as long as the fit's record, (n, n)."""
+    """Covariance of the state x after a rest as long as the fit's record, (n, n)."""
     h: float
     headings: dict[int, float]
-    """The deviation of the heading so many seconds after it; empty for what is no rate."""
+    """Standard deviation of the heading, by the seconds since the rest; empty if the sensor measures no
+    rate."""
 
     def heading_std(self, t_s: float) -> float:
-        """Return the deviation of the integral t_s after the rest."""
+        """Return the standard deviation of the sensor's integral, `t_s` seconds after the rest."""
         return heading_std(self.system, self.at_rest, self.h, t_s)
 
 
 class Learner(NamedTuple):
-    """Learns what the tracker of one axis is to go by; in any thread."""
+    """Makes the tracker model of one axis; may run in any thread."""
 
     remembered: Remembered
     rules: TrackerRules
     h: float
     unit: str
     knows_offset: bool
-    """Whether the settings give it."""
+    """Whether the settings give the offset."""
 
     def learned(self, noise: Noise | None, before: Learned | None) -> Learned | None:
-        """Return what to go by from now on: `before` unless something is new, sure enough, and possible."""
+        """Return the tracker model to use from now on.
+
+        It is `before` unless the noise has changed, the fit is certain enough, and a filter can be made of
+        it.
+        """
         if noise is None or noise.samples < FEWEST:
             return before
         if before is not None and _says_the_same(noise, before.noise, self.h):
@@ -86,7 +94,7 @@ class Learner(NamedTuple):
             tracker_model = TrackerModel(self.rules, *rivals)
             P = rested(found, n)
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
-        except (ValueError, ArithmeticError):  # at the edge of what is stationary: the last one goes on
+        except (ValueError, ArithmeticError):  # at the edge of stationarity: the previous model stays in use
             return before
         model = names(map(type, noise.parts))
         headings = dict(zip(AHEAD_S, stds, strict=False))
@@ -95,7 +103,7 @@ class Learner(NamedTuple):
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether so little is new that the filter is not made again."""
+    """Return whether the noise has changed so little that the filter is not made again."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:

@@ -1,15 +1,15 @@
-"""The live fit: the spectrum of each sensor's axes, and a record `fit` in samples' own time.
+"""Fit the noise of each sensor's axes while samples come, and publish each fit as a record `fit`.
 
-The sums go on for as long as the sensor is the same: a gap of any length, a restart of the board or of its
-sensor, and the time between two runs (`--state`) break the spectrum's stretches and lose none of its sums.
-Another device, scale, filter, rate or set of axes begins again. So `samples` of a fit may be of several
-epochs, where the filters begin with each.
+The sums of the spectrum are kept as long as the sensor stays the same. A gap of any length, a restart of the
+board or of its sensor, and the time between two runs (`--state`) end a stretch of the spectrum, but lose
+none of the sums. Another device, scale, filter, rate or set of axes begins new sums. So `samples` of a fit
+may span several epochs, while FLTEA's filters begin anew with each epoch.
 
-A look takes milliseconds, for which no sample waits: it takes a copy of the sums, is made beside the walk,
-and counts from a sample on that is fixed when it begins. Only if it is late the walk waits for it, there. So
-nothing depends on how fast anybody is.
+A refit takes milliseconds, and no sample waits for it: it works on a copy of the sums, in the fit worker's
+thread, and takes effect at a sample that is fixed when the refit begins. Only if the refit is late do the
+samples wait for it, at that sample. So the results do not depend on the speed of the machine.
 
-What a sensor that moves says is no noise: the sums leave out what its tracker calls motion.
+Motion of the sensor is no noise: the sums leave out the samples that the sensor's tracker calls motion.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,21 +30,23 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.learning import Learned, Learner
 
 NO_VERDICT = ("too few samples",)
-"""Kinds that say nothing of the noise."""
+"""Verdicts that say nothing about the noise."""
 REFILTERED = 32
-"""So many samples before a look counts, all that is remembered is filtered by the noise that it has found,
-beside the walk. Only these samples are left to the walk then, some 5 µs an axis, and the test of
-steps looks back no further than without it."""
+"""Number of samples before a refit takes effect at which the fit worker filters all remembered samples with
+the new noise model. The device stream then filters only these last samples (about 5 µs per axis), and the
+test for steps looks back as far as it does without a refit."""
 BREAK = 9
-"""Lost samples that are not bridged: where nobody knows how many are missing, so many are counted."""
+"""Number of lost samples that the sums count at least at a break, since the true number may be unknown."""
 
 
 class AcceptedFit(NamedTuple):
-    """The live fit that estimates of an axis go by; null_p to three digits, None before the first fit.
+    """The newest live fit of an axis that its estimates use.
 
-    Another kind of processor may differ in the last digits of its figures.
-    stands: the newest whose verdict is stable, which is one that two settled fits in a row have agreed on.
-    learned: what the tracker goes by.
+    `null_p`: p-value of white noise, rounded to three digits, since the last digits of a fit depend on the
+    kind of processor; None before the first fit.
+    `stands`: the newest fit whose verdict is stable, which means that two accepted fits in a row agreed on
+    it.
+    `learned`: the noise model that the bias tracker uses.
     """
 
     null_p: float | None = None
@@ -54,7 +56,7 @@ class AcceptedFit(NamedTuple):
     learned: Learned | None = None
 
     def followed_by(self, looked: Looked, learner: Learner) -> "AcceptedFit":
-        """Return the next one."""
+        """Return the accepted fit that replaces this one after the refit `looked`."""
         fit, learned = looked.fit, learner.learned(looked.noise, self.learned)
         agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
         stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
@@ -66,34 +68,38 @@ class AcceptedFit(NamedTuple):
 
 
 class Tracks(Protocol):
-    """What tracks the biases of a sensor."""
+    """A tracker of the biases of one sensor's axes."""
 
     def learner(self, axis: str) -> Learner:
-        """Return what is to learn from the samples of an axis until now."""
+        """Return the learner that makes a tracker model from an axis's samples until now."""
 
     def remembered(self, axis: str) -> Remembered:
-        """Return what is remembered of them."""
+        """Return the samples of an axis that the tracker remembers."""
 
 
 class _Begun(NamedTuple):
-    """A look that began after the sample at `moment`, and does not count yet."""
+    """A refit that began after the sample at `moment` and has not taken effect yet."""
 
     moment: Moment
     samples: int
     look: Look
     looks: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """Of each axis what gives the fit, and what is settled from then on."""
+    """For each axis, a function that returns its fit and the accepted fit from then on."""
     refilters: int
-    """The number of the sample after which what is remembered is filtered anew."""
+    """Number of the sample after which the remembered samples are filtered anew."""
     refiltered: tuple[Callable[[], None], ...] = ()
-    """What waits for that."""
+    """Functions that wait until the remembered samples are filtered."""
 
 
 class LiveFits:
-    """Fits the axes of both sensors, whoever estimates them; the next HELLO decides whether anything is kept.
+    """Fits the axes of both sensors, whether this computer or the board estimates.
 
-    prompt: samples come at their own pace. watched: somebody takes the fits, so that there are also those by
-    which no estimate goes. beside: what looks of this program share. number: which of its devices this is.
+    The next HELLO decides whether the sums are kept.
+
+    `prompt`: the samples come at their own pace, as from a device, not as fast as a file can be read.
+    `watched`: some output shows the fits, so fits that no estimate uses are made as well.
+    `fit_worker`: what the refits of all devices of this program share.
+    `number`: index of this device among the devices of the program, from 0.
     """
 
     def __init__(
@@ -120,12 +126,12 @@ class LiveFits:
         self._last: Moment | None = None
 
     def begin(self, beginning: Beginning) -> dict[str, LiveAxes]:
-        """Begin an epoch, with the sums of the one before or of what was saved if the sensor is the same.
+        """Begin an epoch, and return the sums of each sensor.
 
-        Returns the sums of each sensor.
+        The sums of the previous epoch, or the saved sums, are kept if the sensor is the same.
 
         Raises:
-            ValueError: what was saved is not sound; nothing has changed then.
+                ValueError: the saved sums are not valid; nothing has changed then.
         """
         hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
@@ -150,21 +156,21 @@ class LiveFits:
         return self._sums
 
     def begin_numbers(self, seq: int) -> None:
-        """Take note of the number of the first sample of an epoch."""
+        """Note the number `seq` of the first sample of an epoch."""
         period = self._period()
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)
-        if self._begun is not None:  # it counts from the first sample on
+        if self._begun is not None:  # a refit of the previous epoch takes effect at the first sample
             self._begun = self._begun._replace(look=self._begun.look._replace(counts=1))
 
     def bridge(self, count: int) -> None:
-        """Break all stretches: at least so many samples are missing."""
+        """End all stretches of the spectrum, since at least `count` samples are missing."""
         for sums in self._sums.values():
             sums.skip(max(count, BREAK))
 
     @property
     def due(self) -> int:
-        """The number of the next sample behind which `look` is to be called."""
+        """Number of the next sample after which `look` is to be called."""
         if not self._sums:
             return NEVER
         refilters = NEVER if self._begun is None else self._begun.refilters
@@ -172,13 +178,13 @@ class LiveFits:
 
     @property
     def counts(self) -> int:
-        """The number of the sample behind which the look that was begun counts."""
+        """Number of the sample after which the refit that has begun takes effect."""
         return NEVER if self._begun is None else self._before_first + self._begun.look.counts
 
     def look(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
-        """Begin a look after a sample, `due` or a later one, if it is time, and what the last one needs.
+        """Begin a refit after a sample if it is time, and filter the remembered samples for the last refit.
 
-        tracks: gives what tracks the bias of an axis.
+        `moment`: of a sample that is `due` or later. `tracks`: returns the tracker of an axis.
         """
         number = moment.seq - self._before_first
         self._refilter(number, tracks)
@@ -202,7 +208,7 @@ class LiveFits:
             self._drawn_samples = samples
 
     def _refilter(self, number: int, tracks: Callable[[str], Tracks]) -> None:
-        """Filter what is remembered, beside the walk, if it is time for that."""
+        """Let the fit worker filter the remembered samples, if it is time for that."""
         if self._begun is None or number < self._begun.refilters:
             return
         begun, to_come = self._begun, self._begun.look.counts - number
@@ -215,11 +221,11 @@ class LiveFits:
         self._begun = begun._replace(refilters=NEVER, refiltered=refiltered)
 
     def counted(self) -> Iterator[Fit]:
-        """Let the look that was begun count from here on, and yield its record."""
+        """Let the refit that has begun take effect now, and yield its record."""
         begun, self._begun = self._begun, None
         if begun is None:
             return
-        # The last first: whoever makes them has begun with the others.
+        # Ask for the last axis first, since the worker's thread began with the first axis.
         looked = {axis: begun.looks[axis]() for axis in reversed(begun.looks)}
         for wait in reversed(begun.refiltered):
             wait()
@@ -228,10 +234,10 @@ class LiveFits:
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def last(self, moment: Moment | None) -> Iterator[Fit]:
-        """A fit of everything with its curves, at the end; none if that has just been published.
+        """Yield a fit of all samples with its curves at the end, unless that fit has just been published.
 
-        Of a recording it is the one look that counts, so it finds what `fltea identify` finds.
-        moment: of the last sample; None if there was none.
+        For a recording it is the only fit that is used, so it agrees with the fit by `fltea identify`.
+        `moment`: of the last sample; None if there was no sample.
         """
         yield from self.counted()
         if not self._sums or moment in (None, self._last):
@@ -250,11 +256,11 @@ class LiveFits:
         yield Fit(*moment, self._samples, found, device=self._config.name)
 
     def accepted(self, axis: str) -> AcceptedFit:
-        """Return the fit that the next estimates of an axis go by."""
+        """Return the fit that the next estimates of an axis use."""
         return self._settled.get(axis, NO_FIT)
 
     def period_s(self) -> float | None:
-        """Return how often it fits at most; None where there is nothing to fit."""
+        """Return the shortest time between two refits [s]; None where there is nothing to fit."""
         return period_s(self._config, self._fit_worker) if self._sums else None
 
     @property
@@ -262,7 +268,7 @@ class LiveFits:
         return next(iter(self._sums.values())).samples
 
     def _period(self) -> int:
-        """The samples from look to look at least."""
+        """Return the smallest number of samples between two refits."""
         return max(1, round(period_s(self._config, self._fit_worker) * self._rate_hz))
 
     def _notices(self) -> int:
@@ -292,11 +298,11 @@ def _refiltered(
 
 
 def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:
-    """Return what gives the fit of an axis; no fit where nothing is fitted."""
+    """Return the function that gives the accepted fit of an axis; without `fits` it gives `NO_FIT`."""
     return (lambda axis: NO_FIT) if fits is None else fits.accepted
 
 
 def _sensor_of(hello: Hello) -> tuple[object, ...]:
-    """What has to be the same for its noise to be the same."""
+    """Return all that has to be the same for the sensor's noise to be the same."""
     scales = hello.gyro_lsb_per_dps, hello.gyro_range_dps, hello.accel_lsb_per_g
     return hello.device_id, hello.who_am_i, hello.sensor, *scales, hello.gyro_dlpf_hz, hello.rate_hz

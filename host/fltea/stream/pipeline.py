@@ -1,10 +1,12 @@
-"""The walk of a device's samples: what can happen to them, and what each leads to.
+"""Turn the events of one device's source into records and blocks: the device stream.
 
 A source gives events. Samples go through the native device (`fltea.stream.decode`), which stops where more
-is to be done than to estimate: `HANDLERS` says what. Whatever comes out goes to the outputs, in order. It
-does not depend on how samples were put together into blocks, nor on how the bytes behind them were read.
-Statistics go out at the first event of each new second, and count what stands before it; of many devices each
-has its own place in the second (`fit_times.turn`), so that no sample waits for those of all.
+than an estimate is needed: `HANDLERS` has what each stop leads to. All results go to the outputs, in order.
+They do not depend on how samples were grouped into blocks, nor on how the bytes were read.
+
+Statistics are published at the first event of each new second, and count what came before that event. With
+many devices, each device has its own offset in the second (`fit_times.turn`), so that no sample waits for
+the statistics of all devices.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -48,11 +50,15 @@ Output = AnyRecord | Block
 class Pipeline:
     """Turns the events of one source into records and blocks, in order.
 
-    outputs: gives the counts of the outputs for `stats`, which shows them of sources with a pace of their
-    own: of others they would only tell how fast this machine was. state: a snapshot of an earlier run.
-    refuse: is called if it is not sound. beside: what the live fits of this program share. number: which of
-    its devices this is, from 0. stats_s: seconds from one statistics to the next; devices have turns.
-    watched: somebody takes what comes out; else there are only the records by which others go, and the last.
+    `outputs`: returns the counts of the outputs for `stats`. They are published only for sources with a pace
+    of their own: for other sources they would only show how fast this machine is.
+    `state`: a snapshot of an earlier run.
+    `refuse`: called if the snapshot is not valid.
+    `fit_worker`: what the live fits of all devices of this program share.
+    `number`: index of this device among the devices of the program, from 0.
+    `stats_s`: seconds between two statistics; the devices publish them at different times.
+    `watched`: some output takes every result. Otherwise only the last statistics and the records that other
+    results depend on are made.
     """
 
     def __init__(
@@ -92,10 +98,10 @@ class Pipeline:
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
-        """Yield what one event leads to, which has to be taken before the next one.
+        """Yield what one event leads to. The caller takes all of it before it feeds the next event.
 
         Raises:
-            UsageError: a fixed bias or R that does not fit the axes.
+            UsageError: a fixed bias or R does not fit the axes.
         """
         self._source_offset_ns = self._source.unix_offset_ns
         if isinstance(event, RawBlock):
@@ -111,17 +117,20 @@ class Pipeline:
         yield from self._on_event(event)
 
     def _on_samples(self, raw: RawBlock) -> Iterator[Output]:
-        """Take samples, stop for stop."""
+        """Take samples from one stop of the native device to the next."""
         for stop, row, rows, details in self._decoder.advance(raw):
             if rows is not None:
                 yield from self.took(rows, raw.host_ns[rows[0] : rows[0] + len(rows[1][0])])
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._now_ns = int(raw.host_ns[-1])  # also where its last samples could not be used
+        self._now_ns = int(raw.host_ns[-1])  # also where the last samples could not be used
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
-        """Yield what the native device took, and what it found; host_ns (n,): arrivals, monotonic."""
+        """Yield the samples that the native device took, with its results.
+
+        `host_ns` (n,): arrival times of the samples on the monotonic clock [ns].
+        """
         block = self._sensors.block(self._decoder.block(rows[1]), rows[2])
         if self._board is None:
             yield block
@@ -130,13 +139,13 @@ class Pipeline:
         self._now_ns = int(host_ns[-1])
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> Iterator[Output]:
-        """Do what a stop of the native device leads to. now_ns: when the sample arrived that it stands at."""
+        """Do what a stop of the native device leads to. `now_ns`: arrival time of the sample at the stop."""
         self._source_offset_ns, self._now_ns = self._source.unix_offset_ns, now_ns
         self._note_offset()
         return HANDLERS[stop](self, details)
 
     def came_to(self, now_ns: int) -> None:
-        """Take note of the time of what needed nothing but the native device."""
+        """Note the time of samples that the native device took without a stop."""
         self._now_ns = max(self._now_ns, now_ns)
 
     def _on_stats_due(self, details: None) -> Iterator[Output]:
@@ -144,14 +153,14 @@ class Pipeline:
         return self._on_time(self._now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
-        """Samples are missing before the next one: say so, and which axes became invalid meanwhile."""
+        """Report that samples are missing before the next one, and which axes became invalid meanwhile."""
         missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
             yield from self._on_lost(self._sensors.lost(number, losses))
 
     def _on_epoch(self, details: Any) -> Iterator[Output]:
-        """An epoch begins with the next sample, from a snapshot if there is one that fits."""
+        """Begin an epoch with the next sample, from a snapshot if a suitable one exists."""
         first = FirstSample._make(details)
         hello = self._decoder.hello
         assert hello is not None
@@ -175,7 +184,7 @@ class Pipeline:
             yield Gap(first.seq - between, between, epoch, unix_ns, device=name)
 
     def _on_happened(self, details: Any) -> Iterator[Output]:
-        """With the last sample axes became invalid, a bias has stepped, or motion has begun or ended."""
+        """Report that at the last sample an axis became invalid, a bias stepped, or motion began or ended."""
         moment = self._moment()
         assert moment is not None
         for number, losses, event in details:
@@ -185,20 +194,20 @@ class Pipeline:
                 yield self._sensors.happened(number, event, moment)
 
     def _on_window_full(self, details: None) -> Iterator[Output]:
-        """The filters of a sensor can begin."""
+        """Let the filters of a sensor begin, since its start-up window is full."""
         for channels in self._sensors.fill(self._device):
             yield from self._records(channels.notices(self._now_ns))
 
     def _on_fit_counts(self, details: None) -> Iterator[Output]:
-        """The fit that was begun counts from here on."""
+        """Let the refit that has begun take effect now."""
         assert self._fits is not None
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_looks()
-        yield from found  # who prints looks at what stands in records of samples from here on
+        yield from found  # last, since an output that prints reads what the next samples' records will hold
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
-        """A fit of the samples until now begins, beside the walk."""
+        """Begin a refit with the samples until now, in the fit worker."""
         moment = self._moment()
         assert self._fits is not None
         assert moment is not None
@@ -220,7 +229,7 @@ class Pipeline:
                 yield self._error(*explain_lost(axis, why))
 
     def _on_time(self, host_ns: int | None) -> Iterator[Output]:
-        """Let the statistics of a second go out before the first event of the next."""
+        """Publish the statistics of a second before the first event of the next second."""
         if host_ns is not None:
             self._now_ns = host_ns
         self._note_offset()
@@ -233,7 +242,7 @@ class Pipeline:
         self._device.stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
 
     def _note_offset(self) -> None:
-        """Take the source's offset until the first epoch: it may not have known the date before."""
+        """Take the source's clock offset until the first epoch, since the source may learn the date late."""
         if not self._decoder.epoch:
             self._offset_ns = self._source_offset_ns
 
@@ -259,30 +268,30 @@ class Pipeline:
                 yield item
 
     def save(self) -> DeviceState | None:
-        """A snapshot of the estimators, for a later run; None while there is nothing to keep."""
-        if self._state is not None:  # of an earlier run, and still to be used
+        """Return a snapshot of the estimators for a later run; None while there is nothing to keep."""
+        if self._state is not None:  # the snapshot of an earlier run, which is still to be used
             return self._state
         hello, saved = self._decoder.hello, self._sensors.save()
         if hello is None or not saved or self._device.moment is None:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
-        unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's own would keep a date set since
+        unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's offset misses a date that was set since
         last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
 
     @property
     def device(self) -> Device:
-        """The native device, for who gives it the samples natively."""
+        """The native device, for callers that give it the samples natively."""
         return self._device
 
     @property
     def words(self) -> object:
-        """What stands in all records of samples until a stop changes it."""
+        """The values that stay the same in all records of samples until a stop changes them."""
         return self._decoder.epoch, self._sensors.words
 
     @property
     def has_board(self) -> bool:
-        """Whether the samples are those of a board that estimates: they are looked at one by one."""
+        """Whether the samples come from a board that estimates: then Python handles each sample."""
         return self._board is not None
 
     @property
@@ -291,7 +300,7 @@ class Pipeline:
         return self._decoder.hello
 
     def stats(self) -> Stats:
-        """Sum up the whole walk so far."""
+        """Return the statistics of the whole device stream so far."""
         device, standing = self._device, self._standing()
         return Stats(
             epoch=self._decoder.epoch,
@@ -313,7 +322,10 @@ class Pipeline:
         )
 
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
-        """What comes at the end: a fit of everything, and the statistics; whole: the source has no more."""
+        """Yield what comes at the end: a fit of all samples, and the statistics.
+
+        `whole`: the source has come to its end, so there are no more samples.
+        """
         if self._fits is not None and last_fit:
             yield from self._fits.last(self._moment())
         stats = self.stats()
@@ -334,17 +346,18 @@ class Pipeline:
         return Moment(seq, self._decoder.epoch, device_us, host_ns)
 
     def _standing(self) -> Standing:
-        """Return how all estimators get on; where the board alone estimates an axis, as it says."""
+        """Return the state of all estimators; the board's for an axis that the board alone estimates."""
         whole = self._sensors.standing(self._device)
-        return whole if self._board is None else whole.fit_worker(self._board.standing())
+        return whole if self._board is None else whole.with_board(self._board.standing())
 
     def _begin(
         self, beginning: Beginning, first: FirstSample
     ) -> tuple[list[Item], EpochReason, float | None, int]:
-        """Begin an epoch, from the snapshot if there is one that fits.
+        """Begin an epoch, from the snapshot if there is a suitable one.
 
-        Returns what is to be reported, why the epoch begins, how old the snapshot is, and how many samples
-        since then are lost: of devices that another process had before, which nobody else would count.
+        Returns what is to be reported, why the epoch begins, the snapshot's age [s], and the number of
+        samples lost since the snapshot. That number is counted only for devices that another process had
+        before, since no other part of the program counts it.
         """
         notices: list[Item] = []
         hello = beginning.hello
@@ -387,7 +400,7 @@ class Pipeline:
         self._decoder.begin(sensors)
 
     def _forget(self) -> None:
-        """Believe nothing of a board's samples until now: it, its boot or its sensor may be another."""
+        """Ignore the board's statements about earlier samples: the board, its boot or its sensor may differ."""
         if self._board is not None:
             self._board.forget()
 
@@ -408,7 +421,7 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
     Stop.FIT_DUE: Pipeline._on_fit_due,
     Stop.RATE_DIFFERS: Pipeline._on_rate_differs,
 }
-"""What each stop of the native device leads to; nothing at `END` and `MORE`."""
+"""What each stop of the native device leads to; `END` and `MORE` lead to nothing."""
 
 BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
-"""Stops before the next sample; the others are behind the last one."""
+"""Stops before the next sample; all other stops come after the last sample."""

@@ -1,4 +1,4 @@
-"""The sensors of a device in one epoch: what tracks their biases, sums their noise and filters their axes."""
+"""Combine, for each sensor of a device in one epoch, its bias tracker, its sums of noise and its filters."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 
 class Sensor(NamedTuple):
-    """One sensor. sums: None where nothing is fitted; channels: None where nothing is estimated here."""
+    """One sensor. `sums`: None where nothing is fitted; `channels`: None where nothing is estimated here."""
 
     name: str
     unit: str
@@ -30,7 +30,7 @@ class Sensor(NamedTuple):
     channels: Channels | None
 
     def native(self) -> tuple[Any, ...]:
-        """Return what `_native.Device.begin` takes of it."""
+        """Return this sensor as `_native.Device.begin` takes it."""
         sums, channels = self.sums, self.channels
         of_sums = (None, 0) if sums is None else (sums.octaves.native, sums.longest_motion)
         of_bank: tuple[Any, int, list[bool]] = (None, 0, [False] * len(self.tracks.names))
@@ -39,7 +39,7 @@ class Sensor(NamedTuple):
         return self.name == "accel", self.tracks.places, self.tracks.tracker.native, *of_sums, *of_bank
 
     def go_by(self, fits: LiveFits | None) -> None:
-        """Take the fits that count from the next sample on."""
+        """Use the accepted fits from the next sample on."""
         if fits is None:
             return
         accepted = [fits.accepted(axis) for axis in self.tracks.names]
@@ -49,17 +49,17 @@ class Sensor(NamedTuple):
             self.channels.go_by(accepted)
 
     def bridge(self, count: int) -> None:
-        """Predict over the time for which the program stood still."""
+        """Predict over the time in which the program did not run."""
         self.tracks.skip(count)
         if self.channels is not None:
             self.channels.bridge(count)
 
 
 class Sensors:
-    """Both sensors of the epoch that goes on.
+    """Both sensors of the present epoch.
 
-    settings: gives those of the gyroscope's filters, asked for whenever an epoch begins; None if a board
-    alone estimates. fits: the live fits, None where there are none.
+    `settings`: returns the settings of the gyroscope's filters, asked for at each begin of an epoch; None if
+    only a board estimates. `fits`: the live fits; None where there are none.
     """
 
     def __init__(
@@ -69,11 +69,11 @@ class Sensors:
         self._all: list[Sensor] = []
 
     def begin(self, beginning: Beginning) -> list[tuple[Any, ...]]:
-        """Begin an epoch, from what was saved if it fits; what `_native.Device.begin` takes.
+        """Begin an epoch, from the saved state if it fits; return what `_native.Device.begin` takes.
 
         Raises:
-            ValueError: settings, or a snapshot, that it cannot begin with; nothing has changed then.
-            UsageError: more samples than there may be.
+            ValueError: unusable settings or snapshot; nothing has changed then.
+            UsageError: a setting amounts to more samples than allowed.
         """
         config, hello, saved = self._config, beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(config.channels)
@@ -105,14 +105,14 @@ class Sensors:
         return [one.native() for one in self._all]
 
     def go_by_fits(self, device: Any) -> None:
-        """Take the fits that count from the next sample on. device: the native one."""
+        """Use the accepted fits from the next sample on. `device`: the native device."""
         for number, one in enumerate(self._all):
             one.go_by(self._fits)
             if one.channels is not None:
                 device.set_waits(number, one.channels.waiting)
 
     def fill(self, device: Any) -> Iterator[Channels]:
-        """Let those begin to estimate whose start-up window is full, and yield them."""
+        """Let the filters of sensors whose start-up window is full begin to estimate, and yield them."""
         for number, one in enumerate(self._all):
             channels = one.channels
             if channels is not None and channels.bank.startup_remaining and not device.window_left(number):
@@ -121,14 +121,14 @@ class Sensors:
                 yield channels
 
     def bridge(self, count: int) -> None:
-        """Predict over the time for which the program stood still."""
+        """Predict over the time in which the program did not run."""
         if self._fits is not None:
             self._fits.bridge(count)
         for one in self._all:
             one.bridge(count)
 
     def block(self, block: Block, of_sensors: OfSensors) -> Block:
-        """Return samples with what the sensors made of them."""
+        """Return the samples together with the sensors' results."""
         tracked, estimates, variant = [], [], ""
         for one, found in zip(self._all, of_sensors, strict=True):
             if found is None:
@@ -141,27 +141,27 @@ class Sensors:
         return block.but(tracked=tuple(tracked), estimates=tuple(estimates), variant=variant)
 
     def lost(self, number: int, losses: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
-        """Return the names of axes of a sensor that became invalid, and why."""
+        """Return the names of a sensor's axes that became invalid, and why."""
         channels = self._all[number].channels
         return [] if channels is None else channels.losses(losses)
 
     def happened(self, number: int, event: Any, moment: Moment) -> Step | Motion:
-        """Return the record of what has happened to a sensor with a sample; event: as of `events_of`."""
+        """Return the record of a sensor's event at the sample `moment`; `event`: as `events_of` takes it."""
         tracks = self._all[number].tracks
         (found,) = events_of([event])
         return record_of(found, moment, tracks.names, tracks.unit, tracks.h, self._config.name)
 
     @property
     def words(self) -> object:
-        """What stands in all records of samples until a fit changes it."""
+        """Values that stay the same in all records of samples until a fit changes them."""
         return [(one.tracks.words, None if one.channels is None else one.channels.words) for one in self._all]
 
     def tracks(self, axis: str) -> SensorTracks:
-        """Return what tracks the bias of an axis."""
+        """Return the tracker of the sensor that has the axis."""
         return next(one.tracks for one in self._all if axis in one.tracks.names)
 
     def standing(self, device: Any) -> Standing:
-        """Return how they get on. device: the native one."""
+        """Return the state of the estimators. `device`: the native device."""
         standing = Standing(fit_period_s=self._fits.period_s() if self._fits is not None else None)
         for number, one in enumerate(self._all):
             standing.tracker |= dict(one.tracks.stats())
@@ -177,7 +177,7 @@ class Sensors:
         return standing
 
     def save(self) -> dict[str, Any]:
-        """Return what a later run needs to go on, by the fields of `Saved`; nothing while a window fills."""
+        """Return what a later run needs to continue, as fields of `Saved`; empty while a window fills."""
         filters = {one.name: one.channels.save() for one in self._all if one.channels is not None}
         if not filters or not all(filters.values()):
             return {}
@@ -187,10 +187,10 @@ class Sensors:
 
 
 def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:
-    """Return the settings with times as samples.
+    """Return the settings with times converted to samples.
 
     Raises:
-        UsageError: more samples than there may be.
+        UsageError: a time amounts to more samples than allowed.
     """
     try:
         return config.at(rate_hz)

@@ -1,10 +1,10 @@
-"""What is kept of the estimators of a device for a later run, and when it may be used (pure).
+"""What of a device's estimators is saved for a later run, and when that snapshot may be used.
 
 The rule: same device, same sensor and settings, and not older than `max_age_s`. Then bias, R, and the filters
-with their memory go on; the time in between is bridged like a gap, by prediction alone, up to the length of
-the memory, beyond which nothing of it is left anyway. The sums of the live fit go on, too, with a break for
-that time. The first epoch has the reason `resumed`. A board that
-was reset in between (opening its port resets a Due) does not matter: its sensor's noise is the same.
+with their memory continue. The time in between is bridged like a gap, by prediction alone, up to the length
+of the memory, beyond which nothing of the memory is left anyway. The sums of the live fit continue, too, with
+a break for that time. The first epoch has the reason `resumed`. A reset of the board in between (opening its
+port resets a Due) does not matter: its sensor's noise is the same.
 """
 
 import msgspec
@@ -17,11 +17,11 @@ from fltea.settings.config import Config
 from fltea.stream.epoch import Saved
 
 LONGEST_WRAP_S = 30 * 60.0
-"""Beyond it the wraps of device time (71.6 minutes) cannot be counted."""
+"""Longest time over which wraps of the device's time (every 71.6 minutes) can be counted [s]."""
 
 
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The last sample of a device, of its boot `boot_id`; number and time wrapped as on the wire."""
+    """The last sample of the device's boot `boot_id`; number and time wrap as in the wire protocol."""
 
     boot_id: Whole
     sequence: Whole
@@ -29,9 +29,11 @@ class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The estimators of one device. sensor: what has to be the same; unix_ns: time of the last sample.
+    """The saved estimators of one device.
 
-    last: by which it is known how many samples are missing if the device has gone on; else by the time.
+    `sensor`: what has to be the same for the snapshot to be used. `unix_ns`: time of the last sample.
+    `last`: the last sample. It shows how many samples are missing if the device ran on; otherwise the time
+    does.
     """
 
     sensor: dict[str, str]
@@ -40,9 +42,10 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
 
 
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
-    """Samples between a snapshot and the sample that the device gave now, `age_s` later.
+    """Return the number of samples between a snapshot and the device's present sample, `age_s` later.
 
-    By its numbers, if it is the same boot and its number and time agree; else by the time that has passed.
+    It follows from the samples' numbers if the boot is the same and number and time agree; otherwise from
+    `age_s`.
     """
     known = missing_by_number(state, hello, sequence, device_us, age_s)
     return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known
@@ -51,7 +54,7 @@ def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: in
 def missing_by_number(
     state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float
 ) -> int | None:
-    """Return the same number where the samples' numbers show it; else None."""
+    """Return the number of missing samples if the samples' numbers show it; else None."""
     last = state.last
     if last is None or last.boot_id != hello.boot_id or age_s > LONGEST_WRAP_S:
         return None
@@ -64,7 +67,7 @@ def missing_by_number(
 
 
 def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
-    """What has to be the same for a snapshot to be used."""
+    """Return all that has to be the same for a snapshot to be used."""
     return {
         "device_id": str(hello.device_id),
         "who_am_i": str(hello.who_am_i),
@@ -78,7 +81,7 @@ def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
 
 
 def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
-    """Why a snapshot does not fit; None if it does."""
+    """Return why a snapshot cannot be used; None if it can."""
     age_s = (now_unix_ns - state.unix_ns) * 1e-9
     if age_s < 0:
         return "it is from the future: was the clock set?"

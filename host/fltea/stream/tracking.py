@@ -1,7 +1,7 @@
-"""What the bias of each axis is now, by the noise that the live fit has found.
+"""Estimate the present bias of each axis with the noise model of the live fit.
 
-There are estimates from the first samples on: until an answer is stable, or half a minute long, a bank of
-random walks stands for the noise.
+Estimates begin with the first sample: until a fit is stable, or half a minute long, a bank of random walks
+stands for the noise.
 """
 
 import contextlib
@@ -24,13 +24,13 @@ from fltea.stream.live import AcceptedFit
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
-"""Times over which the bias is checked."""
+"""Times over which the bias is checked [s]."""
 STILL_S = 10.0
-"""So long samples have to lie still elsewhere until there is where the offset is now."""
+"""Time that the samples have to rest at another value before that value is the new offset [s]."""
 
 
 def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
-    """Return what the tracker of a sensor goes by; h: sampling period in s."""
+    """Return the rules for the tracker of a sensor; `h`: sampling period [s]."""
     is_gyro = unit == GYRO_UNIT
     return TrackerRules(
         ahead=max(round(live.bias_s / h), 1),
@@ -39,14 +39,14 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
         largest_gravity_step=live.largest_step_ms2,
         still=max(round(STILL_S / h), 1),
         patience=max(round(LONGEST_MOTION_S / h), 1),
-        settles=not is_gyro,  # an accelerometer that was turned lies still
+        settles=not is_gyro,  # an accelerometer that was turned is at rest afterwards
     )
 
 
 class SensorTracks:
     """Tracks the biases of one sensor.
 
-    axes: their names, and which columns of the samples they are. h: sampling period in s.
+    `axes`: for each axis's name, its column in the samples. `h`: sampling period [s].
     """
 
     def __init__(
@@ -58,24 +58,24 @@ class SensorTracks:
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
         self.words = self._words()
-        """What stands in all columns until the next fit: verdict, alpha and f of each axis."""
+        """Values that stay the same in all columns until the next fit: verdict, alpha and f of each axis."""
         self._learned: dict[str, Learned] = {}
 
     def run(self, values: Array, accel: Array | None = None, rest: Rest = Rest.UNKNOWN) -> TrackedColumns:
-        """Take samples, (n, columns); `events` has what has happened with them.
+        """Track samples (n, columns), and return the results; `events` then has what happened during them.
 
-        accel: of the sensor's accelerometer, (n, 1 to 3) in m/s².
+        `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²].
         """
         own = values if len(self.places) == values.shape[1] else values[:, self.places]
         return self.columns(self.tracker.run(own, accel, rest))
 
     @property
     def events(self) -> list[TrackerEvent]:
-        """What has happened with the samples of the last call of `run`."""
+        """What happened during the samples of the last call of `run`."""
         return self.tracker.events
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
-        """Return what the tracker has found of samples, of which there is one at least, as columns."""
+        """Return the tracker's results for one or more samples as columns."""
         return TrackedColumns._make((self.names, self.unit, *found, *self.words))
 
     def _words(self) -> tuple[tuple[Any, ...], ...]:
@@ -87,7 +87,7 @@ class SensorTracks:
         )
 
     def knows(self, axis: str, accepted: AcceptedFit) -> bool:
-        """Return whether it has taken that."""
+        """Return whether this tracker already uses the fit `accepted` of the axis."""
         return accepted is self._known.get(axis)
 
     def skip(self, count: int) -> None:
@@ -95,16 +95,16 @@ class SensorTracks:
         self.tracker.skip(count)
 
     def learner(self, axis: str) -> Learner:
-        """Return what is to learn from the samples of an axis until now, for `AcceptedFit.followed_by`."""
+        """Return the learner with the axis's samples until now, for `AcceptedFit.followed_by`."""
         given = self._offsets[self.names.index(axis)] is not None
         return Learner(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
 
     def remembered(self, axis: str) -> Remembered:
-        """Return what is remembered of the samples of an axis until now."""
+        """Return the samples of an axis that the tracker remembers."""
         return self.tracker.remembered(self.names.index(axis))
 
     def go_by(self, axis: str, accepted: AcceptedFit) -> None:
-        """Take what the live fit has found for the noise of an axis, if it is new."""
+        """Use the noise model of a fit for an axis from now on, if the fit is new."""
         if self.knows(axis, accepted):
             return
         self._known[axis] = accepted
@@ -112,16 +112,19 @@ class SensorTracks:
         learned = accepted.learned
         if learned is None or learned is self._learned.get(axis):
             return
-        with contextlib.suppress(ValueError):  # no filter can work with it: the last one goes on
+        with contextlib.suppress(ValueError):  # no filter works with this model: the previous one stays
             self.tracker.go_by(self.names.index(axis), learned.tracker_model)
             self._learned[axis] = learned
 
     def heading_std(self, axis: str, t_s: float) -> float:
-        """Return the deviation of the integral t_s after a rest as long as the fit's; NaN before a fit."""
+        """Return the standard deviation of an axis's integral, `t_s` seconds after a rest of the record's length.
+
+        NaN before the first fit.
+        """
         return self._learned[axis].heading_std(t_s) if axis in self._learned else math.nan
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        """Yield how each axis gets on."""
+        """Yield the statistics of each axis's tracker."""
         for axis, one in zip(self.names, self.tracker.figures(), strict=True):
             holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
             words, K, headings = "walks", UNDEFINED, dict[int, float]()
@@ -148,16 +151,16 @@ class SensorTracks:
             )
 
     def save(self) -> bytes:
-        """Return what `load` takes."""
+        """Return the trackers' state for `load`."""
         return self.tracker.save()
 
     def load(self, saved: bytes) -> None:
-        """Go on from there; ValueError for what cannot be one's own."""
+        """Continue from a saved state; ValueError if the state is not valid."""
         self.tracker.load(saved)
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:
-    """Return, by seconds, how the bias has held; nothing of times of which no piece is full."""
+    """Return, by seconds, how well the bias was predicted; times without a complete piece are left out."""
     found = zip(CHECKED_S, checked, strict=True)
     return {t_s: BiasCheck(one.pieces, one.rms) for t_s, one in found if one.rms is not None}
 

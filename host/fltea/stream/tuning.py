@@ -1,4 +1,4 @@
-"""What the live fit hands to the filters of an axis, and when (pure)."""
+"""Decide which results of the live fit an axis's FLTEA filter uses, and when."""
 
 from typing import NamedTuple
 
@@ -10,25 +10,25 @@ from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 
 STEP = 0.1
-"""Of its interval: a figure that has moved by less is the same."""
+"""A figure that has moved by less than this fraction of its interval counts as unchanged."""
 LEAST_R = 1e-3
-"""Of s2: the data cannot tell less from none, and a filter needs some."""
+"""Smallest R as a fraction of s2: data cannot tell a smaller R from none, and a filter needs R > 0."""
 
 
 class HandedOver(NamedTuple):
-    """The answer of one fit: its parts go together, and no filter is told one of them without the others."""
+    """The results of one fit. The filter takes all of them together, since they belong together."""
 
     variances: Variances
     belief: FilterModel
 
 
 def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
-    """s2 and R of a fit that has an order, and that order, to three digits; None where it is not known.
+    """Return s2, R and the order of a fit, rounded to three digits; None if the order is not known.
 
-    s2 and R may each be open by a factor of ten where α is known: more white noise and less of the state
-    look nearly the same, and only the α and f of the same fit go with them. Behind a low-pass or a high-pass,
-    whose output no Q and R describe, nothing is handed over, nor is an order beyond what filters take.
-    in_use: the variances that it handed over before, if any; None too where both are still the same.
+    s2 and R may each be uncertain by a factor of ten where α is known: more white noise with less of the
+    state looks nearly the same, and only α and f of the same fit belong to them. None as well behind a
+    low-pass or high-pass, whose output no Q and R describe, and for an order beyond what the filters accept.
+    `in_use`: the variances handed over before, if any; None is returned if both are unchanged.
     """
     s2, R = fit.s2.value, fit.R.value
     belief = _belief(fit)
@@ -44,13 +44,13 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 def _belief(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
-        return None  # behind a filter: these are of a filter's input, while the filters see its output
+        return None  # a filter before the samples: the figures describe its input, but we see its output
     belief = FilterModel(*alpha, *F, *f)
     return belief if belief.is_sound and NORMAL_95 * belief.alpha_std <= TUNED_WITHIN else None
 
 
 def _with_std(p: Interval) -> tuple[float, float] | None:
-    """A figure and its deviation, by the wider side of its interval; None where one of the ends is open."""
+    """Return a figure and its standard deviation by the interval's wider side; None if an end is open."""
     if p.value is None or p.low is None or p.high is None:
         return None
     return _rounded(p.value), _rounded(max(p.high - p.value, p.value - p.low) / NORMAL_95)
@@ -64,5 +64,5 @@ def _has_moved(p: Interval, before: float) -> bool:
 
 
 def _rounded(value: float) -> float:
-    """The last digits depend on the kind of processor, which may be another in a replay."""
+    """Round, since the last digits depend on the kind of processor, which may differ in a replay."""
     return float(f"{value:.3g}")

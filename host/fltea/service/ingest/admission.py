@@ -1,6 +1,6 @@
-"""Which names of devices are believed (pure).
+"""Decide which names of devices are accepted.
 
-Somebody who makes up names must neither fill the memory nor keep others out for long.
+A client that makes up names must neither fill the memory nor keep other devices out for long.
 """
 
 from collections import OrderedDict
@@ -9,18 +9,18 @@ from typing import Generic, Literal, NamedTuple, TypeVar
 from fltea.settings.device_name import NAME
 
 CANDIDATES = 50_000
-"""Names that were heard once, and wait to be heard again: some 10 MB."""
+"""Most names that were heard once and wait to be heard again: about 10 MB."""
 
 CANDIDATE_NS = 60 * 10**9
 
 FIRST_BYTES = 8_000_000
-"""First messages of all candidates that are kept until the second comes."""
+"""Most bytes of first messages that are kept until the second message comes."""
 
 M = TypeVar("M")
 
 
 class _Candidate(NamedTuple, Generic[M]):
-    """A name that was heard once. message: the first, if there was room for its `size` bytes."""
+    """A name that was heard once. `message`: its first message, if there was room for its `size` bytes."""
 
     heard_ns: int
     message: M | None
@@ -28,15 +28,16 @@ class _Candidate(NamedTuple, Generic[M]):
 
 
 Verdict = Literal["in", "new", "candidate", "once", "full", "bad_name"]
-"""Of a message; "once": a candidate that was not heard again in time."""
+"""What is done with a message; "once": its name was not heard again in time."""
 
 
 class Admission(Generic[M]):
-    """Lets devices in by name, at most `limit` at a time, each with its second message.
+    """Admits devices by name, at most `limit` at a time, each with its second message.
 
-    A name that is made up for one message therefore costs one entry in a bounded list, and takes nobody's
-    place. reserved: a name that no device may have. turned_away: messages by the reason for which they were
-    not taken, or not yet.
+    So a name that is made up for one message costs only an entry in a bounded list, and takes no device's
+    entry.
+    `reserved`: a name that no device may have. `turned_away`: number of messages that were not taken, or not
+    yet, by the reason.
     """
 
     def __init__(self, limit: int, reserved: str = "") -> None:
@@ -51,9 +52,9 @@ class Admission(Generic[M]):
         return len(self._admitted)
 
     def judge(self, name: str, now_ns: int, message: M, size: int) -> tuple[Verdict, M | None, int]:
-        """What to do with a message of `size` bytes; all but those of "in" and "new" are counted.
+        """Decide about a message of `size` bytes, and count it unless the verdict is "in" or "new".
 
-        Of one that is new its first message is returned too, or, if that was not kept, how many bytes it had.
+        For a new device its first message is returned too, or that message's size if it was not kept.
         """
         if name in self._admitted:
             return "in", None, 0
@@ -73,17 +74,17 @@ class Admission(Generic[M]):
         return verdict, None, 0
 
     def admit(self, name: str) -> None:
-        """Let a device in that was let in before, elsewhere."""
+        """Admit a device that another worker admitted before."""
         if name in self._candidates:
             self._forget_candidate(name)
         self._admitted.add(name)
 
     def forget(self, name: str) -> None:
-        """Give a device's place to others."""
+        """Free a device's entry for other devices."""
         self._admitted.discard(name)
 
     def expire(self, now_ns: int) -> None:
-        """Give up candidates that were not heard again in time."""
+        """Drop candidates that were not heard again in time."""
         while self._candidates and now_ns - next(iter(self._candidates.values())).heard_ns > CANDIDATE_NS:
             self._drop_oldest()
 

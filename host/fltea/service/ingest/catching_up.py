@@ -1,27 +1,27 @@
-"""How far a worker is behind in the partitions that it serves, and what it walks a second time (pure)."""
+"""Follow how far a worker is behind in its partitions, and which messages it processes a second time."""
 
 from dataclasses import dataclass
 
 BEHIND_NS = 5 * 10**9
-"""For this long after a message that had waited nobody of its partition is taken for silent."""
+"""Time after a message that had waited in which no device of its partition counts as silent [ns]."""
 
 WAITED_NS = 2 * 10**9
-"""A message that waited this long shows that the stream is read behind its time."""
+"""A message that waited this long shows that the stream is read late [ns]."""
 
 IN_TIME_NS = 10**9
-"""A message that waited less shows that the stream has been caught up with."""
+"""A message that waited less shows that the worker has caught up with the stream [ns]."""
 
 
 @dataclass
 class _Again:
-    """Messages of a partition up to `until` that are walked a second time."""
+    """Messages of a partition, up to number `until`, that are processed a second time."""
 
     until: int
     count: int = 0
 
 
 class CatchingUp:
-    """Follows each partition from the message where another worker left it."""
+    """Follows each partition from the message at which another worker left it."""
 
     def __init__(self) -> None:
         self._again: dict[int, _Again] = {}
@@ -29,18 +29,18 @@ class CatchingUp:
         self._behind_ns: dict[int, int] = {}
 
     def begin(self, partition: int, done: int) -> None:
-        """Begin with a partition, whose messages up to `done` another has walked."""
+        """Begin with a partition; another worker has processed its messages up to number `done`."""
         self._again[partition] = _Again(done)
 
     def forget(self, partition: int) -> None:
-        """Serve a partition no more, or from its beginning."""
+        """Stop serving a partition, or begin again from its start."""
         self._caught_up.discard(partition)
         self._again.pop(partition, None)
 
     def shows_pressure(self, partition: int, waited_ns: int, now_ns: int) -> bool:
-        """Take note how long a message waited; return whether that shows that this machine is too slow.
+        """Note how long a message waited; return whether that shows that this machine is too slow.
 
-        A stream that is read behind its time shows nothing until it has been caught up with.
+        A stream that is read late shows nothing until the worker has caught up with it.
         """
         if waited_ns >= WAITED_NS:
             self._behind_ns[partition] = now_ns
@@ -51,14 +51,15 @@ class CatchingUp:
         return False
 
     def is_behind(self, partition: int, now_ns: int) -> bool:
-        """Return whether what devices of a partition sent may still wait in the stream."""
+        """Return whether messages of a partition's devices may still wait in the stream."""
         return now_ns - self._behind_ns.get(partition, 0) < BEHIND_NS
 
     def walked_again(self, partition: int, mark: int) -> int:
-        """Take note of a message that is walked.
+        """Note a message that is processed.
 
         Returns:
-            How many were walked a second time, with the first message behind them; else 0.
+            The number of messages that were processed a second time, at the first message after these; else
+            0.
         """
         again = self._again.get(partition)
         if again is None:

@@ -1,4 +1,4 @@
-"""The devices behind a shared source: each is a line with a walk of its own, until it is given up."""
+"""Keep a device stream for each device behind a shared source, until the device is given up."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,20 +19,21 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
 
 TICK_NS = 2 * 10**9
-"""A device that has sent nothing for this long is looked at, and then as often: it may be silent."""
+"""Time without a message after which a device is checked for silence, and then as often again [ns]."""
 
 STATS_S = 10
-"""Seconds from one statistics of a device to the next: each second a tenth of the devices has its turn."""
+"""Time between two statistics of a device [s]: each second a tenth of the devices publishes them."""
 
 FAULT_NS = 60 * 10**9
-"""A device whose line broke, by a fault of ours or by settings that do not fit it, is tried again then."""
+"""Time after which a device whose stream failed, by a fault or unsuitable settings, is tried again [ns]."""
 
 
 @dataclass
 class Line:
-    """A device. partition, mark: of the last message that it walked, where there are partitions.
+    """A device and its stream.
 
-    kept_ns: when its last snapshot was taken; is_whole: it had the estimators.
+    `partition`, `mark`: partition and number of the last message processed, if the broker has partitions.
+    `kept_ns`: when its last snapshot was taken. `is_whole`: that snapshot contains the estimators.
     """
 
     walk: DeviceStream
@@ -46,11 +47,11 @@ class Line:
 
 
 class Devices:
-    """Opens, walks and gives up the lines of all devices, in one thread.
+    """Opens, runs and gives up the streams of all devices, in one thread.
 
-    config: of every device. url: of the broker. shared: this worker's share, if there are several workers.
-    beside: what the looks of all devices share. wait_for_room: is called before each event, and comes back
-    when outputs take more.
+    `config`: settings of every device. `url`: of the broker. `shared`: this worker's share, if there are
+    several workers. `fit_worker`: what the refits of all devices share. `wait_for_room`: called before each
+    event; returns when the outputs have room.
     """
 
     def __init__(
@@ -73,17 +74,17 @@ class Devices:
         self._once_a_minute = OnceAMinute()
 
     def offset_ns(self) -> int:
-        """Return what to add to `host_ns` for Unix time: that of the stream if there is one."""
+        """Return the offset from `host_ns` to Unix time: by the stream's clock if there is a stream."""
         return self._shared.unix_offset_ns if self._shared is not None else unix_offset_ns()
 
     def is_broken(self, name: str, now_ns: int) -> bool:
-        """Whether the line of a device broke of late, so that nothing is made of it."""
+        """Return whether the device's stream failed recently, so that its messages are not processed."""
         return now_ns < self._broken_ns.get(name, 0)
 
     def open(
         self, name: str, now_ns: int, partition: int | None = None, saved: DeviceState | None = None
     ) -> Line:
-        """Begin a line, with the estimators that another worker saved if there are any."""
+        """Begin a device's stream, with the estimators that another worker saved, if any."""
         url = f"{self._url}/{name}"
         source = FramesSource(url, lambda: self._inbox.overflow_bytes[name])
         config = msgspec.structs.replace(self._config, name=name, source=url)
@@ -96,7 +97,7 @@ class Devices:
         return line
 
     def walk(self, name: str, item: Chunk | Reads | None) -> None:
-        """Let a line take what came, or that nothing did; one that breaks is given up, the others go on."""
+        """Process what came from a device, or None for time passed; give the device up if that fails."""
         line = self.lines[name]
         try:
             for event in line.source.take(item):
@@ -110,14 +111,14 @@ class Devices:
                 self._report("line_broken", text)
 
     def finish(self, name: str, *, moved: bool) -> None:
-        """End a line with its last statistics. moved: another worker goes on with the device."""
+        """End a device's stream with its last statistics. `moved`: another worker continues the device."""
         self.lines[name].walk.finish()
         self._give_up(name, moved=moved)
 
     def look(self, now_ns: int, is_silent: Callable[[Line], bool]) -> None:
-        """Let silent devices know that time passes, and give up those that were silent for too long.
+        """Let silent devices notice that time passes, and give up devices that are silent for too long.
 
-        is_silent: whether it is known that nothing of the device is still on its way.
+        `is_silent`: returns whether no message of the device can still be on its way.
         """
         forget_ns = int(self._config.ingest.forget_s * 1e9)
         for name, line in list(self.lines.items()):
@@ -133,7 +134,7 @@ class Devices:
     def _give_up(self, name: str, *, moved: bool) -> None:
         line = self.lines.pop(name)
         if not moved and line.partition is not None and self._shared is not None:
-            self._shared.drop(line.partition, name)  # else who takes over goes back to where it was then
+            self._shared.drop(line.partition, name)  # or the next worker would continue from it
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1
         self._inbox.forget(name)

@@ -1,4 +1,4 @@
-"""What devices have published and nobody has read yet, bounded for each of them and for all together."""
+"""Queue messages that devices have published, with a limit for each device and for all together."""
 
 import threading
 from collections import Counter, deque
@@ -12,15 +12,16 @@ from fltea.service.ingest.floods import MESSAGE_BYTES, Allowance
 from fltea.service.ingest.kept import Kept
 
 BATCH_BYTES = 8_000_000
-"""Messages that are handed out together: all that wait, so that those of a device are walked together."""
+"""Most bytes handed out at once: all waiting messages, so that those of a device are handled together."""
 
 LONGEST_SHOWN = 64
 
 
 class Message(NamedTuple):
-    """Frames that a device has published together. arrived_ns: when broker or stream had them, monotonic.
+    """Frames that a device has published together.
 
-    Of a stream: mark: the message's number in it; partition: of its device.
+    `arrived_ns`: when the broker or stream took them, monotonic. With a stream, `mark`: the message's number
+    in the stream; `partition`: the device's partition.
     """
 
     device: str
@@ -31,9 +32,9 @@ class Message(NamedTuple):
 
 
 class Served(NamedTuple):
-    """From here on messages of a partition come, behind `start`.
+    """Marks the beginning of a partition's messages in the queue; they follow message `start`.
 
-    kept: its devices, as another left them after `done`.
+    `kept`: snapshots of the partition's devices. `done`: last message that the worker before has processed.
     """
 
     partition: int
@@ -43,13 +44,13 @@ class Served(NamedTuple):
 
 
 class Resumed(NamedTuple):
-    """From here on the messages of a partition come that were left out while its lease had lapsed."""
+    """Marks where the messages that were left out after a partition's lease lapsed come again."""
 
     partition: int
 
 
 class Left(NamedTuple):
-    """Another may serve a partition from now on."""
+    """Marks that another worker may serve a partition from now on."""
 
     partition: int
 
@@ -58,13 +59,15 @@ Item = Message | Served | Resumed | Left
 
 
 class Inbox:
-    """A queue between who receives messages and who reads them, and the gate in front of the reader.
+    """A queue between the receiver of messages and their reader, with admission control before the reader.
 
-    Who receives waits for room before it takes more from a broker, however long that is; so nothing is left
-    out but what comes of nobody, or of a device that floods, and that is counted. A message counts with
-    `MESSAGE_BYTES` more than it has, so that empty ones have a bound too. queue_bytes: as much may wait.
-    reserved: a name that none may have. `put`, `post`, `wait_for_room`, and `wake` may be called from any
-    thread, all else from the reader's.
+    The receiver waits for room before it takes more from a broker, without a time limit. So only messages of
+    devices that are not admitted, or that flood, are left out, and these are counted. A message counts with
+    `MESSAGE_BYTES` in addition to its size, so that empty messages are limited too.
+
+    `queue_bytes`: most bytes that may wait. `reserved`: a name that no device may have.
+    `put`, `post`, `wait_for_room`, and `wake` may be called from any thread, all other methods from the
+    reader's.
     """
 
     def __init__(self, devices: int, queue_bytes: int, reserved: str = "") -> None:
@@ -86,9 +89,9 @@ class Inbox:
         mark: int = 0,
         arrived_ns: int | None = None,
     ) -> None:
-        """Queue a message. arrived_ns: when a stream took it, on the clock of `host_ns`; None: now."""
+        """Queue a message. `arrived_ns`: when a stream took it, on the clock of `host_ns`; None: now."""
         now_ns = host_ns()
-        # By a clock that differs it may seem to come from the future.
+        # A clock that differs may make the message seem to come from the future.
         arrived_ns = now_ns if arrived_ns is None else min(arrived_ns, now_ns)
         with self._changed:
             if self._ended:
@@ -99,32 +102,32 @@ class Inbox:
             self._changed.notify_all()
 
     def post(self, item: Served | Resumed | Left) -> None:
-        """Queue what is rare, behind all messages that are there."""
+        """Queue a rare item behind all messages that wait."""
         with self._changed:
             self._queue.append(item)
             self._changed.notify_all()
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until who receives may take more; False if it may not in time."""
+        """Wait until the receiver may take more; return False if it may not in time."""
         if self._bytes < self.queue_bytes:
             return True
         with self._changed:
             return self._changed.wait_for(lambda: self._bytes < self.queue_bytes, timeout_s)
 
     def wake(self) -> None:
-        """End the waiting of `take`."""
+        """End the waiting in `take`."""
         with self._changed:
             self._changed.notify_all()
 
     @property
     def has_messages(self) -> bool:
-        """Whether anything waits."""
+        """Whether any item waits."""
         return bool(self._queue)
 
     def take(self, timeout_s: float) -> tuple[list[Message], Served | Resumed | Left | None]:
-        """Messages in their order, after at most so long, and what stood behind them.
+        """Return the waiting messages in order, and the rare item behind them or None.
 
-        None if none came or somebody woke us up. Who believes a device, or forgets it, does so in between.
+        Waits at most `timeout_s`, or until `wake`. Between two calls the reader may admit or forget devices.
         """
         messages, size = list[Message](), 0
         behind: Served | Resumed | Left | None = None
@@ -144,7 +147,7 @@ class Inbox:
         return [one for message in messages for one in self._let_in(message, now_ns)], behind
 
     def _let_in(self, message: Message, now_ns: int) -> Iterator[Message]:
-        """Yield a message, unless its device is not believed, or publishes more than any has to."""
+        """Yield a message, unless its device is not admitted, or publishes more than its allowance."""
         device = message.device
         size = len(message.data) + MESSAGE_BYTES
         verdict, first, missed_bytes = self.admission.judge(device, now_ns, message, size)
@@ -155,20 +158,20 @@ class Inbox:
             return
         if missed_bytes:
             self.overflow_bytes[device] += missed_bytes - MESSAGE_BYTES
-        for one in (message,) if first is None else (first, message):
-            if self._allowance.takes(device, len(one.data) + MESSAGE_BYTES, one.arrived_ns):
-                yield one
+        for each in (message,) if first is None else (first, message):
+            if self._allowance.takes(device, len(each.data) + MESSAGE_BYTES, each.arrived_ns):
+                yield each
             else:
-                self.overflow_bytes[device] += len(one.data)
+                self.overflow_bytes[device] += len(each.data)
 
     def put_back(self, messages: Sequence[Message]) -> None:
-        """Take back what was not walked."""
+        """Put messages that were not processed back to the front of the queue."""
         with self._changed:
             self._queue.extendleft(reversed(messages))
             self._bytes += sum(len(message.data) + MESSAGE_BYTES for message in messages)
 
     def end(self) -> int:
-        """Count what waits, and what still comes, as lost; return how many bytes waited."""
+        """Count what waits and what still arrives as lost; return how many bytes waited."""
         with self._changed:
             self._ended = True
             left = Counter[str]()
@@ -181,7 +184,7 @@ class Inbox:
         return left.total()
 
     def forget(self, device: str) -> None:
-        """Give the device's place to others."""
+        """Free a device's entry for other devices."""
         self.admission.forget(device)
         self.overflow_bytes.pop(device, None)
         self._allowance.forget(device)

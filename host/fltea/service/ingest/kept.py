@@ -1,4 +1,4 @@
-"""What another worker needs to go on with a device: its estimators, and how far it has come (pure)."""
+"""Define what another worker needs to continue with a device: its estimators, and its last message."""
 
 import zlib
 from typing import Annotated
@@ -9,13 +9,14 @@ from fltea.records.records import Hello
 from fltea.stream.snapshot import DeviceState
 
 LARGEST = 1_000_000
-"""Bytes; a NATS server takes messages of a MiB by default."""
+"""Most bytes of a snapshot, since a NATS server takes messages of 1 MiB by default."""
 
 
 class Kept(msgspec.Struct, frozen=True):
-    """After the message `mark` of the stream. state: None while the start-up window fills.
+    """A device's snapshot after message `mark` of the stream.
 
-    hello: the newest HELLO of the device, so that its samples can be used at once. unix_ns: when.
+    `state`: the estimators; None while the start-up window fills. `hello`: the device's newest HELLO, so that
+    its samples can be used at once. `unix_ns`: when it was taken.
     """
 
     mark: Annotated[int, msgspec.Meta(ge=0)]
@@ -25,13 +26,13 @@ class Kept(msgspec.Struct, frozen=True):
 
 
 def pack(kept: Kept) -> bytes | None:
-    """Bytes of it; None if they are more than a message may have."""
+    """Return the snapshot as bytes; None if they are more than a message may have."""
     data = zlib.compress(msgspec.msgpack.encode(kept), 1)
     return data if len(data) <= LARGEST else None
 
 
 def unpack(data: bytes) -> Kept | None:
-    """What `pack` put together; None for anything else, such as of another version of this program."""
+    """Return the snapshot in the bytes of `pack`; None for other data, such as another version's."""
     try:
         unpacker = zlib.decompressobj()
         whole = unpacker.decompress(data, 16 * LARGEST)

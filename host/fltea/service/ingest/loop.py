@@ -1,4 +1,4 @@
-"""Many devices behind one broker: each becomes a line with a walk of its own, all walked by one thread."""
+"""Process the messages of many devices behind one broker, in one thread, with a stream for each device."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -22,32 +22,32 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 STILL_NS = 5 * 10**9
-"""A program that did not look for longer stood still: nobody is taken for silent in that time."""
+"""A program that did not check for longer stood still: no device counts as silent in that time [ns]."""
 
 BACK_NS = 15 * 10**9
-"""Boards get so long to find a broker that is back."""
+"""Time that boards get to find a broker that is back [ns]."""
 
 WAIT_S, SLICE_S = 0.25, 0.1
 
 HELD_S = 10.0
-"""For so long outputs may take nothing before that is reported; they are waited for as long as it takes."""
+"""Time without room in the outputs after which it is reported; the wait itself has no limit [s]."""
 
 DRAIN_S = 0.3
-"""At the end what has arrived is still walked for so long; what is left then is counted."""
+"""Time at the end to process messages that have arrived; what remains is counted [s]."""
 
 PIECE_BYTES = 1 << 16
-"""Of a device, walked at a time: far less than what outputs that have room take."""
+"""Bytes of a device processed at a time: far less than outputs with room can take."""
 
 
 class Hearing:
-    """Knows since when devices could be heard: while they could not, nobody is silent or forgotten."""
+    """Knows since when devices can be heard: while they cannot, no device is silent or forgotten."""
 
     def __init__(self) -> None:
         self.looked_ns = host_ns()
         self._deaf_until_ns = 0
 
     def look(self, connected: bool, now_ns: int) -> bool:
-        """Return whether devices could be heard since the last look."""
+        """Return whether devices could be heard since the last call."""
         if not connected:
             self._deaf_until_ns = now_ns + BACK_NS
         elif now_ns - self.looked_ns > STILL_NS:
@@ -57,10 +57,11 @@ class Hearing:
 
 
 class Ingest:
-    """Walks the messages of all devices, in the order of their arrival.
+    """Processes the messages of all devices, in the order of their arrival.
 
-    config: of every device; its name is the topic's. receiver: makes, out of an inbox, who fills it.
-    on_end: called with the exception that ended all, or with None. beside: what all looks share.
+    `config`: settings of every device; its name is the topic's. `receiver`: makes the receiver that fills an
+    inbox. `on_end`: called with the exception that ended the loop, or with None. `fit_worker`: what the
+    refits of all devices share.
     """
 
     def __init__(
@@ -91,12 +92,12 @@ class Ingest:
         self._held_ns = 0
         self._left_out = set[int | None]()
         self.walked: dict[int, int] = {}
-        """Of each partition, the last message of those that were walked without one left out."""
+        """For each partition, the last message up to which all messages were processed."""
         self._once_a_minute = OnceAMinute()
         self._ends_s: float | None = None
 
     def run(self) -> None:
-        """Walk until `close`."""
+        """Process messages until `close`."""
         try:
             self._receiver.start()
             while self._ends_s is None:
@@ -105,9 +106,9 @@ class Ingest:
                 self.moved_s = time.monotonic()
                 if now_ns - self.hearing.looked_ns >= LOOK_NS:
                     self.look(now_ns)
-            if self._receiver.partitions is None:  # else who is next goes on with what is left
+            if self._receiver.partitions is None:  # otherwise the next worker processes what remains
                 self._drain()
-            self._report_losses(host_ns())  # what was turned away in the last moment, too
+            self._report_losses(host_ns())  # including what was turned away in the last moment
             for line in self.devices.lines.values():
                 line.walk.finish()
         except Exception as error:
@@ -122,7 +123,7 @@ class Ingest:
         self._receiver.close()
 
     def take_all(self, timeout_s: float) -> None:
-        """Walk what waits in the inbox, after at most so long; what is of one device together."""
+        """Process the messages in the inbox, those of a device together; wait at most `timeout_s` for any."""
         messages, behind = self.inbox.take(timeout_s)
         groups: dict[str, list[Message]] = {}
         for message in messages:
@@ -135,7 +136,7 @@ class Ingest:
             self._on_partition(behind)
 
     def _drain(self) -> None:
-        """Walk what has arrived, as far as the time allows; count the rest."""
+        """Process what has arrived, as far as the time allows, and count the rest."""
         while self.inbox.has_messages and not self._is_over():
             self.take_all(0)
         if left := self.inbox.end():
@@ -146,7 +147,7 @@ class Ingest:
         return self._ends_s is not None and time.monotonic() >= self._ends_s
 
     def _wait_for_room(self) -> None:
-        """Hold everything up until the outputs take more; the broker keeps what comes meanwhile."""
+        """Wait until the outputs have room; the broker keeps new messages meanwhile."""
         began_s = time.monotonic()
         while not self._is_over() and not self._hub.wait_for_room(SLICE_S):
             self.moved_s, self._held_ns = time.monotonic(), host_ns()
@@ -156,7 +157,7 @@ class Ingest:
                 self._report("output_slow", f"{slow} takes nothing now, so {url} has to keep the messages.")
 
     def look(self, now_ns: int) -> None:
-        """Do what has to be done now and then."""
+        """Do the work that is due about once a second."""
         lines = self.devices.lines
         if not self.hearing.look(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
             for line in lines.values():
@@ -164,7 +165,7 @@ class Ingest:
                 line.source.forgive(now_ns)
         self.devices.look(
             now_ns,
-            # What a device has sent meanwhile may still wait in the stream.
+            # Newer messages of the device may still wait in the stream.
             lambda line: line.partition is None or not self.catching_up.is_behind(line.partition, now_ns),
         )
         if self.snapshots is not None:
@@ -177,7 +178,7 @@ class Ingest:
             self._report(trouble.kind, trouble.message)
 
     def _is_due(self, message: Message) -> bool:
-        """Whether this message is ours, and news to its device."""
+        """Return whether this worker is to process the message, which the device's stream has not had yet."""
         name, _, arrived_ns, partition, mark = message
         now_ns, shared = host_ns(), self._receiver.partitions
         waited_ns = now_ns - arrived_ns
@@ -200,14 +201,14 @@ class Ingest:
         return True
 
     def _serves(self, partition: int) -> bool:
-        """Whether messages of a partition may be walked: once one was left out, not until it comes again."""
+        """Return whether a partition's messages may be processed; after one is left out, it must come again."""
         shared = self._receiver.partitions
         if shared is None or partition in self._left_out or not shared.serves(partition):
             self._left_out.add(partition)
         return partition not in self._left_out
 
     def _walk(self, groups: dict[str, list[Message]]) -> None:
-        """Walk messages by device; a partition has come as far as the last of them if none was left out."""
+        """Process messages by device, and note each partition's last message if none was left out."""
         shared = self._receiver.partitions
         done: dict[int, int] = {}
         for name, messages in groups.items():
@@ -239,11 +240,11 @@ class Ingest:
         line.heard_ns = line.looked_ns = now_ns
         line.mark = last.mark
         for piece in _pieces(messages, offset_ns):
-            if devices.lines.get(name) is line:  # else it broke
+            if devices.lines.get(name) is line:  # otherwise the stream has failed
                 devices.walk(name, piece)
 
     def _on_partition(self, item: Served | Resumed | Left) -> None:
-        """Go on with a partition's devices where another left them or we did, or let go of them."""
+        """Begin, resume or stop serving a partition."""
         shared, devices = self._receiver.partitions, self.devices
         assert shared is not None
         self._left_out.discard(item.partition)
@@ -253,7 +254,7 @@ class Ingest:
         self.catching_up.forget(item.partition)
         for name, line in list(devices.lines.items()):
             if line.partition == item.partition:
-                devices.finish(name, moved=True)  # what was walked here is counted
+                devices.finish(name, moved=True)  # so that what was processed here is counted
         self.walked.pop(item.partition, None)
         if isinstance(item, Left):
             return
@@ -271,11 +272,11 @@ class Ingest:
 
 
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:
-    """Messages of a device together, as reads of a line, so much at a time that outputs can take."""
+    """Yield a device's messages together, as reads of a port, in pieces that outputs have room for."""
     chunks: list[Chunk] = []
     size, now_ns = 0, messages[0].arrived_ns
     for message in messages:
-        now_ns = max(now_ns, message.arrived_ns)  # of a stream, whose clock may have been set
+        now_ns = max(now_ns, message.arrived_ns)  # the stream's clock may have been set back
         for begin in range(0, max(1, len(message.data)), PIECE_BYTES):
             data = message.data[begin : begin + PIECE_BYTES]
             if chunks and size + len(data) > PIECE_BYTES:

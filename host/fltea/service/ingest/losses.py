@@ -1,4 +1,4 @@
-"""What an inbox did not take, reported at most once a minute a reason, with the name of who did most."""
+"""Report what an inbox did not take, at most once a minute for each reason."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from fltea.service.ingest.inbox import Inbox
 
 
 class _Reason(NamedTuple):
-    """fewest: so many since the last time are worth telling."""
+    """A reason. `fewest`: smallest number of new messages that is reported."""
 
     fewest: int
     text: str
@@ -43,7 +43,7 @@ FLOODS = (
 
 
 class Losses:
-    """Names who was turned away and who floods. where: the broker, as texts name it."""
+    """Reports devices that were turned away or that flood. `where`: the broker, as messages name it."""
 
     def __init__(self, inbox: Inbox, where: str) -> None:
         self._inbox, self._where = inbox, where
@@ -52,7 +52,7 @@ class Losses:
         self._overflow: dict[str, int] = {}
 
     def look(self, now_ns: int) -> Iterator[Trouble]:
-        """Yield what is to be reported."""
+        """Yield what is to be reported now."""
         inbox = self._inbox
         inbox.admission.expire(now_ns)
         for verdict, reason in REASONS.items():

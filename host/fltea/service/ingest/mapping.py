@@ -1,8 +1,8 @@
-"""Whether the NATS server maps devices to partitions as the settings have it.
+"""Check whether the NATS server maps devices to partitions as the settings say.
 
-A server without the mapping, or with another number of partitions, takes all frames, and nobody walks them.
-So subjects of names that no device can have are published, and come back as the server has mapped them. They
-say that they are for a stream that there is not: no stream keeps them.
+A server without the mapping, or with another number of partitions, takes all frames, and no worker reads
+them. So test messages are published under names that no device can have, and the subjects under which they
+come back show the mapping. Their header expects a stream that does not exist, so no stream keeps them.
 """
 
 import asyncio
@@ -13,16 +13,16 @@ from nats.aio.client import Client
 from nats.aio.msg import Msg
 
 NAMES = 32
-"""Another number of partitions agrees for one name of two at most: of all these for none."""
+"""Number of test names: a wrong number of partitions agrees for at most half the names, so not for all."""
 
 MOST = 4096
-"""Numbers of partitions that a wrong mapping is searched for."""
+"""Largest number of partitions that is tried to explain a wrong mapping."""
 
 ANSWER_S = 1.0
 
 
 def partition_of(name: str, partitions: int) -> int:
-    """Return where `partition(partitions,1)` of a server puts a device: by FNV-1a of 32 bits."""
+    """Return the partition of a device by a server's `partition(partitions,1)`, which uses 32-bit FNV-1a."""
     found = 0x811C9DC5
     for byte in name.encode():
         found = (found ^ byte) * 0x01000193 & 0xFFFFFFFF
@@ -30,13 +30,16 @@ def partition_of(name: str, partitions: int) -> int:
 
 
 def line(partitions: int) -> str:
-    """What a server's settings need."""
+    """Return the mapping that a server's settings need."""
     mapped = f"fltea.frames.{{{{partition({partitions},1)}}}}.{{{{wildcard(1)}}}}"
     return f'mappings {{ "fltea.*.frames": "{mapped}" }}'
 
 
 def judge(subjects: Mapping[str, str | None], partitions: int) -> str | None:
-    """What is wrong if messages of these names came under these subjects (None: nowhere); None: nothing."""
+    """Return what is wrong with the mapping; None if nothing is.
+
+    `subjects`: for each test name, the subject under which its message came back; None if it did not.
+    """
     wanted = f"the server's settings need: {line(partitions)}"
     if _are_mapped(subjects, partitions):
         return None
@@ -64,9 +67,9 @@ def _are_mapped(subjects: Mapping[str, str | None], partitions: int) -> bool:
 
 
 async def look(client: Client, worker: str, partitions: int) -> str | None:
-    """What is wrong with the mapping of the server that `client` is connected to; None: nothing.
+    """Return what is wrong with the mapping of the server that `client` is connected to; None if nothing is.
 
-    worker: a name that no other has; what it is made into begins with "-", which no device's name does.
+    `worker`: a unique name. The test names made of it begin with "-", which no device's name does.
     """
     names = [f"-{worker.replace('.', '-')}-{k}" for k in range(NAMES)]
     subjects: dict[str, str | None] = dict.fromkeys(names)

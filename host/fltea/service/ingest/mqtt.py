@@ -1,4 +1,4 @@
-"""Frames of many devices from an MQTT broker: one connection, one subscription, into an inbox."""
+"""Receive frames of many devices from an MQTT broker, over one connection with one subscription."""
 
 import secrets
 import threading
@@ -21,25 +21,25 @@ LEVEL = "frames"
 """Last level of the topics `<prefix>/<device>/frames`."""
 
 SESSION_S = 600
-"""For so long after a loss of the connection the broker keeps what boards publish, as far as it has room."""
+"""Time after a loss of the connection for which the broker keeps messages, as far as it has room [s]."""
 
 HOLD_S = 0.1
 POLL_S = 1.0
 
 NEW_ONLY = 2
-"""Of MQTT 5: what the broker has retained is not sent; it would be frames of nobody knows when."""
+"""Option of MQTT 5: the broker sends no retained messages, since these are frames of unknown age."""
 
 
 class MqttFrames:
-    """Receives, in a thread of its own, until closed; a broker that is away is tried again.
+    """Receives in a thread of its own until it is closed; an absent broker is tried again.
 
-    As long as the inbox has no room nothing is read, so what comes waits at the broker.
+    While the inbox has no room, nothing is read, so messages wait at the broker.
 
-    connected: whether the broker has us now. Reported once an outage: why, and that it is over. partitions:
-    there are none, since no other worker shares what it receives.
+    `connected`: whether a connection exists now. Each outage is reported once, with its reason, and again
+    when it is over. `partitions`: None, since no other worker shares these messages.
 
     Raises:
-        UsageError: settings or secrets that cannot be used.
+        UsageError: settings or secrets cannot be used.
     """
 
     partitions: None = None
@@ -75,7 +75,7 @@ class MqttFrames:
             self._thread.join(1.0)
 
     def _run(self) -> None:
-        """Connection after connection; each is a client of its own, which `loop_forever` runs here."""
+        """Connect again and again; each connection has a client of its own, which runs in this thread."""
         while not self._stop.is_set():
             client = self._new_client()
             self._client, self._answered = client, False
@@ -90,17 +90,17 @@ class MqttFrames:
                 if self._stop.is_set():
                     client.disconnect()
                 self._receive(client)
-            except Exception as error:  # whatever network and TLS raise
+            except Exception as error:  # anything that network and TLS raise
                 self._report_once(*self._broker.explain_failure(error))
             self.connected = False
             self._failures += 1
             self._stop.wait(BACKOFF_S[min(self._failures, len(BACKOFF_S)) - 1])
 
     def _receive(self, client: Client) -> None:
-        """Take messages until the connection ends; while there is no room for any, leave them at the broker.
+        """Take messages until the connection ends; while the inbox has no room, leave them at the broker.
 
-        A broker gives up who says nothing. What a ping gives back could not be read, and the library would
-        end the connection for it; to subscribe once more asks for nothing new.
+        A broker drops a silent client. The answer to a ping could not be read here, and the library would
+        then end the connection. So the client subscribes again instead, which changes nothing.
         """
         alive_s = time.monotonic()
         while client.socket() is not None:
@@ -167,7 +167,7 @@ class MqttFrames:
 
 
 def _session(packet: int, expiry_s: int) -> Properties:
-    """How long the broker keeps the session of a connection that has ended."""
+    """Return how long the broker keeps the session of a connection that has ended."""
     found = Properties(packet)  # type: ignore[no-untyped-call]
     found.SessionExpiryInterval = expiry_s
     return found

@@ -1,9 +1,9 @@
-"""Frames of many devices from NATS JetStream, shared among several workers (host/docs/guide/ingest.md).
+"""Receive frames of many devices from NATS JetStream, shared by several workers (host/docs/guide/ingest.md).
 
 The server puts each device into a partition, by a mapping of subjects: `fltea.NAME.frames` becomes
-`fltea.frames.PARTITION.NAME`, kept in a stream. Of each partition one worker has the lease, pulls messages in
-their order, and keeps snapshots of its devices in the store, with the number of the message that they follow.
-Who takes over goes on from there.
+`fltea.frames.PARTITION.NAME`, which a stream keeps. One worker has the lease of each partition. It pulls the
+messages in order, and stores snapshots of the devices, each with the number of the message before it. A
+worker that takes over a partition continues from there.
 """
 
 import asyncio
@@ -29,14 +29,14 @@ from fltea.settings.config import Config
 
 LOOK_S = 0.5
 AGAIN_S = 1.0
-"""From one attempt to connect to the next."""
+"""Time between two attempts to connect [s]."""
 
 PROBE_S = 60.0
-"""From one look at the server's mapping to the next: its settings may be loaded again at any time."""
+"""Time between two checks of the server's mapping, whose settings may be reloaded at any time [s]."""
 
 
 class _Login(NamedTuple):
-    """What it takes to reach the server; servers: one, or several of a cluster."""
+    """What is needed to reach the server. `servers`: one URL, or several of a cluster."""
 
     servers: list[str]
     user: str | None
@@ -45,9 +45,9 @@ class _Login(NamedTuple):
 
 
 class NatsFrames:
-    """Serves its share of the partitions, in a thread of its own, until closed.
+    """Serves its share of the partitions, in a thread of its own, until it is closed.
 
-    url: the first server. worker: name of this process, unlike all others'. partitions: those that it serves.
+    `url`: of the first server. `worker`: unique name of this process. `partitions`: the ones that it serves.
     """
 
     def __init__(self, config: Config, inbox: Inbox, report: Report) -> None:
@@ -74,7 +74,7 @@ class NatsFrames:
         while not self._stop.is_set():
             try:
                 asyncio.run(self._serve())
-            except Exception as error:  # whatever network, TLS and server raise: tried again
+            except Exception as error:  # anything that network, TLS and server raise: tried again
                 self.connected = False
                 if not self._stop.is_set():
                     self._reports.down(error)
@@ -95,12 +95,12 @@ class NatsFrames:
                 connect_timeout=5,
                 flush_timeout=LEASE_S,
                 allow_reconnect=False,
-                max_reconnect_attempts=1,  # at the first connection too, where the library tries 60 times
+                max_reconnect_attempts=1,  # at the first connection too, which the library tries 60 times
                 error_cb=self._heard,
             )
             self._reports.on_server()
             serving = asyncio.create_task(self._serve_over(client))
-            # The library lets requests wait that a broken connection cannot answer.
+            # Needed because the library lets requests wait for a broken connection.
             while not (serving.done() or client.is_closed):
                 await asyncio.wait([serving], timeout=LOOK_S)
             if client.is_closed:
@@ -113,17 +113,17 @@ class NatsFrames:
             await client.close()
 
     async def _heard(self, error: Exception) -> None:
-        """Take an error that the library tells of; those of the connection it raises as well."""
+        """Note an error that the library reports; errors of the connection are also raised."""
         self._reports.refused(error)
 
     async def _serve_over(self, client: Client) -> None:
         """Serve over one connection, until closed."""
-        # A busy server is not away: leases know by themselves when nothing may be walked.
+        # A busy server is still there, so it gets time: leases end by their own clock.
         store = Store(self._settings, client.jetstream(timeout=LEASE_S))
         await store.prepare()
         self._reports.differences(store.differs)
         self.partitions.begin(store)
-        await self.partitions.renew()  # a server whose store is full fails here, and is not back
+        await self.partitions.renew()  # fails if the server's store is full, so it does not count as back
         renewed_s, probed_s = time.monotonic(), -PROBE_S
         self.connected = True
         if self._reports.is_down:
@@ -142,7 +142,7 @@ class NatsFrames:
 
 
 async def _end_others() -> None:
-    """End all other tasks: the library may take no notice of the first time while it waits for a network."""
+    """End all other tasks; repeated, since the library may ignore the first time while it waits."""
     while others := asyncio.all_tasks() - {asyncio.current_task()}:
         for task in others:
             task.cancel()
@@ -150,7 +150,7 @@ async def _end_others() -> None:
 
 
 def _on_library_error(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-    """Pass over how a task ended that nobody waits for, if that is how a broken connection shows in it."""
+    """Ignore errors of a task without a waiter if a broken connection explains them."""
     if not isinstance(context.get("exception"), OSError | NatsError | Unfit):
         loop.default_exception_handler(context)
 

@@ -1,4 +1,4 @@
-"""What is reported of a NATS server: each trouble once an outage, or once a minute."""
+"""Report troubles of a NATS server, each once an outage or once a minute."""
 
 import ssl
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ USER, PASSWORD = "FLTEA_NATS_USER", "FLTEA_NATS_PASSWORD"
 
 
 APART_NS = 5 * 10**9
-"""Clocks that differ by more are reported."""
+"""Difference of the two clocks above which it is reported [ns]."""
 
 
 class Reports:
-    """Makes the reports. url: the server, as texts name it."""
+    """Makes the reports. `url`: the server, as messages name it."""
 
     def __init__(self, url: str, report: Report) -> None:
         self._url, self._report = url, report
@@ -32,17 +32,17 @@ class Reports:
         self._differences: set[str] = set()
 
     def begin(self) -> None:
-        """Begin to connect."""
+        """Begin an attempt to connect."""
         self._reached, self._refusal = False, ""
 
     def on_server(self) -> None:
-        """Take note that it is a NATS server that answers."""
+        """Note that a NATS server answers."""
         self._reached = True
 
     def refused(self, error: Exception) -> None:
-        """Take note of what the server says beside its answers: it does not answer what it forbids.
+        """Note an error that the server sends without a request: it does not answer forbidden requests.
 
-        Whether devices' frames may be published is the matter of `mapping`.
+        Errors about publishing devices' frames are left to `mapping`.
         """
         text = str(error)
         if "permissions" in text.lower() and '"fltea.' not in text:
@@ -50,11 +50,11 @@ class Reports:
 
     @property
     def is_down(self) -> bool:
-        """Whether an outage was reported that has not ended."""
+        """Whether a reported outage has not ended yet."""
         return bool(self._down)
 
     def down(self, error: Exception) -> None:
-        """Report an outage: each reason once, no server or one that is not fit."""
+        """Report an outage, once for no server and once for an unsuitable one."""
         unfit = isinstance(error, Unfit)
         if unfit in self._down:
             return
@@ -69,7 +69,7 @@ class Reports:
             self._report("nats_back", f"{self._url} is back; devices go on from their snapshots.")
 
     def differences(self, differs: Sequence[str]) -> None:
-        """Report once what exists on the server otherwise than the settings have it."""
+        """Report once how the server's streams and buckets differ from the settings."""
         new = set(differs) - self._differences
         self._differences |= new
         if new:
@@ -81,12 +81,12 @@ class Reports:
             )
 
     def mapping(self, wrong: str | None) -> None:
-        """Report what is wrong with the server's mapping of subjects; None: nothing."""
+        """Report what is wrong with the server's mapping of subjects; None if nothing is."""
         if wrong:
             self._of_server("nats_mapping", wrong)
 
     def clock(self, apart_ns: int) -> None:
-        """Report once that the server's clock is ahead of this machine's by so much, or behind."""
+        """Report once that the server's clock is `apart_ns` ahead of this machine's, negative if behind."""
         if abs(apart_ns) <= APART_NS or self._clock_reported:
             return
         self._clock_reported = True
@@ -105,7 +105,8 @@ class Reports:
     def left(self, partition: int, error: BaseException) -> None:
         """Report that a partition is given back since its messages cannot be pulled.
 
-        Each reason once a minute, whichever partition it is: it is soon taken again, and given back again.
+        Each reason is reported once a minute for all partitions, since a partition is soon taken and given
+        back again.
         """
         reason = type(error), getattr(error, "err_code", None)
         if self._once_a_minute.is_due(reason, host_ns()):
@@ -122,9 +123,9 @@ class Reports:
         gone: range,
         unreadable: int,
     ) -> None:
-        """Report whose partition is served now, and from where on.
+        """Report which partition is served now, and from which message.
 
-        gone: messages that the stream has no more. unreadable: snapshots that cannot be used.
+        `gone`: messages that the stream no longer has. `unreadable`: number of snapshots that cannot be used.
         """
         whose = f"of {before.owner}, which has gone silent," if before.owner else "that was given back"
         if before.owner == worker:
@@ -153,7 +154,7 @@ class Reports:
 
 
 def explain(error: BaseException) -> str:
-    """What happened, and what to do."""
+    """Return what happened, and what to do."""
     if isinstance(error, Unfit):
         return str(error)
     if isinstance(error, ConnectionRefusedError | NoServersError):
@@ -177,7 +178,7 @@ def explain(error: BaseException) -> str:
 
 
 def explain_no_connection(error: BaseException) -> str:
-    """Return what happened and what to do, before it is known to be a NATS server."""
+    """Return what happened and what to do if no NATS server has answered yet."""
     if isinstance(error, TimeoutError) or (
         isinstance(error, NatsError) and ("INFO" in str(error) or "empty response" in str(error))
     ):

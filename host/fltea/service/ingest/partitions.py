@@ -1,7 +1,7 @@
-"""The partitions that a worker serves: their leases in the store, and who pulls their messages.
+"""Hold the leases of the partitions that a worker serves, and pull their messages.
 
-`serves`, `resume`, `walked`, `keep`, and `drop` are called by the thread that walks the messages, all else by
-the loop of the connection.
+The thread that processes the messages calls `serves`, `resume`, `walked`, `keep`, and `drop`. The loop of the
+connection calls all other methods.
 """
 
 import asyncio
@@ -22,31 +22,32 @@ from fltea.service.ingest.nats_reports import Reports
 from fltea.service.ingest.store import Store
 
 GRACE_S = 2 * RENEW_S
-"""After an outage of the server: who comes back first would else take all, and give it back at once.
+"""Time after an outage in which no partition is taken: the first worker back would take all of them [s].
 
-A partition whose messages cannot be pulled is left to others for as long.
+A partition whose messages cannot be pulled is left to other workers for the same time.
 """
 
 STEADY_NS = 50_000_000
-"""A change of the server's clock against ours that is smaller is how long the question took."""
+"""Change of the server's clock against ours that is ignored, since the request itself takes time [ns]."""
 
 PULL, PULL_S = 64, 0.5
 LOOKS = 4
-"""After so many pulls in vain it is asked whether our consumer still exists: the server does not say so."""
+"""Number of empty pulls after which to check that our consumer exists, since the server does not tell."""
 
 PUTS = 64
-"""Snapshots on their way to the store; further ones wait for their next turn."""
+"""Most snapshots on their way to the store; further ones wait for the next turn."""
 
 ROOM_BYTES = 4_000_000
-"""What may wait here; the rest waits in the stream."""
+"""Most bytes of messages that may wait here; the rest waits in the stream."""
 
 
 @dataclass
 class Held:
-    """A partition that this worker serves. before: the last message that the one before it had walked.
+    """A partition that this worker serves.
 
-    lapsed: it was not renewed in time, so messages are left out, until those that follow the last one walked
-    come again. resuming: they have been asked for.
+    `before`: last message that the previous worker has processed. `lapsed`: the lease was not renewed in
+    time, so messages are left out until the ones after the last processed message come again. `resuming`:
+    these messages have been asked for.
     """
 
     revision: int
@@ -57,15 +58,15 @@ class Held:
     task: "asyncio.Task[None] | None" = None
 
     def is_fresh(self) -> bool:
-        """Whether nobody else can have it yet."""
+        """Return whether no other worker can have taken the partition yet."""
         return time.monotonic() - self.renewed_s < STOP_S
 
 
 class Partitions:
-    """Has this worker's share of the partitions.
+    """Holds this worker's share of the partitions.
 
-    worker: name of this process, unlike all others'. total: how many partitions there are. done: the last
-    message of each partition that was walked. unix_offset_ns: from `host_ns` to the server's time.
+    `worker`: unique name of this process. `total`: number of all partitions. `done`: for each partition the
+    last message that was processed. `unix_offset_ns`: offset from `host_ns` to the server's time.
     """
 
     store: Store
@@ -79,20 +80,20 @@ class Partitions:
         self._sightings = Sightings()
         self._takes_from_s = 0.0
         self._left_s: dict[int, float] = {}
-        """When a partition was given back since its messages could not be pulled."""
+        """When each partition was given back since its messages could not be pulled."""
         self._loop: asyncio.AbstractEventLoop | None = None
         self._puts: set[concurrent.futures.Future[None]] = set()
 
     def begin(self, store: Store) -> None:
-        """Begin with a connection, in whose loop this is called; `let_go_of_all` ends it."""
+        """Begin with a connection, called in its event loop; `let_go_of_all` ends it."""
         self.store, self._loop = store, asyncio.get_running_loop()
 
     def wait_for_others(self) -> None:
-        """Take nothing for a while, since the server was away."""
+        """Take no partition for a while, since the server was away."""
         self._takes_from_s = time.monotonic() + GRACE_S
 
     def serves(self, partition: int) -> bool:
-        """Whether this worker may still walk messages of a partition; asked for each one."""
+        """Return whether this worker may still process messages of a partition; asked for each message."""
         held = self._held.get(partition)
         if held is None:
             return False
@@ -101,21 +102,21 @@ class Partitions:
         return not held.lapsed
 
     def resume(self, partition: int) -> None:
-        """From here on come the messages that were left out."""
+        """Note that the messages which were left out come again now."""
         held = self._held.get(partition)
         if held is not None:
             held.lapsed, held.resuming = not held.is_fresh(), False
 
     def walked(self, partition: int, mark: int) -> None:
-        """Take note of the last message that was walked."""
+        """Note the last message that was processed."""
         self.done[partition] = mark
 
     def keep(self, partition: int, device: str, data: bytes) -> bool:
-        """Store a snapshot, in the background; False if too many are on their way."""
+        """Store a snapshot in the background; return False if too many are on their way."""
         return self._in_background(partition, device, data)
 
     def drop(self, partition: int, device: str) -> None:
-        """Delete a snapshot, in the background. If that fails, who is next finds the device silent."""
+        """Delete a snapshot in the background. If that fails, the next worker finds the device silent."""
         self._in_background(partition, device, None)
 
     def _in_background(self, partition: int, device: str, data: bytes | None) -> bool:
@@ -136,11 +137,11 @@ class Partitions:
         try:
             await (snapshots.delete(key) if data is None else snapshots.put(key, data))
         except NatsError as error:
-            if data is not None and not isinstance(error, ConnectionClosedError):  # which is reported itself
+            if data is not None and not isinstance(error, ConnectionClosedError):  # reported elsewhere
                 self._reports.snapshot(key, error)
 
     async def renew(self) -> None:
-        """Renew the leases, which shows others that this worker lives."""
+        """Renew the leases, which shows other workers that this one runs."""
         began_s = time.monotonic()
         await self._look_at_clock()
         for partition, held in list(self._held.items()):
@@ -154,7 +155,7 @@ class Partitions:
                 self._let_go(partition)
 
     async def _look_at_clock(self) -> None:
-        """Write our own entry, and see what time the server gives it: our clock need not agree with it."""
+        """Write our own entry, and compare the server's time for it with our clock, which may differ."""
         key, before_ns = f"worker.{self._worker}", host_ns()
         await self.store.leases.put(key, b"")
         written_ns = (before_ns + host_ns()) // 2
@@ -164,14 +165,14 @@ class Partitions:
         self._reports.clock(offset_ns - unix_offset_ns())
 
     def _done_of(self, partition: int, held: Held) -> int:
-        """The last message that anybody has walked."""
+        """Return the last message of the partition that any worker has processed."""
         return max(held.before, self.done.get(partition, 0))
 
     async def share_out(self) -> bool:
-        """Let go of what is lost or too much; take what is free, up to this worker's share.
+        """Give back partitions that failed or are too many, and take free ones, up to this worker's share.
 
         Returns:
-            False if nothing was taken since it is too early.
+            False if nothing was taken since it is too early after an outage.
         """
         for partition, held in list(self._held.items()):
             failed = held.task.exception() if held.task is not None and held.task.done() else None
@@ -204,12 +205,12 @@ class Partitions:
         return True
 
     async def _take(self, partition: int, before: Lease, revision: int | None) -> None:
-        """Take a lease, load the snapshots, and begin to pull behind the oldest of them."""
+        """Take a lease, load the snapshots, and begin to pull after the oldest snapshot."""
         began_s = time.monotonic()
         lease = msgspec.json.encode(Lease(self._worker, before.done))
         try:
             new = await self.store.leases.update(f"lease.{partition}", lease, last=revision or 0)
-        except KeyWrongLastSequenceError:  # another was first
+        except KeyWrongLastSequenceError:  # another worker was faster
             return
         held = self._held[partition] = Held(new, began_s, before.done)
         kept, unreadable = await self.store.devices_of(partition)
@@ -218,7 +219,7 @@ class Partitions:
         marks = [one.mark for one in kept.values()]
         first, last = await self.store.ends()
         start = (min(marks) if marks else before.done) + 1
-        if start > last + 1:  # another stream than that of the snapshots
+        if start > last + 1:  # the stream is not the one of the snapshots
             held.before = 0
             start, kept = 1, {name: msgspec.structs.replace(one, mark=0) for name, one in kept.items()}
         self.done[partition] = start - 1
@@ -234,7 +235,7 @@ class Partitions:
         )
 
     async def _pull_again(self, partition: int, held: Held) -> None:
-        """The lease was late, and nobody took it: go on behind the last message that was walked."""
+        """Pull again from the last processed message, since the lease was late but no worker took it."""
         if held.task is not None:
             held.task.cancel()
             await asyncio.wait([held.task])
@@ -252,7 +253,7 @@ class Partitions:
             return
 
     async def give_all_back(self) -> None:
-        """Let others have all partitions, at the end."""
+        """Give all partitions back, at the end."""
         for partition in list(self._held):
             await self._give_back(partition)
         await self.store.leases.delete(f"worker.{self._worker}")
@@ -274,10 +275,10 @@ class Partitions:
 async def _pull(
     store: Store, inbox: Inbox, partition: int, start: int, unix_offset_ns: Callable[[], int]
 ) -> None:
-    """Hand messages on from number `start`, none left out.
+    """Put all messages from number `start` on into the inbox.
 
-    A pull that the library gave up may have taken some with it: they are asked for again. unix_offset_ns:
-    from `host_ns` to the time of the stream, as of now.
+    A pull that the library gave up may have lost some messages, so these are asked for again.
+    `unix_offset_ns`: returns the present offset from `host_ns` to the time of the stream.
     """
     while True:
         pulling = await store.consume(partition, start)

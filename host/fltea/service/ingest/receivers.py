@@ -1,4 +1,4 @@
-"""Who receives the messages of a shared source, from its URL; its library is loaded only then."""
+"""Choose the receiver of a shared source by its URL; its library is loaded only then."""
 
 import re
 from collections.abc import Callable
@@ -16,14 +16,14 @@ from fltea.settings.extras import load
 
 
 def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
-    """Return what makes the receiver.
+    """Return the function that makes the receiver.
 
     Raises:
-        UsageError: no broker's address, or a library that is not installed.
+        UsageError: the URL is no broker's address, or a library is not installed.
     """
     source = config.source or ""
     if source.startswith("nats:"):
-        if not all(map(_is_address, source.split(","))):  # the text repeats none: a password may be in it
+        if not all(map(_is_address, source.split(","))):  # no URL in the message: it may hold a password
             raise UsageError(
                 "--source nats: give nats://HOST[:PORT], PORT 1 to 65535, or several with commas between. "
                 "User and password come from FLTEA_NATS_USER and FLTEA_NATS_PASSWORD."
@@ -36,18 +36,18 @@ def receiver_of(config: Config) -> Callable[[Inbox, Report], Receiver]:
         )
     try:
         settings = msgspec.structs.replace(config.mqtt, broker=source)
-    except ValueError as error:  # its text does not repeat the address, in which a password may be
+    except ValueError as error:  # its text leaves the address out, which may contain a password
         raise UsageError(f"--source: {str(error).replace('broker', 'an mqtt source', 1)}.") from error
     module = load("fltea.service.ingest.mqtt", "paho", "mqtt", "a source behind a broker needs")
     return partial(module.MqttFrames, settings)
 
 
 def _is_address(url: str) -> bool:
-    """Whether it is nats://HOST[:PORT], of an IPv6 address too, in brackets."""
+    """Return whether the URL is nats://HOST[:PORT]; HOST may be an IPv6 address in brackets."""
     if not re.fullmatch(r"nats://[^@/?#,\s]+", url):
         return False
     try:
         parts = urlsplit(url)
         return bool(parts.hostname) and not parts.netloc.endswith(":") and parts.port != 0
-    except ValueError:  # no number, too large a one, or a bracket that is not closed
+    except ValueError:  # the port is no number or too large, or a bracket is not closed
         return False

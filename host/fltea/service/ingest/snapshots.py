@@ -1,7 +1,7 @@
-"""Snapshots of the devices that a worker serves, taken in turns, for whoever goes on with them.
+"""Take snapshots of a worker's devices in turn, for the worker that continues with them.
 
-What is walked again after a snapshot is published again; what was before it is not. So one is stored when the
-outputs have written all that came before it, however late they are.
+Messages after a snapshot are processed and published again; those before it are not. So a snapshot is stored
+only once the outputs have written all that came before it, however late they are.
 """
 
 from collections import deque
@@ -16,15 +16,15 @@ from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.receiver import Shared
 
 FIRST_NS = 2 * 10**9
-"""The first snapshot of a device is tried for so often, until the start-up window is full."""
+"""Time between two attempts at a device's first snapshot, until its start-up window is full [ns]."""
 
 
 MOST_TAKEN = 64
-"""Snapshots that may wait to be stored."""
+"""Most snapshots that may wait to be stored."""
 
 
 class _Taken(NamedTuple):
-    """A snapshot of a line. is_written: whether all is that came before it."""
+    """A snapshot of a device. `is_written`: returns whether all that came before it is written."""
 
     name: str
     line: Line
@@ -33,9 +33,9 @@ class _Taken(NamedTuple):
 
 
 class Snapshots:
-    """Keeps a snapshot of each device in the store of the workers, a new one every `period_s`.
+    """Keeps a snapshot of each device in the store of the workers, renewed every `period_s`.
 
-    written: as of `Hub`.
+    `written`: as `Hub.written`.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Snapshots:
         self._once_a_minute = OnceAMinute()
 
     def keep(self, name: str, line: Line, kept: Kept) -> None:
-        """Take a snapshot, which is stored before long."""
+        """Take a snapshot, which is stored soon."""
         line.kept_ns = host_ns()
         data = pack(kept)
         if data is not None:
@@ -57,7 +57,10 @@ class Snapshots:
             self._report("snapshot_failed", text)
 
     def store(self, lines: Mapping[str, Line]) -> bool:
-        """Store those that may be; whether none waits. One of a line that has ended or moved is dropped."""
+        """Store the snapshots that may be stored; return whether none waits.
+
+        A snapshot of a device stream that has ended or moved is dropped.
+        """
         while self._taken and self._taken[0].is_written():
             name, line, data, _ = self._taken[0]
             mine = (
@@ -69,7 +72,7 @@ class Snapshots:
         return not self._taken
 
     def keep_due(self, lines: Mapping[str, Line], walked: Mapping[int, int], now_ns: int) -> None:
-        """Take those whose turn it is. walked: how far partitions have come, with all of their devices."""
+        """Take the snapshots that are due. `walked`: for each partition, the last message processed."""
         for name, line in lines.items():
             if len(self._taken) >= MOST_TAKEN:
                 return
@@ -78,7 +81,7 @@ class Snapshots:
                 continue
             state = line.walk.save()
             if state is None and young < self._period_ns:
-                continue  # the start-up window fills: who takes over begins with its first message
+                continue  # the start-up window fills: another worker would begin with the first message of it
             line.is_whole = True
             mark = max(line.mark, walked.get(line.partition, 0))
             unix_ns = host_ns() + self._shared.unix_offset_ns

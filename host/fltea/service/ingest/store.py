@@ -1,7 +1,7 @@
-"""What a NATS server keeps for the workers: a stream of frames, a bucket of leases, and one of snapshots.
+"""Keep the workers' data on a NATS server: a stream of frames, a bucket of leases, one of snapshots.
 
-Each has bounds, so that no account fills the server's store, and leases have a place of their own: full
-snapshots must not end the service.
+Each has a size limit, so that no account fills the server's store. Leases have a bucket of their own, since
+full snapshots must not end the service.
 """
 
 import contextlib
@@ -26,17 +26,18 @@ from fltea.service.ingest.kept import Kept, unpack
 from fltea.settings.ingest import IngestConfig
 
 MOST_A_SECOND = 2
-"""Messages of a device that the stream keeps, for each second of `keep_s`: of who floods only its own go."""
+"""Messages of each device that the stream keeps per second of `keep_s`: a flood drops only its own
+messages."""
 
 LEASES_BYTES = 16_000_000
 DUPLICATE_S = 120.0
-"""The server's own, which must not be longer than `keep_s`."""
+"""Time in which the server detects duplicates, by default; it must not be longer than `keep_s` [s]."""
 
 NO_ROOM = (10023, 10047)
-"""Codes of JetStream: no resources, for a message and for a new stream."""
+"""Error codes of JetStream for no room: for a message, and for a new stream."""
 
 FULL = 10077
-"""Code of JetStream: the bucket has all that it may have."""
+"""Error code of JetStream for a full bucket."""
 
 
 COMPARED = (
@@ -55,7 +56,7 @@ COMPARED = (
 
 
 class Unfit(Exception):
-    """The server does not keep what workers need; the text says why, and what to do."""
+    """The server does not provide what workers need; the text says why, and what to do."""
 
 
 class Entry(NamedTuple):
@@ -66,9 +67,10 @@ class Entry(NamedTuple):
 
 
 class Store:
-    """Stream and buckets of a server, made where they are missing.
+    """Stream and buckets of a server, created where they are missing.
 
-    After `prepare`: leases, snapshots: the buckets. differs: what is otherwise than the settings.
+    After `prepare`, `leases` and `snapshots` are the buckets, and `differs` lists differences from the
+    settings.
     """
 
     leases: KeyValue
@@ -79,10 +81,10 @@ class Store:
         self.differs: list[str] = []
 
     async def prepare(self) -> None:
-        """Make what is missing, and compare the rest.
+        """Create what is missing, and compare the rest with the settings.
 
         Raises:
-            Unfit: without JetStream, or without room.
+            Unfit: the server has no JetStream, or no room.
         """
         s = self._settings
         await self._need(
@@ -161,7 +163,7 @@ class Store:
             ) from error
 
     async def entries(self, bucket: KeyValue, name: str, pattern: str) -> dict[str, Entry]:
-        """All entries of a bucket below a pattern. name: of the bucket."""
+        """Return all entries of a bucket whose keys match a pattern. `name`: the bucket's name."""
         prefix = f"$KV.{name}."
         info = await self._js.stream_info(f"KV_{name}", subjects_filter=prefix + pattern)
         found = {}
@@ -170,7 +172,7 @@ class Store:
             try:
                 entry = await bucket.get(key)
                 found[key] = Entry(entry.revision or 0, entry.value or b"")
-            except NotFoundError:  # deleted, or expired meanwhile
+            except NotFoundError:  # the entry was deleted or expired meanwhile
                 continue
         return found
 
@@ -182,7 +184,7 @@ class Store:
         )
 
     async def devices_of(self, partition: int) -> tuple[dict[str, Kept], int]:
-        """Snapshots of a partition's devices, and how many more cannot be read."""
+        """Return the snapshots of a partition's devices, and how many more cannot be read."""
         name = f"{self._settings.bucket}_snapshots"
         found: dict[str, Kept] = {}
         entries = await self.entries(self.snapshots, name, f"{partition}.*")
@@ -192,19 +194,19 @@ class Store:
         return found, len(entries) - len(found)
 
     async def clock_ns(self, key: str) -> int:
-        """Unix time of the server, from a lease or worker that has just been written."""
+        """Return the server's Unix time of a lease or worker entry that has just been written."""
         name = self._settings.bucket
         message = await self._js.get_last_msg(f"KV_{name}", f"$KV.{name}.{key}")
         assert message.time is not None
         return round(message.time.timestamp() * 1e9)
 
     async def ends(self) -> tuple[int, int]:
-        """Numbers of the first and the last message in the stream."""
+        """Return the numbers of the first and the last message in the stream."""
         state = (await self._js.stream_info(self._settings.stream)).state
         return state.first_seq, state.last_seq
 
     async def has_consumer(self, partition: int) -> bool:
-        """Whether somebody has made one for a partition."""
+        """Return whether a consumer exists for a partition."""
         try:
             await self._js.consumer_info(self._settings.stream, f"fltea-{partition}")
         except NotFoundError:
@@ -212,10 +214,10 @@ class Store:
         return True
 
     async def consume(self, partition: int, start: int) -> JetStreamContext.PullSubscription:
-        """A consumer of our own making in place of the one before: its owner then pulls in vain.
+        """Replace the partition's consumer by a new one; the previous owner then gets no messages.
 
         Raises:
-            Unfit: the stream is another one than that of the number `start`.
+            Unfit: `start` is beyond the end of the stream, which must have been made again.
         """
         s, name = self._settings, f"fltea-{partition}"
         if start > (await self.ends())[1] + 1:
@@ -234,7 +236,7 @@ class Store:
 
 
 def _text(config: StreamConfig, key: str) -> object:
-    """A limit, for people."""
+    """Return a limit as text for messages."""
     subjects = config.subjects or []
     if key == "subjects" and len(subjects) > 1:
         return f"{subjects[0]} to {subjects[-1]}"
@@ -242,7 +244,7 @@ def _text(config: StreamConfig, key: str) -> object:
 
 
 def _of(config: StreamConfig, key: str) -> object:
-    """A limit, alike for what is asked for and what a server states."""
+    """Return a limit in the same form for what is asked for and for what a server states."""
     value = getattr(config, key)
     if key == "subjects":
         return " ".join(sorted(value or []))

@@ -1,4 +1,4 @@
-"""The newest records of all devices as families of metrics, whenever somebody asks."""
+"""Convert the newest records of all devices into families of metrics at each request."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -17,21 +17,22 @@ from fltea.sinks.metrics.tables import AXIS, DEVICE, Labelled, families, filled
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
-"""An estimate that is older, by its arrival, is no longer shown: the device is gone, or starts again."""
+"""Age by its arrival up to which an estimate is shown: an older one means a lost or restarted device [ns]."""
 
 LAST = Values(slice(-1, None))
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
 
 FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
-"""What a device states of itself, as labels of one metric."""
+"""What a device states about itself, as labels of one metric."""
 
 
 @dataclass
 class Newest:
-    """The newest record of each kind of one device. …_ns: when the estimate came, monotonic.
+    """The newest record of each kind of one device.
 
-    motions: how many have begun.
+    `estimate_ns`, `device_estimate_ns`: monotonic arrival times. `motions`: number of motions that have
+    begun.
     """
 
     hello: Hello | None = None
@@ -46,7 +47,7 @@ class Newest:
     motions: int = 0
 
     def take(self, block: Block) -> None:
-        """Remember samples and estimates; records are made of them when somebody asks."""
+        """Remember samples and estimates; records are made of them at a request."""
         self.block = block
         if block.estimates and block.due_rows:
             self.estimate, self.estimate_ns = block, host_ns()
@@ -61,7 +62,7 @@ class Newest:
 
 
 class Families(Collector):
-    """What the registry asks for, in whatever thread, while the sink writes."""
+    """Collects the metrics for the registry, in any thread, while the sink writes."""
 
     def __init__(
         self,
@@ -74,14 +75,14 @@ class Families(Collector):
         self._sink_queues = sink_queues
 
     def describe(self) -> list[Metric]:
-        """Promise nothing, so that registering does not collect."""
+        """Return nothing, so that registering does not collect."""
         return []
 
     def collect(self) -> Iterator[Metric]:
         """Yield every metric that has a value."""
         build = {"version": __version__, "protocol": f"{wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}"}
         yield InfoMetricFamily("fltea_build", "This program.", value=build)
-        devices = list(self._newest.copy().items())  # the copy: the sink may be adding one
+        devices = list(self._newest.copy().items())  # a copy, since the sink may be adding a device
         yield _devices([(name, d.hello) for name, d in devices if d.hello])
         stats = [((name,), d.stats) for name, d in devices if d.stats]
         yield from families("link_", DEVICE, tables.LINK, [(names, s.link) for names, s in stats])
@@ -112,7 +113,7 @@ class Families(Collector):
 
 
 def _axes(records: Labelled) -> Labelled:
-    """What records have of each axis; a record may be None."""
+    """Return the values that records have for each axis; a record may be None."""
     return [((*names, axis), one) for names, record in records if record for axis, one in record.axes.items()]
 
 

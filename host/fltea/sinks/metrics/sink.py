@@ -1,4 +1,4 @@
-"""An HTTP endpoint that Prometheus scrapes for the newest records (host/docs/guide/outputs.md)."""
+"""Serve the newest records over HTTP to Prometheus (host/docs/guide/outputs.md)."""
 
 import socket
 import socketserver
@@ -38,12 +38,12 @@ NOT_OURS = (
 
 
 class MetricsSink(Sink):
-    """Keeps the newest record of each kind and device; they become metrics when somebody asks.
+    """Keeps the newest record of each kind and device; records become metrics at a request.
 
-    outlets: all outputs, each with the device that it belongs to, or None.
+    `sink_queues`: returns all outputs, each with its device or None.
 
     Raises:
-        UsageError: there is no such address on this machine.
+        UsageError: this machine has no such address.
         FlteaError: the port is taken.
     """
 
@@ -74,7 +74,7 @@ class MetricsSink(Sink):
         self._thread.start()
 
     def write(self, item: Item) -> None:
-        """Remember a record in place of the one before it."""
+        """Remember a record in place of the previous one."""
         if isinstance(item, Error):
             key = item.device or "", item.kind
             self._errors[key] = self._errors.get(key, 0) + 1
@@ -97,25 +97,25 @@ class MetricsSink(Sink):
                 newest.motions += 1
             case Hello():
                 newest.hello = self._introduced(item)
-            case Epoch():  # what the one before it gave is no longer so
+            case Epoch():  # results of the previous epoch no longer hold
                 newest.estimate = newest.device_estimate = newest.fit = None
                 newest.device_fits = {}
 
     def depart(self, departed: Departed) -> None:
-        """Show nothing of a device any more."""
+        """Show nothing more about a device."""
         self._newest.pop(departed.device, None)
         self._identities.pop(departed.device, None)
         for key in [key for key in self._errors if key[0] == departed.device]:
             del self._errors[key]
 
     def close(self) -> None:
-        """Answer no more."""
+        """Stop answering."""
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
 
     def _introduced(self, hello: Hello) -> Hello:
-        """The HELLO; without what makes each a time series, if the board states something new too often."""
+        """Return the HELLO; without facts that make new time series if the board changes them too often."""
         device, now_ns = hello.device or "", host_ns()
         identities = self._identities.setdefault(device, FewIdentities())
         stated = hello.source, hello.device_id, hello.sensor, hello.firmware_version, hello.sampling_mode
@@ -133,12 +133,12 @@ class MetricsSink(Sink):
 
 
 class _Handler(MetricsHandler):
-    """Answers those who came by a name of this machine."""
+    """Answers requests that name this machine."""
 
     names: Collection[str] = ()
 
     def do_GET(self) -> None:
-        """Give the metrics, or state why not. A request without any `Host` is no browser's."""
+        """Give the metrics, or say why not. A request without `Host` does not come from a browser."""
         host = self.headers.get("Host")
         if host is None or is_own(host, self.names):
             super().do_GET()
@@ -155,12 +155,12 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def server_bind(self) -> None:
-        """Bind as the base class does, without looking for the machine's name, which may take long."""
+        """Bind as the base class does, without a lookup of the machine's name, which may be slow."""
         socketserver.TCPServer.server_bind(self)
         self.server_name, self.server_port = "", self.server_address[1]
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Somebody hung up, and that is his affair."""
+        """Ignore a client that has hung up."""
 
 
 class _Server6(_Server):
@@ -168,7 +168,7 @@ class _Server6(_Server):
 
 
 def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
-    handler.timeout = 10.0  # of a client that sends nothing
+    handler.timeout = 10.0  # for a client that sends nothing
     try:
         return (_Server6 if ":" in host else _Server)((host, port), handler)
     except (OSError, UnicodeError) as error:
@@ -176,5 +176,5 @@ def _listen(host: str, port: int, handler: type[_Handler]) -> _Server:
 
 
 def open_output(opening: Opening) -> MetricsSink:
-    """Answer Prometheus."""
+    """Open the server for Prometheus."""
     return MetricsSink(opening.program.metrics, opening.sink_queues, opening.report)
