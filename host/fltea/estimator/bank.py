@@ -1,7 +1,7 @@
-"""A bank estimates all axes of one sensor, from the start-up window to the whiteness of the innovations.
+"""Estimate all axes of one sensor, from the start-up window to the test of the innovations.
 
-One native call takes a whole block of samples (host/native/axis_bank.hpp). However samples are cut into
-blocks, the columns are the same to the bit.
+One native call takes a whole block of samples (host/native/axis_bank.hpp). The columns do not depend on how
+samples are grouped into blocks, to the bit.
 """
 
 import math
@@ -26,9 +26,10 @@ _T = TypeVar("_T")
 
 
 class Variances(NamedTuple):
-    """The variances that the filters of an axis work with, in the sensor's unit squared.
+    """The variances that the filters of an axis use, in the sensor's unit squared.
 
-    Q is that of a step of the noise's source, h^2α included; R is that of what is white in the measurement.
+    `Q`: variance of the noise source's step, including h^2α. `R`: variance of the white part of the
+    measurement.
     """
 
     Q: float
@@ -38,13 +39,15 @@ class Variances(NamedTuple):
 class Bank:
     """Finds bias and R in the start-up window, and estimates from the first sample after it.
 
-    axes: names, at least one. h: sampling period in s. resolution: one LSB in the sensor's unit, None where
-    unknown. state: what `save` returned, to go on from there without a start-up window. `variances` has those
-    in use for each axis, `tuned` the axes whose variances came by `retune`, `beliefs` what came with them.
+    `axes`: names, at least one. `h`: sampling period [s]. `resolution`: one LSB in the sensor's unit, None if
+    unknown. `state`: a result of `save`, to continue without a start-up window. `variances`: variances in use
+    for each axis. `tuned`: axes whose variances came by `retune`. `beliefs`: filter models that came with
+    these.
 
     Raises:
-        ValueError: settings that no filter can work with, or a state that does not fit them or is not wholly
-            sound; the text says what is wrong.
+        ValueError: no filter works with the settings, or the state does not fit them or is not valid; the
+        text
+            says what is wrong.
     """
 
     def __init__(
@@ -75,9 +78,9 @@ class Bank:
     def run(self, y: ArrayLike) -> LaneBlock:
         """Take n samples of every axis in the sensor's unit, (n, axes); the lanes are the axes.
 
-        While the start-up window fills there are no estimates: all columns are NaN, and no more than
-        `startup_remaining` samples may come. Raises ValueError, and changes nothing, for more than that, for
-        a wrong shape, and for numbers that are not finite or beyond all measure.
+        While the start-up window fills there are no estimates: all columns are NaN, and at most
+        `startup_remaining` samples may come. Raises ValueError, and changes nothing, for more samples than
+        that, for a wrong shape, and for numbers that are not finite or far too large.
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self.axes):
@@ -98,7 +101,7 @@ class Bank:
         return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
 
     def fill(self) -> None:
-        """Begin to estimate with the next sample: the native bank has taken the start-up window."""
+        """Begin to estimate with the next sample, since the native bank has taken the start-up window."""
         window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
         self._begin(self._rule.baseline_of(window))
 
@@ -112,12 +115,12 @@ class Bank:
     def retune(
         self, variances: Mapping[str, Variances], beliefs: Mapping[str, FilterModel] | None = None
     ) -> None:
-        """Give axes other variances, from the next sample on and for where they begin again.
+        """Change the variances of axes, from the next sample on, and for later restarts.
 
-        The states and what the filters remember of them stay. beliefs: orders and parameters with which some
-        of these axes go on, since those that they have found belong to other variances. Raises ValueError in
-        the start-up window, for axes that are not there or constant, and for variances and beliefs that no
-        filter can work with; nothing changes then.
+        The filters keep their states and memory. `beliefs`: orders and parameters with which some of these
+        axes continue, since their own estimates belong to other variances. Raises ValueError, and changes
+        nothing, in the start-up window, for unknown or constant axes, and for variances and beliefs that no
+        filter works with.
         """
         beliefs = beliefs or {}
         if self.baseline is None or self._settings is None:
@@ -142,33 +145,33 @@ class Bank:
         )
 
     def found(self, axis: str) -> tuple[float, float]:
-        """Return the order of the last sample and the filter's own deviation of it; NaN where not valid."""
+        """Return the order after the last sample, and the filter's deviation of it; NaN if not valid."""
         return self.native.newest(self.axes.index(axis))
 
     @property
     def restarts(self) -> dict[str, int]:
-        """Tell how often each axis had to begin again."""
+        """Number of restarts of each axis."""
         return self._by_axis(self.native.restarts, 0)
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
-        """Count by cause, without zeros, how often the guard stepped in since the last start of each axis."""
+        """Number of interventions of the guard since each axis's last start, by cause and without zeros."""
         none: dict[str, int] = {}
         return self._by_axis(self._counts, none)
 
     @property
     def lag1(self) -> dict[str, float | None]:
-        """Give the correlation of neighbouring innovations of each axis; None before there are enough."""
+        """Correlation of successive innovations of each axis; None until there are enough."""
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(lag1))
 
     @property
     def nis(self) -> dict[str, float | None]:
-        """Give the mean normalised innovation squared of each axis; None before there are enough."""
+        """Mean normalised innovation squared (NIS) of each axis; None until there are enough."""
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(nis))
 
     @property
     def is_white(self) -> dict[str, bool | None]:
-        """Tell whether the last innovations of each axis are white enough; None before there are enough."""
+        """Whether the last innovations of each axis are white enough; None until there are enough."""
         return self._of_innovations(
             lambda lag1, nis, ljung_box, samples: (
                 describes(samples, ljung_box) if math.isfinite(ljung_box) else None
@@ -176,7 +179,7 @@ class Bank:
         )
 
     def save(self) -> OnlineState | None:
-        """Return what `state` takes; None in the start-up window and with a constant axis."""
+        """Return the state for a later bank; None in the start-up window and with a constant axis."""
         base, settings = self.baseline, self._settings
         if base is None or settings is None or base.constant_axes:
             return None
@@ -199,7 +202,7 @@ class Bank:
         )
 
     def _believe(self, beliefs: dict[str, FilterModel]) -> None:
-        """Note what the deviations of α and of f rest on from here."""
+        """Note the filter models on which the deviations of α and f are based from now on."""
         self.beliefs = beliefs
         known = map(beliefs.get, self.axes)
         self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])
@@ -226,7 +229,7 @@ class Bank:
         return {axis: figure(*one) for axis, one in zip(self.axes, self.native.whiteness(), strict=True)}
 
     def _begin(self, baseline: Baseline, Q: Sequence[float] | None = None) -> None:
-        """Make the lanes; those of constant axes, which nobody looks at, get any R."""
+        """Start the lanes; constant axes, whose estimates are not used, get any R."""
         live = [axis not in baseline.constant_axes for axis in self.axes]
         R = [R if alive else 1.0 for R, alive in zip(baseline.R, live, strict=True)]
         variances = [Variances(*one) for one in zip(Q or [self._config.state.Q] * len(R), R, strict=True)]

@@ -1,10 +1,10 @@
-"""The baseline is what must be known of the data before the first estimate: offset and variance.
+"""Find what must be known about the data before the first estimate: offset and variance.
 
-The algorithm assumes noise of zero mean and of known measurement variance R, and it is not forgiving. An
-offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm diverge, as does an
-R four times too small; a real MPU-9250 has offsets of up to ±5 deg/s. Therefore the first samples, the
-start-up window, are collected with the device at rest: their mean is the bias, their variance is R. The
-arithmetic is in firmware/core/engine/baseline.hpp.
+The algorithm assumes noise with zero mean and a known measurement variance R, and it does not tolerate
+errors in them. An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm
+diverge, and so does an R that is four times too small; a real MPU-9250 has offsets of up to ±5 deg/s.
+Therefore the first samples, the start-up window, are taken with the device at rest: their mean is the bias,
+their variance is R. The arithmetic is in firmware/core/engine/baseline.hpp.
 """
 
 import math
@@ -20,34 +20,33 @@ from fltea.settings.estimator import LARGEST, EstimatorConfig
 
 
 class Baseline(NamedTuple):
-    """Holds what the start-up window found, with one entry for each axis."""
+    """What the start-up window gives, with one entry for each axis."""
 
     bias_dps: tuple[float, ...]
-    """to be subtracted from each sample"""
+    """Bias to be subtracted from each sample."""
     R: tuple[float, ...]
-    """measurement variance in (deg/s)²; NaN for the axes in `constant_axes`"""
+    """Measurement variance in (deg/s)²; NaN for the axes in `constant_axes`."""
     constant_axes: tuple[str, ...]
-    """axes that never changed: they give no R, so they are invalid"""
+    """Axes that never changed. They give no R, so they are invalid."""
 
 
 class Moments(NamedTuple):
-    """Describes the samples of one axis in a start-up window."""
+    """Mean and variance of one axis's samples in a start-up window."""
 
     mean: float
     variance: float
-    """n-1 in the denominator; at least that of rounding to the resolution"""
+    """Variance with n-1 in the denominator; at least the variance of rounding to the resolution."""
     constant: bool
 
 
 class BaselineRule:
-    """Knows which of bias and R the settings give, and takes the others from the start-up window.
+    """Takes bias and R from the settings where these give them, and from the start-up window otherwise.
 
-    `resolution` is the size of one count in the axes' unit, if known: its quantisation variance,
-    resolution²/12, is the least that R "auto" gives. `needed` is how many samples the window has, 0 if
-    nothing is drawn from it.
+    `resolution`: size of one count in the axes' unit, if known. Its quantisation variance, resolution²/12, is
+    the smallest R that "auto" gives. `needed`: number of samples in the window, 0 if none are needed.
 
     Raises:
-        ValueError: settings with another number of axes, or a resolution that is none.
+        ValueError: the settings have another number of axes, or the resolution is not positive.
     """
 
     def __init__(self, axes: Sequence[str], config: EstimatorConfig, resolution: float | None = None) -> None:
@@ -60,13 +59,13 @@ class BaselineRule:
         self.needed = config.startup_needed
 
     def baseline_of(self, window: Sequence[Moments]) -> Baseline:
-        """Return the baseline after a window with these moments; it is empty where no window is needed."""
+        """Return the baseline after a window with these moments; `window` is empty if none is needed."""
         bias = self._given_bias
         if bias is None:
             bias = tuple(axis.mean for axis in window)
         if self._given_R is not None:
             return Baseline(bias, self._given_R, ())
-        # A variance that no filter can work with is as good as none.
+        # No filter works with such a small variance, so it counts as none.
         still = [axis.constant or axis.variance < 1 / LARGEST for axis in window]
         R = tuple(math.nan if same else axis.variance for axis, same in zip(window, still, strict=True))
         return Baseline(bias, R, tuple(axis for axis, same in zip(self.axes, still, strict=True) if same))
@@ -82,10 +81,10 @@ class BaselineRule:
 
 
 def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: float | None) -> Baseline:
-    """Return bias and R of one axis from its first samples, y (n,), or from the settings.
+    """Return bias and R of one axis from its first samples, `y` (n,), or from the settings.
 
     Raises:
-        ValueError: settings as for `BaselineRule`, or fewer samples than the window needs.
+        ValueError: the settings are wrong, as in `BaselineRule`, or the window has too few samples.
     """
     rule = BaselineRule((axis,), config, resolution)
     window = np.array(np.asarray(y)[: rule.needed], dtype=np.float64)[:, np.newaxis]
@@ -98,7 +97,7 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
 def lane_baselines(window: Array, config: EstimatorConfig, resolution: float | None) -> tuple[Array, Array]:
     """Return bias and R, (lanes,) each, of lanes that all have the settings of one axis.
 
-    window: their start-up windows, (n, lanes). R may be 0 where a lane never changed.
+    `window`: their start-up windows, (n, lanes). R may be 0 for a lane that never changed.
     """
     bias, R = np.zeros(window.shape[1]), np.zeros(window.shape[1])
     if len(window):

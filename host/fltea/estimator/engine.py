@@ -1,25 +1,24 @@
-"""The native engine runs FLTEA for one state in many lanes at once (Macias & Sierociuk 2023, section 5).
+"""Run FLTEA for one state in many lanes at once, natively (Macias & Sierociuk 2023, section 5).
 
-A lane is one system of its own (an axis, a sensor, a shuffled copy, another set of settings):
+A lane is an independent system (an axis, a sensor, a shuffled copy, another set of settings):
 
     x_k = h^α (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(α) x_{k-j} + noise of variance Q
     y_k = x_k + noise of variance R
 
-y and x in deg/s, h in s, f in s^-α; Q is the variance of a whole step, it includes h^2α. Lanes never
+y and x are in deg/s, h in s, f in s^-α; Q is the variance of a whole step and includes h^2α. Lanes never
 influence each other, and neither their number nor the width of the instruction set changes their results.
 
-Variants: "triple" is the paper's (equal to `reference` up to rounding); "joint" has one unscented filter on
-(α, β = h^α f) instead of KFo and KFw.
+Variants: "triple" is the paper's (equal to `reference` except for rounding); "joint" has one unscented filter
+on (α, β = h^α f) instead of KFo and KFw.
 
-Guards: "off" is the printed algorithm. It can diverge: results are then no longer finite, or absurd,
-and nothing is raised. "faithful" is the printed algorithm within bounds, equal to it to the bit for as
-long as nothing has to be bounded. "consistent" has the same bounds and counts the state's own variance
-in KFo, KFw and the joint filter too. With a guard every estimate stays finite, 0 <= α <= 2 and -2 2^α
-<= h^α f <= 1, whatever the input, and |y - x| <= 4 sqrt(R) after each measurement; every intervention
-is counted (`CAUSES`).
+Guards: "off" is the printed algorithm. It can diverge: its results are then not finite, or absurd, and no
+error is raised. "faithful" is the printed algorithm within bounds, and equal to it to the bit as long as no
+bound is reached. "consistent" has the same bounds, and includes the state's own variance in KFo, KFw and the
+joint filter too. With a guard, whatever the input, every estimate stays finite, 0 <= α <= 2 and -2 2^α <=
+h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement; every intervention is counted (`CAUSES`).
 
-Orders with compressed memory: those outside [-1.95, 4] are taken for the nearest of these and counted as
-"memory_order"; only with guard "off" can they occur.
+Compressed memory: an order outside [-1.95, 4] is replaced by the nearest order inside, and counted as
+"memory_order"; this can occur only with guard "off".
 """
 
 from typing import NamedTuple
@@ -33,40 +32,42 @@ from fltea.records.arrays import Array
 from fltea.records.stats import CAUSE_WORDS
 
 CAUSES = tuple(CAUSE_WORDS)
-"""Why an estimate is not the printed algorithm's, in the order of `Estimates.interventions`.
+"""Causes of interventions, after which an estimate differs from the printed algorithm's; in the order of
+`Estimates.interventions`.
 
 order_box: α left [0, 2]. order_sigma: a sigma point left [-1/2, 5/2]. order_variance: the predicted
-variance of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter),
-of KFw, exceeded `gate` standard deviations. parameter_box: h^α f left its bounds where f was stored or
-used. parameter_variance: its predicted variance exceeded a third of the square of its range.
-state_bound: the innovation of KFx exceeded 4 standard deviations, or a prediction over missing samples
-went ten times beyond anything seen. memory_order: the compressed memory was asked for an order beyond
-its range and took the nearest one (with guard "off" only).
+variance of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter), or of
+KFw, exceeded `gate` standard deviations. parameter_box: h^α f left its bounds where f was stored or used.
+parameter_variance: its predicted variance exceeded a third of the square of its range. state_bound: the
+innovation of KFx exceeded 4 standard deviations, or a prediction over missing samples exceeded all earlier
+values tenfold. memory_order: the compressed memory got an order beyond its range and took the nearest one
+inside (with guard "off" only).
 """
 
 LARGEST_INPUT = _native.LARGEST_INPUT
-"""Measurements and inputs beyond ± this are refused: sums of their squares have no room in a float."""
+"""Measurements and inputs beyond ± this are refused, since sums of their squares overflow a float."""
 
 
 class Estimates(NamedTuple):
-    """Holds what is known after every sample; arrays are (lanes,) from `step` and (n, lanes) from `run`."""
+    """The estimates after every sample; arrays are (lanes,) from `step` and (n, lanes) from `run`."""
 
     alpha: Array
     alpha_var: Array
-    """variance of α: the filter's own"""
+    """Variance of α, by the filter itself."""
     f: Array
-    """in s^-α; with variant "joint" β h^-α"""
+    """Parameter f in s^-α; with variant "joint" β h^-α."""
     f_var: Array
-    """variance of f; with variant "joint" to first order from the covariance of α and β"""
+    """Variance of f; with variant "joint" to first order from the covariance of α and β."""
     x: Array
-    """posterior state"""
+    """Posterior state."""
     P: Array
-    """its variance"""
+    """Variance of the posterior state."""
     innovation: Array
-    """measurement minus prediction; NaN where it is missing"""
+    """Measurement minus prediction; NaN without a measurement."""
     innovation_var: Array
     interventions: NDArray[np.int32]
-    """(lanes, len(CAUSES)), from `run` too: number of samples since the lane's start, by cause"""
+    """Number of samples with an intervention since the lane's start, by cause: (lanes, len(CAUSES)),
+    always."""
 
 
 def instruction_sets() -> list[str]:
@@ -77,10 +78,10 @@ def instruction_sets() -> list[str]:
 def as_rows(
     lanes: int, y: ArrayLike, u: ArrayLike | None, missing: ArrayLike | None
 ) -> tuple[Array, Array | None, NDArray[np.uint8] | None]:
-    """Return samples, inputs and marks of missing ones, all (n, lanes), as the native side takes them.
+    """Return samples, inputs and marks of missing samples, all (n, lanes), in the form for the native side.
 
     Raises:
-        ValueError: an array of another shape.
+        ValueError: an array has another shape.
     """
     measured = np.ascontiguousarray(y, dtype=np.float64)
     if measured.ndim != 2 or measured.shape[1] != lanes:
@@ -94,7 +95,7 @@ def as_rows(
 
 
 def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lanes: int) -> NDArray[np.int32]:
-    """Return how often the guard stepped in, (lanes, len(CAUSES)), since the last start of each lane."""
+    """Return the number of interventions since the last start of each lane, (lanes, len(CAUSES))."""
     counts = np.empty((lanes, len(CAUSES)), dtype=np.int32)
     native.counts(counts)
     return counts
@@ -103,9 +104,9 @@ def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lane
 class Engine:
     """Runs any number of lanes of the estimator, all of one variant, guard and memory.
 
-    `instruction_set` is one of `instruction_sets()`, by default the first. Results of different sets differ
-    by rounding. Raises ValueError for settings that no filter can work with. Calls from several threads wait
-    for each other.
+    `instruction_set`: one of `instruction_sets()`, by default the first. Results of different sets differ by
+    rounding. Raises ValueError for settings that no filter works with. Calls from several threads wait for
+    each other.
     """
 
     def __init__(self, lanes: int, settings: LaneSettings, *, instruction_set: str | None = None) -> None:
@@ -115,9 +116,9 @@ class Engine:
         self._native = _native.Engine(*settings.native(self.instruction_set, settings.table(lanes)))
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
-        """Take one sample of every lane: y, the input u that led to it (default 0), both (lanes,).
+        """Take one sample of every lane: y, and the input u that led to it (default 0), both (lanes,).
 
-        `missing` (lanes,) marks lanes without a measurement, which make a prediction-only step; their y is
+        `missing` (lanes,): marks lanes without a measurement, which make a prediction-only step; their y is
         ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are not finite
         or beyond ±LARGEST_INPUT.
         """
@@ -129,21 +130,21 @@ class Engine:
         return Estimates._make((*(column[0] for column in one[:-1]), one.interventions))
 
     def run(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
-        """Take n samples of every lane, all (n, lanes): the same, to the bit, as n calls of `step`."""
+        """Take n samples of every lane, all (n, lanes); the results equal n calls of `step` to the bit."""
         measured, drive, gone = as_rows(self.lanes, y, u, missing)
         out = np.empty((8, *measured.shape))
         self._native.run(measured, drive, gone, out)
         return Estimates._make((*out, self.interventions()))
 
     def interventions(self) -> NDArray[np.int32]:
-        """Return how often the guard stepped in, (lanes, len(CAUSES)), since the start of each lane."""
+        """Return the number of interventions since the start of each lane, (lanes, len(CAUSES))."""
         return interventions_of(self._native, self.lanes)
 
     def retune(self, settings: LaneSettings) -> None:
-        """Go on with other numbers from the next sample on, and where a lane begins again.
+        """Use other numbers from the next sample on, and for later restarts of lanes.
 
-        All that the lanes remember stays. Raises ValueError, and changes nothing, for settings that no filter
-        can work with, or of another window, memory, accuracy, variant or guard.
+        The lanes keep their states and memory. Raises ValueError, and changes nothing, for settings that no
+        filter works with, or with another window, memory, accuracy, variant or guard.
         """
         if settings.kind != self.settings.kind:
             raise ValueError("window, memory, accuracy, variant and guard of an engine cannot change")
@@ -151,7 +152,7 @@ class Engine:
         self.settings = settings
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Let the lanes of `mask` (lanes,), by default all, begin again: initial estimates, empty memory."""
+        """Restart the lanes of `mask` (lanes,), by default all, with initial estimates and empty memory."""
         flags = np.ones(self.lanes, dtype=bool) if mask is None else np.ascontiguousarray(mask, dtype=bool)
         if flags.shape != (self.lanes,):
             raise ValueError(f"mask must have shape ({self.lanes},), got {flags.shape}")
@@ -159,5 +160,5 @@ class Engine:
 
     @property
     def storage_bytes(self) -> int:
-        """Return the bytes of working memory of all lanes, idle ones of the last pack included."""
+        """Size of the working memory of all lanes, including the idle ones of the last pack [bytes]."""
         return self._native.storage_bytes

@@ -1,13 +1,13 @@
-"""What filters go on with once the noise is known: order and parameter that belong to their Q and R."""
+"""Define the order and parameter with which filters continue once a fit has given their Q and R."""
 
 import math
 from typing import NamedTuple
 
 
 class FilterModel(NamedTuple):
-    """An order and a parameter of known deviations, as a maximum-likelihood fit of all samples has them.
+    """An order and a parameter with their standard deviations, from a maximum-likelihood fit of all samples.
 
-    F = h^α f + α goes about its own way, whatever α is, and is what a sample's step says most about.
+    The errors of F = h^α f + α and of α are independent. A single step of the samples determines F best.
     """
 
     alpha: float
@@ -18,16 +18,16 @@ class FilterModel(NamedTuple):
     f_std: float
 
     def of_joint(self) -> tuple[float, float, float, float, float]:
-        """Return α, β = F - α, the variance of α, their covariance and the variance of β."""
+        """Return α, β = F - α, the variance of α, the covariance of both, and the variance of β."""
         a, F = self.alpha_std**2, self.F_std**2
         return self.alpha, self.F - self.alpha, a, -a, a + F
 
     def of_triple(self) -> tuple[float, float, float, float, float]:
-        """Return the same of α and f, each of which has a filter of its own."""
+        """Return α, f, the variance of α, a covariance of 0, and the variance of f, for separate filters."""
         return self.alpha, self.f, self.alpha_std**2, 0.0, self.f_std**2
 
     @property
     def is_sound(self) -> bool:
-        """Whether a filter can go on with it."""
+        """Whether a filter can continue with these values."""
         deviations = self.alpha_std, self.F_std, self.f_std
         return all(map(math.isfinite, self)) and 0 <= self.alpha <= 2 and min(deviations) >= 0

@@ -1,4 +1,4 @@
-"""Lane settings are what the native engine is made with: an estimator's settings, and numbers by lane."""
+"""Combine an estimator's settings with numbers for each lane into what the native engine needs."""
 
 import hashlib
 import json
@@ -30,12 +30,13 @@ _DECLARED["h"] = Declared(
 
 @dataclass(frozen=True, eq=False)
 class LaneSettings:
-    """Holds all settings of an engine; a number may also be an array with one entry for each lane.
+    """All settings of an engine; a number may also be an array with one entry for each lane.
 
-    config: the filters' settings, the window in samples. h: sampling period in s. R: measurement variance.
-    numbers: by the path of a setting in the table `estimator`, such as "state.Q", in place of that of
-    `config`; "order.R", "parameter.R" and "joint.R" are variances that one filter takes in place of R (the
-    joint one of Q + R). accuracy: digits of the compressed memory, 3 to 11; 0: the native side's default, 6.
+    `config`: the filters' settings, with the window in samples. `h`: sampling period [s]. `R`: measurement
+    variance. `numbers`: values that replace those of `config`, by the setting's path in the table
+    `estimator`, such as "state.Q"; "order.R", "parameter.R" and "joint.R" are variances that one filter uses
+    in place of R (the joint filter in place of Q + R). `accuracy`: digits of the compressed memory, 3 to 11;
+    0: the native default, 6.
     """
 
     config: EstimatorConfig
@@ -50,7 +51,7 @@ class LaneSettings:
 
     @property
     def kind(self) -> dict[str, object]:
-        """Return what the memory and the filters are made for, which cannot change."""
+        """The settings that memory and filters are made for, which cannot change later."""
         c = self.config
         return {
             "window": c.window_samples,
@@ -68,11 +69,12 @@ class LaneSettings:
     def table(self, lanes: int) -> Array:
         """Return the numbers of each lane in the order of the native engine, (lanes, 16).
 
-        These are h, of KFx x0, P0, Q and R, of KFo alpha0, P0, Q0, R and delta, of KFw the same from f0 on,
-        and gate; with variant "joint" the joint filter's are in the places of KFo's and KFw's.
+        These are h; of KFx x0, P0, Q and R; of KFo alpha0, P0, Q0, R and delta; of KFw the same beginning
+        with f0; and gate. With variant "joint" the joint filter's numbers replace those of KFo and KFw.
 
         Raises:
-            ValueError: arrays of another length, and numbers that no filter can work with; by their path.
+            ValueError: an array has another length, or no filter works with a number; the text names its
+            path.
         """
         if lanes < 1:
             raise ValueError(f"an engine needs at least one lane, got {lanes}")
@@ -95,7 +97,7 @@ class LaneSettings:
         return np.ascontiguousarray(np.column_stack(columns))
 
     def native(self, instruction_set: str, table: Array) -> NativeArguments:
-        """Return the arguments of every native class that runs the engine; `table` is that of its lanes."""
+        """Return the arguments of each native class that runs the engine; `table`: its lanes' numbers."""
         c = self.config
         return (
             instruction_set,
@@ -128,9 +130,9 @@ class LaneSettings:
 
 
 def native_table(table: Array) -> Array:
-    """Return `table` as the native engine takes it: with ln h in place of h."""
+    """Return `table` in the form for the native engine: with ln h in place of h."""
     result = table.copy()
-    # math.log and not numpy's, whose last digit depends on the processor.
+    # math.log rather than numpy's, whose last digit depends on the processor.
     result[:, 0] = [math.log(h) for h in table[:, 0]]
     return result
 

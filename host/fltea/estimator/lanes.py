@@ -1,7 +1,7 @@
-"""Lanes under the supervisor are what daemon, identify and evaluate all run.
+"""Run lanes under the supervisor, for the live program, identification and evaluation alike.
 
-Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The rules of
-the supervisor are in firmware/core/engine/supervisor.hpp, for the board too.
+Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The
+supervisor's rules, which the board uses too, are in firmware/core/engine/supervisor.hpp.
 """
 
 from typing import Literal, NamedTuple
@@ -15,17 +15,17 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array, Mask
 
 LOST_ORDER = _native.LOST_ORDER
-"""An order beyond ± this is a runaway."""
+"""An order beyond ± this counts as a runaway."""
 
 BOUND_SAMPLES = _native.BOUND_SAMPLES
 BOUND_SHARE = _native.BOUND_MOST / _native.BOUND_SAMPLES
-"""A lane whose state the guard held in more than this share of the last `BOUND_SAMPLES` is not valid."""
+"""A lane is not valid if the guard held its state in more than this share of the last `BOUND_SAMPLES`."""
 
 Reason = Literal["runaway", "bound"]
 
 
 class Lost(NamedTuple):
-    """Tells with which row a lane has become invalid, and why."""
+    """The row at which a lane became invalid, and why."""
 
     row: int
     lane: int
@@ -33,31 +33,31 @@ class Lost(NamedTuple):
 
 
 class LaneBlock(NamedTuple):
-    """Holds estimates after every sample; columns are (n, lanes), and NaN where a lane is not valid."""
+    """The estimates after every sample; columns are (n, lanes), and NaN where a lane is not valid."""
 
     alpha: Array
     alpha_std: Array
-    """the filter's own"""
+    """Standard deviation of α, by the filter itself."""
     f: Array
-    """in s^-α"""
+    """Parameter f in s^-α."""
     f_std: Array
     x: Array
-    """posterior state"""
+    """Posterior state."""
     innovation: Array
-    """measurement minus prediction; NaN where the sample is missing, too"""
+    """Measurement minus prediction; NaN also where the sample is missing."""
     innovation_std: Array
     valid: Mask
     lost: list[Lost]
-    """row after row"""
+    """Lanes that became invalid, by increasing row."""
     white: Mask | None
-    """of a bank: the innovations are white, as of the last hundred that were full"""
+    """For a bank: whether the innovations are white, judged by the last hundred complete ones."""
 
 
 class Lanes:
     """Runs any number of lanes of the estimator, all of one variant, guard and memory.
 
-    A lane that the supervisor gives up begins again with the next sample. Raises ValueError for settings
-    that no filter can work with. Calls from several threads wait for each other.
+    A lane that the supervisor gives up restarts with the next sample. Raises ValueError for settings that no
+    filter works with. Calls from several threads wait for each other.
     """
 
     def __init__(self, lanes: int, settings: LaneSettings, *, instruction_set: str | None = None) -> None:
@@ -66,7 +66,7 @@ class Lanes:
         self._native = _native.Lanes(*settings.native(instruction_set or instruction_sets()[0], table))
 
     def run(self, y: ArrayLike, missing: ArrayLike | None = None) -> LaneBlock:
-        """Take n samples of every lane, (n, lanes): the same, to the bit, however they are cut into blocks.
+        """Take n samples of every lane, (n, lanes); the results do not depend on the blocks, to the bit.
 
         `missing`, of the same shape, marks lanes without a measurement, which make a prediction-only step;
         their y is ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are
@@ -80,9 +80,9 @@ class Lanes:
 
     @property
     def restarts(self) -> NDArray[np.int64]:
-        """Tell how often each lane had to begin again, (lanes,)."""
+        """Number of restarts of each lane, (lanes,)."""
         return np.array(self._native.restarts(), dtype=np.int64)
 
     def interventions(self) -> NDArray[np.int32]:
-        """Return how often the guard stepped in, (lanes, len(CAUSES)), since the last start of each lane."""
+        """Return the number of interventions since the last start of each lane, (lanes, len(CAUSES))."""
         return interventions_of(self._native, self.lanes)

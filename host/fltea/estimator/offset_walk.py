@@ -1,10 +1,10 @@
-"""How an offset drifts: how likely walks, slow relaxations and straight lines of it make the samples.
+"""Weigh how an offset may drift: random walks, slow relaxations and slopes, by their likelihood.
 
-The spectrum leaves out what is slower than ten periods of a record. A filter in the time does not. So what an
-offset may do is weighted by the likelihood of all samples. It may stay where it is. It may walk, by steps
-from those that a record of n samples hardly shows to those that it shows at once. It may walk within bounds,
-as a relaxation does. And it may have a slope besides. A walk that the spectrum has found may have bounds,
-too: the samples show them long before the spectrum does.
+The spectrum leaves out what is slower than a tenth of a record. A filter in the time domain does not. So each
+possible drift of the offset is weighted by the likelihood of all samples. The offset may be constant. It may
+be a random walk, with steps from those that a record of n samples hardly shows to those that it shows at
+once. It may be a bounded walk, which is a relaxation. In addition it may have a slope. A walk that the
+spectrum has found may be bounded, too: the samples show that long before the spectrum does.
 """
 
 import functools
@@ -23,67 +23,69 @@ from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
-"""Variances of a step, over the level of the spectrum and times n²."""
+"""Variances of a step that are tried, divided by the spectrum's level and multiplied by n²."""
 AROUND = tuple(10.0 ** (k / 4) for k in range(-2, 3))
-"""Variances of a step, over that of a walk that the spectrum has found."""
+"""Variances of a step that are tried, as ratios to that of the walk that the spectrum has found."""
 BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
-"""Correlation times of relaxations, over the record: from the shortest that its spectrum cannot show."""
+"""Correlation times of relaxations that are tried, as ratios to the record's length; the spectrum cannot show
+even the shortest."""
 BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
-"""The same for a walk that the spectrum has found: it may have taken a relaxation for one."""
+"""The same ratios if the spectrum has found a walk, which may be a mistaken relaxation."""
 SLOW = BOUNDS_FOUND[1]
-"""The same of the fastest relaxation that the spectrum may have taken a walk for."""
+"""The ratio for the fastest relaxation that the spectrum may have mistaken for a walk."""
 RISES = 1.0, 10.0, 100.0, 1000.0
-"""Deviations of a slope, over that of a straight line's through white noise of the level."""
+"""Standard deviations of a slope that are tried, as ratios to that of a line fitted to white noise."""
 STAYS, ENDLESS, RAMPS = 0.6, 0.5, 0.25
-"""How likely, before any sample, an offset does not walk, a walk has no bounds, and there is a slope."""
+"""Prior probabilities that an offset does not walk, that a walk is unbounded, and that there is a slope."""
 CERTAIN = 0.95
 LEAST = 0.05
-"""What has a smaller share in the drift is no coordinate of the filter."""
+"""A component with a smaller share in the drift is left out of the filter's state."""
 LEAST_RIVAL = 0.02
-"""What is less likely than that is no rival."""
+"""A possibility with a smaller probability is no rival model."""
 MOST_OF_RIVALS = 6
-"""Coordinates beside the offset: noise that takes more hides a walk of its offset, and costs more."""
+"""Most states of the noise, without the offset, with which rival models are used: more states hide a walk of
+the offset, and cost more."""
 LEVEL_AT = 1e-3
-"""Where the level is read, in rad a sample."""
+"""Frequency at which the spectrum's level is read [rad per sample]."""
 
 
 class OffsetRelaxation(NamedTuple):
-    """A relaxation that stands for all walks within bounds."""
+    """A relaxation that stands for all bounded walks."""
 
     variance: float
     a: float
-    """Its pole."""
+    """Pole of the relaxation."""
 
     def part(self, h: float) -> Relaxation:
-        """Return it as a part of the noise; h: sampling period in s."""
+        """Return the relaxation as a part of the noise; `h`: sampling period [s]."""
         return Relaxation(math.sqrt(self.variance), -h / math.log(self.a))
 
 
 class OffsetWalk(NamedTuple):
-    """What an offset may do, one possibility a place of the arrays, and how likely each is."""
+    """The possible drifts of an offset, one for each index of the arrays, with their weights."""
 
     steps: Array
-    """Variance of a step; 0 where the offset does not walk."""
+    """Variance of a step; 0 if the offset does not walk."""
     taus: Array
-    """Correlation time in samples; infinite where a walk has no bounds."""
+    """Correlation time in samples; infinite if a walk is unbounded."""
     slopes: Array
     """Standard deviation of the slope, per sample."""
     weights: Array
     is_found: bool = False
     """Whether the spectrum has found the walk, or a slow relaxation in its place."""
     likelihood: float = -math.inf
-    """2 log L of the samples, in the mean of all that was tried."""
+    """2 log L of the samples, with the likelihood averaged over all possibilities."""
 
     @property
     def is_certain(self) -> bool:
-        """Whether an offset that does not walk is unlikely."""
+        """Whether it is unlikely that the offset does not walk."""
         return float(self.weights[self.steps == 0].sum()) < 1 - CERTAIN
 
     def K(self, h: float) -> Interval:
-        """Return the random walk of the rate, per s and √s; null where there may be none.
+        """Return the rate random walk K, per s and √s; empty if there may be none.
 
-        It is the median of the walks by their weight, and the interval has 95 % of that. The mean variance of
-        their steps, which is what a filter goes by, would be too large for the K of a sensor.
+        It is the weighted median of the walks, with the interval of 95 % of the weight. The mean variance of
+        their steps, which a filter uses, would give too large a K for a sensor.
         """
         if not self.is_certain:
             return Interval()
@@ -94,10 +96,11 @@ class OffsetWalk(NamedTuple):
         return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
-        """Return the system of a noise, of which `bare` has no offset, with what its offset does in the mean.
+        """Return the system of a noise with its offset's mean drift; `bare`: the system without an offset.
 
-        Of all linear filters that of the mean of the spectra has the least mean square error. The relaxations
-        become one, which has their mean variance, and the mean variance of their steps.
+        Of all linear filters, the one for the mean of the spectra has the least mean square error. The
+        relaxations are combined into one, with their mean variance, and with the mean variance of their
+        steps.
         """
         found, relaxation = bare, self.relaxation
         if relaxation is not None:
@@ -107,9 +110,9 @@ class OffsetWalk(NamedTuple):
         return self._with_slope(found, samples)
 
     def rivals(self, bare: System, samples: int) -> "Rivals":
-        """Return what the samples to come may tell apart: an offset that walks, and one that does not.
+        """Return the models between which later samples may decide: an offset that walks, and a constant one.
 
-        The mean of both would be too sure of the one, and too slow for the other.
+        The mean of both would be too certain if the offset walks, and too slow if it does not.
         """
         stays = self.steps == 0
         likely = 1 - float(self.weights[stays].sum())
@@ -118,19 +121,19 @@ class OffsetWalk(NamedTuple):
         walking = self._replace(weights=np.where(stays, 0.0, self.weights) / likely)
         system = walking.system(bare, samples)
         n, Q, P0 = len(bare.a), system.Q.copy(), system.P0.copy()
-        still = np.flatnonzero(system.a[n:] == 1.0)[0] + n  # the offset; before it its relaxation, if any
+        still = np.flatnonzero(system.a[n:] == 1.0)[0] + n  # index of the offset; its relaxation precedes it
         Q[n:, :] = Q[:, n:] = 0.0
         P0[n:still, :] = P0[:, n:still] = 0.0
         return Rivals(system, system._replace(Q=Q, P0=P0), likely)
 
     @property
     def endless(self) -> float:
-        """The mean variance of a step of walks without bounds."""
+        """Mean variance of a step of unbounded walks."""
         return float((self.weights * self.steps)[~self._bounded].sum())
 
     @property
     def relaxation(self) -> OffsetRelaxation | None:
-        """The mean of walks within bounds; None if they are unlikely."""
+        """Mean of the bounded walks; None if they are unlikely."""
         bounded = self._bounded
         powers = (self.weights * self.steps)[bounded]
         if (q := float(powers.sum())) <= 0:
@@ -147,20 +150,20 @@ class OffsetWalk(NamedTuple):
 
     @property
     def _bounded(self) -> Mask:
-        """Where walks have bounds, (n,); nowhere if that is unlikely."""
+        """Which walks are bounded, (n,); none if that is unlikely."""
         bounded = np.isfinite(self.taus)
         return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
 
     def likely(self, bare: System, samples: int, least: float) -> list[tuple[float, System]]:
-        """Return what the offset may do, if it is not less likely than `least`: weights and systems."""
+        """Return the possible drifts with at least the weight `least`: their weights and systems."""
         found = zip(self.weights, self.steps, self.taus, self.slopes, strict=True)
         return [(w, _one(bare, samples, q, tau, slope)) for w, q, tau, slope in found if w >= least]
 
     def _with_slope(self, found: System, samples: int) -> System:
-        """Return the same with the slope, if it matters.
+        """Return the system with the slope added, if it matters.
 
-        Where a line through the samples leaves the variance v of its slope, one of variance s² before takes
-        the share s² / (s² + v) of it. One Gaussian stands for all: it takes the mean share.
+        If a line fitted to the samples leaves the variance v of the slope, a slope of prior variance s²
+        explains the share s² / (s² + v). One Gaussian stands for all slopes, with the mean share.
         """
         most = float(self.slopes.max())
         if most == 0:
@@ -175,7 +178,7 @@ class OffsetWalk(NamedTuple):
 
 
 class Rivals(NamedTuple):
-    """What the noise of an axis is, and what it may be, too; likely: how likely the first one is."""
+    """The model of an axis's noise, and a rival model; `likely`: probability of the first."""
 
     system: System
     rival: System | None = None
@@ -191,27 +194,28 @@ class Followed(NamedTuple):
     system: System
     walk: OffsetWalk
     parts: Sequence[Part]
-    """Those that were found, or with a walk in place of the slowest relaxation."""
+    """The parts that were found, or with a walk in place of the slowest relaxation."""
     rivals: "Rivals"
-    """What the samples to come may tell apart."""
+    """The models between which later samples may decide."""
 
 
 def system_of(
     parts: Sequence[Part], h: float, samples: int, remembered: Remembered, *, every: int = 1
 ) -> Followed:
-    """Return the system of a noise found in so many samples, and what its offset does.
+    """Return the system of a noise that was found in `samples` samples, and its offset's drift.
 
-    It may walk beside orders, too. Measured, this is as near the best as a constant offset where that is the
-    truth, and nearer where a fit has missed what is slow. The spectrum may have taken a walk for a slow
-    relaxation, too: that is tried where there is one. remembered: of these samples. every: of so many values
-    of a step, a bound and a slope one is tried.
+    The offset may walk in addition to a fractional order. By measurement, this is as good as a constant
+    offset where the offset is constant, and better where a fit has missed slow noise. The spectrum may also
+    have mistaken a walk for a slow relaxation; if there is one, both are tried. `remembered`: the same
+    samples.
+    `every`: only one in `every` values of a step, a bound and a slope is tried.
     """
     found = _followed(parts, h, samples, remembered, every)
     walking = _as_walk(parts, h, samples)
     if walking is None or found.walk is CONSTANT:
         return found
     other = _followed(walking, h, samples, remembered, every)
-    # The correlation time of the relaxation is the best of as many as are tried beside it.
+    # Fair, since the relaxation's correlation time is the best of as many as are tried for the walk.
     ahead = other.walk.likelihood - found.walk.likelihood + 2 * math.log(len(BOUNDS_FOUND))
     return other if other.walk is not CONSTANT and ahead > 0 else found
 
@@ -227,7 +231,7 @@ def _followed(parts: Sequence[Part], h: float, samples: int, remembered: Remembe
 
 
 def _as_walk(parts: Sequence[Part], h: float, samples: int) -> list[Part] | None:
-    """Return the parts with a walk in place of the slowest relaxation; None where there is none so slow."""
+    """Return the parts with a walk in place of the slowest relaxation; None if none is slow enough."""
     slow = [part for part in parts if isinstance(part, Relaxation) and part.tau_s > SLOW * samples * h]
     if not slow or _has_order(parts) or any(isinstance(part, Walk) for part in parts):
         return None
@@ -241,7 +245,7 @@ def _has_order(parts: Sequence[Part]) -> bool:
 
 
 def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:
-    """Return the system of parts that were found, without their walk, and the variance of its step."""
+    """Return the system of the found parts without their walk, and the variance of that walk's step."""
     bare = system([part for part in parts if not isinstance(part, Walk)], h, samples, found=True)
     return bare, math.fsum(part.K**2 * h for part in parts if isinstance(part, Walk))
 
@@ -255,16 +259,16 @@ def offset_walk(
     bounds: Sequence[float] = BOUNDS,
     every: int = 1,
 ) -> OffsetWalk:
-    """Return what the offset of a noise does.
+    """Return the possible drifts of a noise's offset, with their weights.
 
-    found: variance of a step of the walk that the spectrum has found; 0 if it has none. bounds: correlation
-    times that are tried, over the record. every: of so many values one is tried.
+    `found`: variance of a step of the walk that the spectrum has found; 0 if it has found none. `bounds`:
+    correlation times to try, as ratios to the record's length. `every`: only one in `every` values is tried.
     """
     level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
     steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]
     line = math.sqrt(12 * level / samples**3)
     steps = steps[::every]
-    # An offset, its relaxation and its slope.
+    # Room for an offset, its relaxation and its slope.
     has_room = len(bare.a) + 3 <= _native.TRACKER_COORDINATES
     slopes = [line * one for one in RISES[::every]] if has_room else []
     taus = [samples * one for one in bounds[::every]] if has_room else []
@@ -287,7 +291,7 @@ def offset_walk(
 def walks_tried(
     steps: Sequence[float], taus: Sequence[float], stays: float
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield step, correlation time and prior weight of what an offset may do but for its slope."""
+    """Yield step, correlation time and prior weight of the possible drifts without their slope."""
     if stays > 0:
         yield 0.0, math.inf, stays
     for q in steps:
@@ -296,14 +300,14 @@ def walks_tried(
 
 
 def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[float, float]]:
-    """Return values with their weights: that of the first, and the rest of 1 for the others alike."""
+    """Return values with their weights: `weight` for the first, equal shares of the rest for the others."""
     if not others:
         return [(first, 1.0)]
     return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
 
 
 def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
-    """Return the coordinates of an offset; power: as of `offset_of`, without it."""
+    """Return the states of an offset; `power`: as in `offset_of`, without the offset's relaxation."""
     found = []
     if math.isfinite(tau):
         a = math.exp(-1 / tau)

@@ -1,4 +1,4 @@
-"""What is saved of a bank: its baseline, and its engine with what it was made for."""
+"""Define what is saved of a bank: its baseline, and its engine with the settings that it was made for."""
 
 import math
 import zlib
@@ -13,12 +13,12 @@ MOST_RESTARTS = 1 << 52
 
 
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Holds a saved baseline, and the filters that go on from it.
+    """A saved baseline, and the filters that continue from it.
 
-    R, Q: variances in use. tuned: axes whose variances are of a fit; beliefs: what came with them. engine:
-    the native filters with their memory, and checksum its CRC-32; instruction_set: what they ran with;
-    settings: `LaneSettings.digest` of what they were made for. whiteness: what the innovations were like.
-    supervisors: what the supervisors have seen.
+    `R`, `Q`: variances in use. `tuned`: axes whose variances came from a fit. `beliefs`: filter models of
+    that fit. `engine`: the native filters with their memory. `checksum`: CRC-32 of `engine`.
+    `instruction_set`: the one that the filters ran with. `settings`: `LaneSettings.digest` of the engine's
+    settings. `whiteness`: sums of the innovations. `supervisors`: state of the supervisors.
     """
 
     axes: tuple[str, ...]
@@ -36,7 +36,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     whiteness: bytes | None = None
 
     def check(self, axes: tuple[str, ...]) -> None:
-        """Raise ValueError, with what is wrong, unless it is undamaged, sound and of these axes."""
+        """Raise ValueError, with the reason, unless the state is undamaged, valid and of these axes."""
         if self.axes != axes:
             raise ValueError(f"it is of the axes {', '.join(self.axes)}")
         if zlib.crc32(self.engine) != self.checksum:

@@ -1,11 +1,11 @@
-"""The tracker says what the bias of each axis is now, with its σ: the filter of the noise that was found.
+"""Estimate the present bias of each axis, with its σ, by the filter of the noise that was found.
 
-The bias is the sensor's offset and the state of its noise. Until the noise is known, a bank of random walks
-and relaxations stands for it (host/native/walk_bank.hpp). The samples that a filter remembers are filtered
-again when the noise is found to be another one, so that the state is that of the newest model from then on.
-Where the sensor is moved, all axes predict. Where the bias of an axis steps, its filter begins there again.
+The bias is the sensor's offset plus the state of its noise. Until the noise is known, a bank of random walks
+and relaxations stands for it (host/native/walk_bank.hpp). When the noise model changes, the samples that a
+filter remembers are filtered again, so that the state is that of the newest model from then on. While the
+sensor moves, all axes predict. Where the bias of an axis steps, its filter restarts.
 
-The bias is a forecast: the mean that is expected of offset and state over the next samples.
+The bias is a forecast: the mean of offset and state that is expected over the next samples.
 """
 
 import math
@@ -22,20 +22,20 @@ from fltea.records.arrays import Array, Mask
 
 
 class Tracks(NamedTuple):
-    """What is known after every sample, (n, axes); NaN where nothing is yet."""
+    """The estimates after every sample, (n, axes); NaN while they are unknown."""
 
     state: Array
     state_std: Array
     bias: Array
-    """offset and state"""
+    """Offset plus state."""
     bias_std: Array
     innovation: Array
-    """measurement minus prediction"""
+    """Measurement minus prediction."""
     moving: Mask
 
 
 class Rest(IntEnum):
-    """What the caller knows of a sensor: nothing, that it is at rest, or that it moves."""
+    """What the caller knows about a sensor: nothing, that it is at rest, or that it moves."""
 
     UNKNOWN = 0
     AT_REST = 1
@@ -43,7 +43,7 @@ class Rest(IntEnum):
 
 
 class EventKind(IntEnum):
-    """What can happen with a sample: the bias of an axis has stepped; motion has begun; it has ended."""
+    """What can happen at a sample: the bias of an axis steps, motion begins, or motion ends."""
 
     STEP = 0
     MOVES = 1
@@ -51,33 +51,35 @@ class EventKind(IntEnum):
 
 
 BY_ACCEL, BY_CALLER = -1, -2
-"""Who has shown motion, in place of an axis."""
+"""What detected motion, in place of an axis: the accelerometer, or the caller."""
 
 
 class TrackerEvent(NamedTuple):
-    """What has happened, known with the sample `row` of a call."""
+    """An event, detected at the sample `row` of a call."""
 
     kind: EventKind
     row: int
     axis: int
-    """Of a step: its axis. Of motion: the axis that has shown it, BY_ACCEL or BY_CALLER."""
+    """Axis of a step; or the axis that detected motion, BY_ACCEL or BY_CALLER."""
     ago: int
-    """Samples since it began, the newest included; of motion that ends 0."""
+    """Number of samples since the event began, the newest included; 0 for the end of motion."""
     size: float
-    """Of a step, in the samples' unit; of motion that ends, how far from the bias a sample was at most."""
+    """Size of a step, in the samples' unit; for the end of motion, the largest distance from the bias."""
     size_std: float
     samples: int
-    """How long the motion that ends was."""
+    """Length of the motion that ends, in samples."""
 
 
 class TrackerRules(NamedTuple):
-    """What a tracker goes by, in samples and in their unit.
+    """Settings of a tracker, in samples and in their unit.
 
-    ahead: samples to come for which the bias is meant; 0: it is that of the newest sample. checked: lengths
-    over which it is checked. largest_step: farther a bias does not step within a second; what does is motion.
-    largest_gravity_step: the same of the accelerometer. still: the number of samples that lie still elsewhere
-    from which on there is where the offset is now, if `settles`, the caller says so, or there is nearer to 0;
-    patience: from which on that is so anyway.
+    `ahead`: number of coming samples for which the bias is meant; 0: only the newest sample. `checked`:
+    lengths over which the bias is checked. `largest_step`: a larger change within a second is motion, not a
+    step.
+    `largest_gravity_step`: the same for the accelerometer. `still`: number of samples at rest at another
+    value after which that value is the new offset, if `settles`, if the caller says that the sensor is at
+    rest, or if the value is nearer to 0. `patience`: number of samples after which it is the new offset in
+    any case.
     """
 
     ahead: int = 0
@@ -90,60 +92,63 @@ class TrackerRules(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """The bias beside the means of so many pieces of the samples that came: rms over σ; None without one."""
+    """The bias compared with the means of `pieces` later pieces of samples.
+
+    `rms`: root mean square of the error over σ; None without a piece.
+    """
 
     pieces: int
     rms: float | None
 
 
 class TrackerFigures(NamedTuple):
-    """How the tracker of an axis gets on; figures of innovations are None before there are enough."""
+    """Figures of an axis's tracker; those of the innovations are None until there are enough."""
 
     moved: int
-    """samples in motion"""
+    """Number of samples in motion."""
     begun: int
-    """how often it began again, at an offset that had changed"""
+    """Number of restarts at an offset that had changed."""
     steps: int
-    """steps of the bias"""
+    """Number of steps of the bias."""
     lag1: float | None
     nis: float | None
     ljung_box: float | None
     innovations: int
     checked: tuple[Checked, ...]
     bias: float | None
-    """after the newest sample; None where nothing is known yet"""
+    """Bias after the newest sample; None while it is unknown."""
     bias_std: float | None
 
 
 class Remembered:
-    """What a tracker remembers of the samples of an axis, as it was; it may be asked in any thread."""
+    """The samples of an axis that a tracker remembered at some time; may be used in any thread."""
 
     def __init__(self, native: _native.Remembered) -> None:
         self.native = native
 
     def likelihood(self, system: System) -> float:
-        """Return 2 log L of them with such a noise, but for a constant; NaN without a filter.
+        """Return 2 log L of the samples with such a noise, up to a constant; NaN without a filter.
 
-        Raises ValueError for what is no system.
+        Raises ValueError for an invalid system.
         """
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return the same of a system with each of these coordinates more."""
+        """Return 2 log L of the samples for the system with each of these sets of states added."""
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
-        """Return the same of the bank of walks; NaN before it knew enough, and once a system was set."""
+        """Return 2 log L of the bank of walks; NaN before it has enough samples, or once a system is set."""
         return self.native.of_walks()
 
 
 class TrackerModel:
-    """A noise as the tracker of an axis goes by it: made in any thread, for trackers with the same rules.
+    """A noise model for the tracker of an axis; made in any thread, for trackers with the same rules.
 
-    rival: what the noise may be, too, with as many coordinates; the samples tell which of them it is. likely:
-    how likely the first one is by now.
+    `rival`: a rival model with the same number of states; later samples decide between both. `likely`:
+    present probability of the first model.
 
-    Raises ValueError if no filter can work with it.
+    Raises ValueError if no filter works with the model.
     """
 
     def __init__(
@@ -156,11 +161,11 @@ class TrackerModel:
         self.native = _native.TrackerModel(rules.ahead, list(rules.checked), absolute, weights, numbers)
 
     def refilter(self, remembered: Remembered, to_come: int) -> None:
-        """Filter what a tracker remembers, in any thread, so that less is left to `Tracker.go_by`.
+        """Filter the remembered samples, in any thread, so that less work is left to `Tracker.go_by`.
 
-        to_come: the samples that the tracker takes from then until `Tracker.go_by`, MOST_TO_COME at most. If
-        more has happened by then, or fewer samples came, the tracker does it all itself: what comes out is
-        the same, but for what the test of steps knows of innovations: that is as of `remembered`.
+        `to_come`: number of samples that the tracker takes until `Tracker.go_by`, at most MOST_TO_COME. If
+        more has happened by then, or fewer samples came, the tracker filters everything itself. The results
+        are the same, except that the test of steps knows the innovations only up to `remembered`.
 
         Raises ValueError for more samples.
         """
@@ -168,17 +173,17 @@ class TrackerModel:
 
 
 MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
-"""Samples to come, before which what is remembered can be filtered."""
+"""Most samples that may come between the filtering of remembered samples and `Tracker.go_by`."""
 
 
 AT_ONCE = 1 << 14
-"""Rows of a long recording, so that what is made of them fits the caches."""
+"""Number of rows of a long recording taken at once, so that their results fit the caches."""
 
 
 class Tracker:
     """Tracks the biases of the axes of one sensor.
 
-    offsets: what the sensor adds to each axis, None where that is not known.
+    `offsets`: known offset of each axis, None if it is not known.
     """
 
     def __init__(self, offsets: Sequence[float | None], rules: TrackerRules | None = None) -> None:
@@ -189,16 +194,15 @@ class Tracker:
             list(offsets), ahead, list(checked), step, gravity_step, still, patience, settles
         )
         self.events: list[TrackerEvent] = []
-        """What has happened with the samples of the last call of `run`."""
+        """What happened during the samples of the last call of `run`."""
 
     def run(self, y: ArrayLike, accel: ArrayLike | None = None, rest: Rest = Rest.UNKNOWN) -> Tracks:
-        """Take n samples of every axis, (n, axes): the same, to the bit, however they are cut into blocks.
+        """Take n samples of every axis, (n, axes); the results do not depend on the blocks, to the bit.
 
-        accel: samples of the sensor's accelerometer at the same instants, (n, 1 to 3) in m/s²; by them, too,
-        it is known whether the sensor moves.
+        `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²], which help to detect motion.
 
-        Raises ValueError, and changes nothing, for a wrong shape, and for numbers that are not finite or
-        beyond all measure.
+        Raises ValueError, and changes nothing, for a wrong shape, and for numbers that are not finite or far
+        too large.
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         out, moving = np.empty((5, *rows.shape)), np.empty(rows.shape, dtype=np.uint8)
@@ -207,7 +211,7 @@ class Tracker:
         return Tracks._make((*out, moving.view(np.bool_)))
 
     def take(self, y: Array) -> None:
-        """Take samples of one axis, (n,), of which only what is known at the end is wanted."""
+        """Take samples of one axis, (n,), if only the state after the last one is wanted."""
         for begin in range(0, len(y), AT_ONCE):
             self.run(y[begin : begin + AT_ONCE, None])
 
@@ -216,27 +220,27 @@ class Tracker:
         self.native.skip(count)
 
     def set(self, lane: int, system: System, rival: System | None = None, likely: float = 1.0) -> None:
-        """Make the model of a noise, as `TrackerModel` does, and go by it.
+        """Make a model as `TrackerModel` does, and use it for an axis.
 
-        Raises ValueError, and changes nothing, if no filter can work with it.
+        Raises ValueError, and changes nothing, if no filter works with it.
         """
         self.go_by(lane, TrackerModel(self.rules, system, rival, likely))
 
     def go_by(self, lane: int, model: TrackerModel) -> None:
-        """Take this for the noise of an axis, from the next sample on.
+        """Use this noise model for an axis, from the next sample on.
 
-        Raises ValueError, and changes nothing, if no filter can work with it.
+        Raises ValueError, and changes nothing, if no filter works with it.
         """
         self.native.set(lane, model.native)
 
     def remembered(self, lane: int) -> Remembered:
-        """Return what it remembers of the samples of an axis, as it is now."""
+        """Return the samples of an axis that the tracker remembers now."""
         return Remembered(self.native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
-        """Return where the numbers of an axis begin, and from there x of its system after the newest sample.
+        """Return the origin of an axis's values, and its system's state x from there, after the last sample.
 
-        Without a system there are no coordinates.
+        Without a system x is empty.
         """
         origin, x = self.native.x(lane)
         return origin, np.array(x)
@@ -247,7 +251,7 @@ class Tracker:
         return self.native.moving()
 
     def figures(self) -> list[TrackerFigures]:
-        """Tell how each axis gets on."""
+        """Return the figures of each axis's tracker."""
         found = []
         for moved, begun, steps, lag1, nis, ljung_box, n, checks, *biases in self.native.stats():
             known = checks[: self._checks]
@@ -257,16 +261,16 @@ class Tracker:
         return found
 
     def save(self) -> bytes:
-        """Return what `load` takes."""
+        """Return the tracker's state for `load`."""
         return self.native.save()
 
     def load(self, saved: bytes) -> None:
-        """Go on from there. Raises ValueError, and changes nothing, for what cannot be one's own."""
+        """Continue from a saved state. Raises ValueError, and changes nothing, for an invalid one."""
         self.native.load(saved)
 
 
 def events_of(native: Sequence[tuple[int, int, int, int, float, float, int]]) -> list[TrackerEvent]:
-    """Return what has happened, as `_native.Tracker.run` tells it."""
+    """Return the events that `_native.Tracker.run` reports."""
     return [TrackerEvent._make((EventKind(kind), *rest)) for kind, *rest in native]
 
 

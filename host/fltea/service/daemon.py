@@ -233,7 +233,7 @@ class _Run:
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
     def _end(self, walk: "DeviceStream | Ingest", error: Exception | None) -> None:
-        """Note that a source has ended; after a fault the program must end, so that it does not look alive."""
+        """Note that a source has ended; a fault ends the program, so that it does not look alive."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error

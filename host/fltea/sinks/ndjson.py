@@ -1,4 +1,4 @@
-"""One JSON object a line on a binary stream (host/docs/reference/records.md)."""
+"""Write one JSON object per line to a binary stream (host/docs/reference/records.md)."""
 
 import io
 import sys
@@ -16,15 +16,15 @@ FULL_S = 0.005
 
 
 class NdjsonSink(Sink):
-    """Writes records as lines, the samples among them only on request.
+    """Writes records as JSON lines; samples only if asked for.
 
-    stream: unbuffered, so that nothing is left in it when its reader does not read.
+    `stream`: unbuffered, so that no data stays in a buffer when the reader stops reading.
     """
 
     name = "stdout"
     lossless = True
     capacity = 50_000
-    rest_s = 0.0003  # what many devices say comes printed together, and a line waits for nobody
+    rest_s = 0.0003  # short, since the records of many devices arrive together, already printed
     prints: Wanted
 
     def __init__(self, stream: BinaryIO, *, samples: bool) -> None:
@@ -34,7 +34,7 @@ class NdjsonSink(Sink):
         self._pending = bytearray()
 
     def write(self, item: Item) -> None:
-        """Add a line a record."""
+        """Add the item's records, one JSON line each."""
         if isinstance(item, Printed):
             self._pending += item.data
         elif isinstance(item, Block):
@@ -45,22 +45,22 @@ class NdjsonSink(Sink):
             self.flush()
 
     def flush(self) -> None:
-        """Write what was added."""
+        """Write the added lines."""
         try:
             while self._pending:
                 written = self._stream.write(self._pending)
-                if written is None:  # somebody made it non-blocking, and it is full
+                if written is None:  # another process made the stream non-blocking, and it is full
                     time.sleep(FULL_S)
                 del self._pending[: written or 0]
         except (BrokenPipeError, ValueError) as error:  # ValueError: the stream was closed
             raise SinkClosed from error
 
     def close(self) -> None:
-        """Write what was added; the stream stays open."""
+        """Write the added lines; the stream stays open."""
         self.flush()
 
 
 def open_output(opening: Opening) -> NdjsonSink:
-    """Write to the standard output."""
+    """Open the sink on the standard output."""
     stdout = io.FileIO(sys.stdout.fileno(), "wb", closefd=False)
     return NdjsonSink(stdout, samples=opening.program.samples)

@@ -1,4 +1,4 @@
-"""What an output may know of the program while it is opened, by the `open_output` of its module."""
+"""Define what the `open_output` of an output's module gets to know about the program."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -10,10 +10,12 @@ from fltea.settings.config import Config
 class Opening(NamedTuple):
     """The program that opens an output.
 
-    configs: of all devices; the first also says what holds for the program. device: the name of the one that
-    the output is for, "" if it is for all. apart: names of sources that stand for one device; shared: of
-    those that stand for many. report: tells a trouble to all outputs. outlets: all outputs, each with the
-    device that it belongs to, or None. recorder: begins and ends recordings. say: writes to the terminal.
+    `configs`: settings of all devices; the first one also has the program's settings.
+    `device`: name of the device that the output is for; "" if it is for all.
+    `apart`: names of sources of one device. `shared`: names of sources of many devices.
+    `report`: reports a trouble to all outputs. `sink_queues`: returns all outputs, each with its device or
+    None.
+    `recorder`: begins and ends recordings. `say`: writes to the terminal.
     """
 
     configs: Sequence[Config]
@@ -27,5 +29,5 @@ class Opening(NamedTuple):
 
     @property
     def program(self) -> Config:
-        """What holds for the whole program."""
+        """Settings of the whole program."""
         return self.configs[0]

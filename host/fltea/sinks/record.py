@@ -1,4 +1,4 @@
-"""Records what comes over the wire, and the records made of it, in MCAP files."""
+"""Record what arrives over the wire, and the records made of it, in MCAP files."""
 
 import errno
 from pathlib import Path
@@ -22,37 +22,38 @@ from fltea.sinks.record_session import NOTHING, OpenPart, Session, longer, summe
 from fltea.sources.as_wire import as_stated
 
 FLUSH_NS = 750_000_000
-"""What a killed program loses is at most this and the pause between two calls of `flush`."""
+"""Time between two flushes: a killed program loses at most this time plus the pause between calls [ns]."""
 
 RETRY_NS = 5 * 10**9
-"""A disk that failed is looked at so often."""
+"""Time between two attempts to write to a disk that failed [ns]."""
 
 REFUSED = ("version", "bad_hello")
-"""Errors of a device whose samples are not believed until its next good HELLO."""
+"""Kinds of errors after which a device's samples are not used until its next good HELLO."""
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 DELETED = "record_deleted"
-"""Kind of a gap whose file another program has taken away: there is nothing to wait for."""
+"""Kind of the gap after another program has deleted the file, when the next file begins without waiting."""
 
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
-"""Records by the names of their classes."""
+"""Types of records by the names of their channels."""
 
 OF_BLOCKS = {
     "sample": Wanted(samples=True, nulls=False),
     "estimate": Wanted(estimates=True, nulls=False),
     "corrected": Wanted(corrected=True, nulls=False),
 }
-"""Channels of what has a row a sample."""
+"""What is written to the channels that have one message per sample."""
 
 
 class RecordSink(Sink):
-    """One device's session: files one after the other, in a folder that may hold others.
+    """Records one device's session: files one after the other, in a folder that may hold other files.
 
-    A disk that is full or fails stops the recording, not the program: what is not recorded is counted, and a
-    new file begins when there is room again; at once if another program took the file away. hello: what is
-    known of a device that is running already. path: the newest file; trouble: why nothing is recorded at the
-    moment.
+    A disk that is full or fails stops the recording, not the program. What is not recorded is counted, and a
+    new file begins when there is room again, or at once if another program took the file away.
+
+    `hello`: the HELLO of a device that is running already. `path`: the newest file. `trouble`: why nothing is
+    recorded at the moment.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -88,17 +89,17 @@ class RecordSink(Sink):
 
     @property
     def parts(self) -> int:
-        """The number of files so far."""
+        """Number of files so far."""
         return self._session.parts
 
     @property
     def size_bytes(self) -> int:
-        """The size of all files so far, as far as written; may be asked from any thread."""
+        """Number of bytes written to all files so far; may be asked from any thread."""
         part = self._part
         return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 
     def write(self, item: Item) -> None:
-        """Take one item; a new file begins only before one from the wire."""
+        """Take one item; a new file begins only before an item from the wire."""
         match item:
             case Reads():
                 self._on_reads(item)
@@ -108,13 +109,13 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # never given to a sink that prints nothing
+            case Printed():  # never given to a sink that takes no printed text
                 pass
             case _:
                 self._on_record(item)
 
     def flush(self) -> None:
-        """Hand what has been gathered to the operating system, if the last time is long enough ago."""
+        """Write what was gathered to the file, if the last time was long enough ago."""
         now_ns = clock.host_ns()
         if self._part is None or now_ns - self._part.flushed_ns < FLUSH_NS:
             return
@@ -122,12 +123,12 @@ class RecordSink(Sink):
             self._part.flush(now_ns)
         except Meddled as error:
             self._stop(error)
-            self._begin()  # at once: the device may be silent for long
+            self._begin()  # at once, since the device may be silent for long
         except OSError as error:
             self._stop(error)
 
     def on_overflow(self, count: int) -> None:
-        """Mark the place, and forget what was known of the device."""
+        """Record a gap, and forget the device's HELLO, which may be among the dropped items."""
         self._hello = None
         if self._part is not None:
             self._part.add_gap(LinkMessage("gap", kind=OVERFLOW, items=count), self._log_ns)
@@ -158,7 +159,7 @@ class RecordSink(Sink):
             self._part.add_link(message, self._log_ns, item.host_ns + item.unix_offset_ns)
 
     def _come(self, host_ns: int, unix_offset_ns: int) -> None:
-        """Get ready for what came over the wire: with a new file if it is time."""
+        """Prepare for data from the wire, with a new file if it is time."""
         self._now_ns = host_ns
         if self._offset_ns is None:
             self._offset_ns = unix_offset_ns
@@ -193,24 +194,24 @@ class RecordSink(Sink):
             self._lose()
 
     def _file(self) -> OpenPart | None:
-        """Return the open file, if any; an error of another output may come before all from the device."""
+        """Return the open file, if any; it may be begun by an error that precedes all data of the device."""
         if self._offset_ns is None:
             self._come(clock.host_ns(), clock.unix_offset_ns())
         return self._part
 
     @property
     def _log_ns(self) -> int:
-        """Time of the newest item, as the file has it."""
+        """Time of the newest item, as in the file."""
         return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
-        """Count what no file takes."""
+        """Count items that no file takes."""
         self.lost += items
         if self._gap is not None:
             self._gap = longer(self._gap, items, size_bytes, chunks)
 
     def _is_due(self, part: OpenPart) -> bool:
-        """Whether the file is large or old enough."""
+        """Return whether the file is large or old enough to begin the next one."""
         age_ns = self._now_ns - part.began_ns
         return (
             part.writer.size_bytes >= self._settings.rotate_mb * 1e6
@@ -218,7 +219,7 @@ class RecordSink(Sink):
         )
 
     def _begin(self) -> None:
-        """Begin the next file; after a failure only now and then, and only if there is room for some time."""
+        """Begin the next file; after a failure only every few seconds, and only if there is enough room."""
         now_ns = clock.host_ns()
         if self._gap is not None and now_ns < self._retry_ns:
             return
@@ -257,7 +258,7 @@ class RecordSink(Sink):
             self._part = None
 
     def _stop(self, error: OSError) -> None:
-        """Give the file up, report it once, and begin to count what is not recorded."""
+        """Give the file up, report that once, and begin to count what is not recorded."""
         part, self._part = self._part, None
         if isinstance(error, Meddled) and part is not None:
             self._lose_file(part, error)
@@ -277,7 +278,7 @@ class RecordSink(Sink):
         self._report(kind, text)
 
     def _lose_file(self, part: OpenPart, error: Meddled) -> None:
-        """Give up a file that another program took away, report it, and let the next one begin at once."""
+        """Give up a file that another program took away, report it, and let the next file begin at once."""
         lost = lost_of(part, error)
         if error.what == "moved":
             try:
@@ -301,7 +302,7 @@ class RecordSink(Sink):
 
 
 def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:
-    """Kind and text of what stopped a recording."""
+    """Return kind and text of the error that stopped a recording."""
     if error.errno in NO_ROOM:
         return "disk_full", (
             f"recording to {folder} stopped: {error.strerror}. All else goes on, and so does the recording, "
@@ -314,6 +315,6 @@ def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:
 
 
 def open_output(opening: Opening) -> RecordSink:
-    """Record one device for as long as the program runs."""
+    """Open the recording of one device, for as long as the program runs."""
     settings = opening.program.record.for_devices(len(opening.configs))
     return RecordSink(settings, opening.device, opening.report)

@@ -1,4 +1,4 @@
-"""A record as JSON, for lines of text and for messages."""
+"""Encode a record as JSON, for lines of text and for messages."""
 
 import re
 
@@ -9,12 +9,13 @@ OBJECTS = (
     *("estimator", "accel_estimator"),
     *("board", "device_estimator", "tracker"),
 )
-"""Objects that a record may be without. Arrow refuses one that is null for a megabyte and then an object."""
+"""Objects that a record may lack. They are left out, since Arrow fails on a field that is null for the first
+megabyte and an object later."""
 ABSENT = re.compile(rb',"(?:%b)":null|"(?:%b)":null,' % (("|".join(OBJECTS).encode(),) * 2))
 
 _encode = msgspec.json.Encoder().encode
 
 
 def record_json(record: object) -> bytes:
-    """Return a record without objects that there are not."""
+    """Return a record as JSON, without the objects that it lacks."""
     return ABSENT.sub(b"", _encode(record))

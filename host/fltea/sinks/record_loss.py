@@ -1,4 +1,4 @@
-"""What is lost of a file that another program deleted, moved or cut short while it was written."""
+"""Find what is lost of a file that another program deleted, moved or truncated while it was written."""
 
 import contextlib
 from pathlib import Path
@@ -14,14 +14,14 @@ from fltea.sinks.record_session import NOTHING, OpenPart, longer, summed
 
 
 class Held(NamedTuple):
-    """What a file holds: items, and what it says is missing."""
+    """What a file contains: its items, and the gaps that it states."""
 
     items: LinkMessage
     gaps: LinkMessage
 
 
 def lost_of(part: OpenPart, error: Meddled) -> Held:
-    """Return what was written to a file and is gone: all, or what stood behind the place where it was cut."""
+    """Return what was written to a file and is gone: everything, or what followed the cut."""
     written = summed(part.flushed, part.unflushed)
     if error.what == "moved":
         return Held(NOTHING, NOTHING)
@@ -32,7 +32,7 @@ def lost_of(part: OpenPart, error: Meddled) -> Held:
 
 
 def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
-    """Return kind and text of what to report."""
+    """Return kind and text of the error to report."""
     if error.what == "moved":
         to = f" to {error.where}" if error.where else ""
         return "record_moved", (
@@ -47,9 +47,9 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
 
 
 def _held_by(path: Path) -> Held:
-    """Read what a file still holds."""
+    """Return what a file still contains."""
     items = gaps = NOTHING
-    with contextlib.suppress(OSError, ValueError, UsageError):  # what cannot be read is lost
+    with contextlib.suppress(OSError, ValueError, UsageError):  # what cannot be read counts as lost
         for found in Scan(path):
             if not isinstance(found, Messages):
                 continue

@@ -1,4 +1,4 @@
-"""The files of one recorded session, one after the other, in a folder that may hold others."""
+"""Write the files of one recorded session, one after the other, in a folder that may hold other files."""
 
 import errno
 import os
@@ -19,33 +19,35 @@ from fltea.records.records import AnyRecord, Hello
 from fltea.records.version import __version__
 
 MOST_NOTES = 100
-"""HELLOs of one file that are noted as metadata, whose index stays in memory; the bytes hold them all."""
+"""Most HELLOs of a file that are noted as metadata, whose index stays in memory; the wire bytes hold all."""
 
 NOTHING = LinkMessage("gap")
-"""A gap with nothing in it."""
+"""A gap of no items."""
 
 
 NO_DISK = "the folder is gone, and what is left of its path is on another disk"
 
 
 def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -> LinkMessage:
-    """Return the same gap, so many items longer."""
+    """Return the gap with its counts increased."""
     return msgspec.structs.replace(
         gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + items
     )
 
 
 def summed(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
-    """Return the first of two gaps, longer by the second."""
+    """Return the first of two gaps with the counts of the second added."""
     return longer(gap, other.items, other.bytes, other.chunks)
 
 
 class OpenPart:
     """A file that is being written.
 
-    began_ns: when it was begun, on the source's clock. flushed_ns: when it was flushed, on the host's.
-    unflushed: what is lost if it fails now; flushed: what is lost, too, if the file is deleted. gaps: what it
-    says is missing.
+    `began_ns`: when it was begun, on the source's clock. `flushed_ns`: when it was flushed, on the host's
+    clock.
+    `unflushed`: what is lost if the file fails now. `flushed`: what is lost in addition if the file is
+    deleted.
+    `gaps`: the gaps that the file states.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
@@ -59,27 +61,27 @@ class OpenPart:
         self.unflushed = longer(self.unflushed, 1)
 
     def add_link(self, message: LinkMessage, log_ns: int, publish_ns: int | None = None) -> None:
-        """Write what happened to the connection; publish_ns: None if the times are the same."""
+        """Write what happened to the connection; `publish_ns`: None if both times are the same."""
         self.add(LINK, log_ns, log_ns if publish_ns is None else publish_ns, encode_message(message))
 
     def add_gap(self, gap: LinkMessage, log_ns: int) -> None:
-        """Write what is missing here, which is no item of the recording itself."""
+        """Write a gap, which is no item of the recording itself."""
         self.writer.add(LINK, log_ns, log_ns, encode_message(gap))
         self.gaps = summed(self.gaps, gap)
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Write what came over the wire, as `PartWriter.add_reads`."""
+        """Write what arrived over the wire, as `PartWriter.add_reads`."""
         self.writer.add_reads(reads, offset_ns, sequence)
         count = len(reads.end)
         self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)
 
     def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
-        """Write a message a line."""
+        """Write one message for each line of text."""
         self.writer.add_lines(topic, log_ns, lines)
         self.unflushed = longer(self.unflushed, len(log_ns))
 
     def flush(self, now_ns: int) -> None:
-        """Hand everything to the operating system.
+        """Write all buffered data to the file.
 
         Raises:
             OSError: the disk is full, or fails; `Meddled` if the file is gone.
@@ -89,7 +91,7 @@ class OpenPart:
         self.flushed, self.unflushed = summed(self.flushed, self.unflushed), NOTHING
 
     def note(self, hello: Hello) -> None:
-        """Note a HELLO as metadata if it differs from the one before."""
+        """Note a HELLO as metadata if it differs from the previous one."""
         unchanged = self._noted and msgspec.structs.replace(self._noted, host_ns=hello.host_ns) == hello
         if not unchanged and self._notes < MOST_NOTES:
             self._noted = hello
@@ -98,7 +100,7 @@ class OpenPart:
 
 
 class Session:
-    """Names the files and begins them. parts: how many there are.
+    """Names the files and begins them. `parts`: number of files so far.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -121,11 +123,11 @@ class Session:
 
     @property
     def next_path(self) -> Path:
-        """The file that is begun next."""
+        """Path of the next file."""
         return self.folder / f"{self._device}_{self._started}_{self._name}_{self.parts:03d}.mcap"
 
     def begin(self, offset_ns: int, hello: Hello | None, reserve_bytes: int) -> PartWriter:
-        """Begin the next file, which counts with `parts` once it is known to work.
+        """Begin the next file; the caller adds it to `parts` once it works.
 
         Raises:
             OSError: the disk is full, fails, or is gone.
@@ -143,7 +145,7 @@ class Session:
         return PartWriter(self.next_path, info, self._kinds, reserve_bytes)
 
     def _find_folder(self) -> None:
-        """Make the folder again if it was deleted; not where its disk was taken away, on the disk below."""
+        """Make a deleted folder again, but not on the disk below if the folder's own disk is gone."""
         place = self.folder.absolute()
         while not place.exists():
             place = place.parent

@@ -1,4 +1,4 @@
-"""The live table: what the noise of every axis is, FLTEA's α and f with small trends, health, last errors."""
+"""Show the live table: every axis's noise, FLTEA's α and f with small trends, health, and last errors."""
 
 import time
 from collections import deque
@@ -41,7 +41,7 @@ REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
-"""Width from which trends have room next to the numbers; else they stand below."""
+"""Width from which trends are shown next to the numbers, otherwise below [columns]."""
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
@@ -53,24 +53,24 @@ ADVICE = "; use the fit above, or for a recording fltea identify."
 
 
 def sparkline(values: Sequence[float]) -> str:
-    """Draw numbers as a row of bars between their own minimum and maximum."""
+    """Return numbers drawn as a row of bars between their minimum and maximum."""
     if not values:
         return ""
     low, high = min(values), max(values)
-    span = (high / 2 - low / 2) or 1.0  # halves: the difference of two huge numbers is not finite
+    span = (high / 2 - low / 2) or 1.0  # halved, since the difference of two huge numbers may be infinite
     return "".join(BARS[min(len(BARS) - 1, int((v / 2 - low / 2) / span * len(BARS)))] for v in values)
 
 
 class PipedConsole(Console):
-    """rich's own leaves the program with exit code 1 when the reader of its output is gone."""
+    """A console that raises an error when its reader is gone, where rich's would exit with code 1."""
 
     def on_broken_pipe(self) -> None:
-        """Raise `SinkClosed` in the daemon, which ends quietly."""
+        """Raise `SinkClosed`, with which the program ends quietly."""
         raise SinkClosed
 
 
 class TableSink(Sink):
-    """Draws in place on a terminal; elsewhere prints the last state once, at the end."""
+    """Redraws the table in place on a terminal; elsewhere prints its last state once, at the end."""
 
     name = "stdout"
     lossless = True
@@ -89,7 +89,7 @@ class TableSink(Sink):
             self._live.start()
 
     def write(self, item: Item) -> None:
-        """Remember the record and redraw a few times a second."""
+        """Remember the record, and redraw a few times a second."""
         if isinstance(item, Printed | TransportEvent | Reads):
             return
         if isinstance(item, Block) and not (item.estimates and item.due_rows):
@@ -112,7 +112,7 @@ class TableSink(Sink):
             self._console.print(self.render())
 
     def render(self) -> Group:
-        """The whole view as of now."""
+        """Return the whole table as it is now."""
         views = list(self._views.values()) or [self._general]
         lines = [line for view in views for line in view.lines(self._console.width)]
         if self._views:
@@ -121,7 +121,7 @@ class TableSink(Sink):
 
 
 class DeviceView:
-    """What there is to show of one device."""
+    """What the table shows about one device."""
 
     def __init__(self) -> None:
         self._hello: Hello | None = None
@@ -136,7 +136,7 @@ class DeviceView:
 
     @property
     def _estimate(self) -> Estimate | None:
-        """The newest; that of a block is made when it is shown."""
+        """The newest estimate; that of a block is made when it is shown."""
         if isinstance(self._newest, Block):
             self._newest = self._newest.last_estimate()
         return self._newest
@@ -165,7 +165,7 @@ class DeviceView:
             case Step() | Motion():
                 text = sentence(record, time_of(record))
                 if isinstance(record, Motion) and self._events and self._events[-1].startswith(MOVES):
-                    self._events.pop()  # its end says all of it
+                    self._events.pop()  # the new entry about the motion contains it
                 self._events.append(visible(text))
             case Error():
                 message = " ".join(record.message.split("\n"))
@@ -174,7 +174,7 @@ class DeviceView:
                 self._stats = record
 
     def _follow(self, host_ns: int) -> None:
-        """Add the newest estimate to the trends, once a second of the samples' time."""
+        """Add the newest estimate to the trends, once a second by the samples' time."""
         if host_ns < self._trend_ns or self._estimate is None:
             return
         self._trend_ns = host_ns + TREND_STEP_NS
@@ -185,7 +185,7 @@ class DeviceView:
                 f.append(axis.fltea.f)
 
     def lines(self, width: int) -> list[RenderableType]:
-        """The view, for a terminal of so many columns."""
+        """Return the device's part of the table, for a terminal of `width` columns."""
         wide = width >= WIDE_COLUMNS
         lines: list[RenderableType] = [Text(self._head(), style="bold")]
         if self._fits.newest is not None or self._estimate is not None:
@@ -201,11 +201,11 @@ class DeviceView:
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
-        """The last things that happened."""
+        """Return the last events."""
         return [Text("\n".join(self._events), style="yellow")] if self._events else []
 
     def note(self) -> str:
-        """How far these figures can be trusted."""
+        """Return how far these figures can be trusted."""
         info = self._epoch and (self._epoch.estimator or self._epoch.accel_estimator)
         marked = any(map(self._mark, self._stats.axes)) if self._stats else False
         return (NOT_DESCRIBED if marked else "") + WHITE_NOTES[info.variant if info else "joint"] + ADVICE
@@ -226,7 +226,7 @@ class DeviceView:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         unit = f"[{', '.join(dict.fromkeys(_unit(axis) for axis in self._estimate.axes.values()))}]"
-        # As plain text: [deg/s] is no markup.
+        # Text objects, so that rich does not take [deg/s] for markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
@@ -247,7 +247,7 @@ class DeviceView:
         return table
 
     def _answers(self) -> Table:
-        """What is known of each axis, in the sentence that the page has."""
+        """Return the description of each axis, in the same sentence as on the page."""
         known = self._estimate.axes if self._estimate else {}
         rows = Table.grid(padding=(0, 2))
         rows.add_column(no_wrap=True)
@@ -258,7 +258,7 @@ class DeviceView:
         return rows
 
     def _headings(self) -> list[RenderableType]:
-        """How far the heading of each axis is off by time after a rest."""
+        """Return the error of each axis's heading, by the time after a rest."""
         axes = self._stats.axes if self._stats else {}
         of = {
             name: stds for name, axis in axes.items() if axis.tracker and (stds := axis.tracker.heading_std)
@@ -282,7 +282,7 @@ class DeviceView:
 
     @staticmethod
     def _device_health(stats: Stats) -> str:
-        """How a device that estimates by itself gets on; empty for others."""
+        """Return the state of a device that estimates itself; empty for other devices."""
         board, own = stats.board, stats.device_estimator
         if own is None:
             return ""
@@ -315,5 +315,5 @@ def _rate(value: float | None) -> str:
 
 
 def open_output(opening: Opening) -> TableSink:
-    """Take the terminal."""
+    """Open the table on the terminal."""
     return TableSink()

@@ -1,4 +1,4 @@
-"""What the live table shows of a device that estimates by itself."""
+"""Make the rows that the live table shows about a device that estimates itself."""
 
 from collections.abc import Mapping
 
@@ -14,19 +14,19 @@ from fltea.sinks.words import in_deviations, quantity
 
 
 def grid(*titles: RenderableType) -> Table:
-    """Return rows without lines between them, the first of titles."""
+    """Return a table without rules between its rows, whose first row is `titles`."""
     rows = Table.grid(padding=(0, 2))
     rows.add_row(*titles)
     return rows
 
 
 def estimates(record: DeviceEstimates) -> list[RenderableType]:
-    """Return the device's estimates beside the host's, why they cannot be compared, and its biases."""
+    """Return the device's estimates and biases next to the host's, or why they cannot be compared."""
     return [_orders(record), *_not_compared(record), *_biases(record)]
 
 
 def _orders(record: DeviceEstimates) -> Table:
-    """The device's own α and f, and how far they are from the host's after the same sample."""
+    """Return the device's own α and f, and their differences from the host's after the same sample."""
     rows = grid("", "device's α", "minus the host's", "device's f", "minus the host's")
     for name, axis in record.axes.items():
         if not axis.fltea.valid:
@@ -38,7 +38,7 @@ def _orders(record: DeviceEstimates) -> Table:
 
 
 def _biases(record: DeviceEstimates) -> list[RenderableType]:
-    """The bias by the device's own fit, and how far it is from the host's, for axes that it has fitted."""
+    """Return the biases by the device's own fit, and their differences from the host's."""
     rows = grid("", "device's bias", "minus the host's", "")
     for name, axis in record.axes.items():
         if axis.tracker_bias is not None:
@@ -49,7 +49,7 @@ def _biases(record: DeviceEstimates) -> list[RenderableType]:
 
 
 def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
-    """Return the device's own fit, and how far its α is from that of the fit here."""
+    """Return the device's own fits, with the difference of α from this computer's fit."""
     rows = grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
     for name, fit in by_axis.items():
         p = fit.alpha
@@ -62,7 +62,7 @@ def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
 
 
 def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
-    """Why there are no differences, a line for each reason, with its axes."""
+    """Return why there are no differences, one line of text for each reason with its axes."""
     axes: dict[WhyNot, list[str]] = {}
     for name, axis in record.axes.items():
         if axis.fltea.valid and axis.why_not is not None:

@@ -1,4 +1,4 @@
-"""Numbers as page, table and log write them (pure)."""
+"""Format numbers for page, table and log."""
 
 import math
 from collections.abc import Mapping
@@ -11,24 +11,24 @@ Level = Literal["good", "wait", "bad", "plain"]
 
 
 def figure(value: float, digits: int, *, significant: bool = False) -> str:
-    """Fixed point, or powers of ten for what a diverging filter can give."""
+    """Return a number in fixed point, or with a power of ten if a diverging filter made it huge."""
     if significant:
         return f"{value:.{digits}g}"
     return fixed(value, digits)
 
 
 def quantity(value: float | None, unit: str, digits: int, *, significant: bool = False) -> str:
-    """A number with its unit, a dash for none."""
+    """Return a number with its unit; a dash for None."""
     return "–" if value is None else f"{figure(value, digits, significant=significant)} {unit}".rstrip()
 
 
 def signed(value: float) -> str:
-    """To three places, with its sign, a true minus."""
+    """Return a number with three decimals, its sign, and a true minus."""
     return f"{value:+.3f}".replace("-", "\u2212")
 
 
 def apart(value: float) -> str:
-    """A small difference, with its sign and a power of ten."""
+    """Return a small difference with its sign and a power of ten."""
     if not value:
         return "0"
     mantissa, _, exponent = f"{value:+.1e}".partition("e")
@@ -36,23 +36,23 @@ def apart(value: float) -> str:
 
 
 def in_deviations(value: float | None, std: float | None) -> str:
-    """How many of its deviations a value is; empty where nobody knows."""
+    """Return a value in units of its standard deviation; empty if it is not known."""
     return f"{value / std:+.1f} σ" if value is not None and std else ""
 
 
 def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
-    """How often the guard of an axis stepped in: why, how often."""
+    """Return why the guard of an axis stepped in, and how often."""
     return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
 
 
 def counted(label: str, count: int, remark: str = "") -> list[str]:
-    """A count of what should not be, as label, value, level."""
+    """Return a count of unwanted events as label, value, level."""
     value = f"{count:,}" + (f" ({remark})" if remark else "")
     return [label, value, "bad" if count else "plain"]
 
 
 def duration(seconds: float) -> str:
-    """A length of time as a person says it."""
+    """Return a length of time as text for people."""
     s = int(max(seconds, 0))
     if s < 120:
         return f"{s} s"
@@ -71,7 +71,7 @@ ABOUT_S = (
 
 
 def about(seconds: float) -> str:
-    """A length of time that nobody knows exactly."""
+    """Return a length of time that is only roughly known, as text."""
     if seconds > 1.5 * ABOUT_S[-1]:
         return f"about {round(seconds / 86400)} days"
     return f"about {duration(min(ABOUT_S, key=lambda one: abs(math.log(one / max(seconds, 1.0)))))}"

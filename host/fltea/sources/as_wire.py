@@ -1,4 +1,4 @@
-"""Turns events of a source without a wire into what a wire would have brought, to be recorded alike."""
+"""Encode the events of a source without a wire protocol as frames, so that they can be recorded."""
 
 import hashlib
 import struct
@@ -32,7 +32,7 @@ from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
-"""What estimates depend on, and so has to survive exactly."""
+"""Fields that estimates depend on, so they must be recorded exactly."""
 
 U16, U32 = 1 << 16, 1 << 32
 
@@ -40,10 +40,10 @@ U16, U32 = 1 << 16, 1 << 32
 class AsWire:
     """Encodes events as frames of the protocol.
 
-    What replays the same: HELLO (a field that it cannot state becomes 0), samples in counts, the device's
-    counters, and that a device was lost. Troubles alone are not in the bytes, only among the `error` records.
+    A replay gives the same HELLO (a field that a frame cannot state becomes 0), samples in counts, device
+    counters, and losses of the device. Troubles are not in the frames, only among the `error` records.
 
-    unix_offset_ns: gives what to add to the source's monotonic clock to get Unix time.
+    `unix_offset_ns`: returns the offset from the source's monotonic clock to Unix time.
     """
 
     def __init__(self, unix_offset_ns: Callable[[], int] = clock.unix_offset_ns) -> None:
@@ -57,7 +57,8 @@ class AsWire:
         """Return the transport events that stand for one event.
 
         Raises:
-            UsageError: the protocol cannot state it: samples that are no counts, a rate finer than 0.001 Hz.
+            UsageError: a frame cannot state the event: samples that are no counts, or a rate finer than 0.001
+            Hz.
         """
         self._host_ns = host_ns_of(event) or self._host_ns
         if isinstance(event, LinkDown):
@@ -81,7 +82,7 @@ class AsWire:
         return found
 
     def _lost(self, event: Event) -> list[TransportEvent]:
-        """Return what stands for the loss of the device; the event just behind a loss says why."""
+        """Return what stands for the loss of the device; the event right after the loss says why."""
         if self._down is None:
             return []
         host_ns, self._down, self._open = self._down.host_ns, None, False
@@ -115,10 +116,10 @@ def _impossible(why: str) -> UsageError:
 
 
 def as_stated(hello: Hello) -> Hello:
-    """Return a HELLO with the names that its device has in a recording.
+    """Return a HELLO with the identity that its device has in a recording.
 
     Raises:
-        UsageError: a frame cannot state it.
+        UsageError: a frame cannot state the HELLO.
     """
     try:
         stated = hello_event(_hello(hello), hello.source, hello.host_ns)
@@ -146,7 +147,7 @@ def _hello(hello: Hello) -> wire.Hello:
         gyro_dlpf=round(hello.gyro_dlpf_hz or 0),
         sampling_mode=_number(wire.SamplingMode, hello.sampling_mode),
     )
-    message.pack()  # refuses what does not fit before it is compared
+    message.pack()  # raises an error for values that do not fit, before they are compared
     if hello.gyro_lsb_per_dps is None:
         raise ValueError("its samples are deg/s, not counts")
     stated = hello_event(message, "", 0)
@@ -158,7 +159,7 @@ def _hello(hello: Hello) -> wire.Hello:
 
 
 def _device_id(text: str | None) -> bytes:
-    """Return sixteen bytes that are a device's own: its id if it is as long, else a digest of it."""
+    """Return sixteen bytes that identify the device: its id if that has sixteen, else a digest of the id."""
     if text is None:
         return bytes(16)
     try:
@@ -189,11 +190,11 @@ def _status(status: DeviceStatus) -> wire.Status:
         status.overruns % U32,
         status.dropped_frames % U32,
         _number(wire.ResetCause, status.reset_cause),
-        cpu_share=0,  # no source without a wire knows them
+        cpu_share=0,  # not known for a source without a wire protocol
         longest_step=0,
     )
 
 
 def _number(enum: type[wire.SamplingMode | wire.ResetCause], name: str) -> int:
-    """Return the value of a name in lower case, or 255 for a name that the enum does not have."""
+    """Return the enum's value for a name in lower case; 255 for an unknown name."""
     return next((int(member) for member in enum if member.name.lower() == name), 255)

@@ -1,4 +1,4 @@
-"""One device of many behind a broker, whose frames come as messages that somebody else receives."""
+"""Turn the frames of one device behind a broker into events; another object receives the messages."""
 
 from collections.abc import Callable, Iterator
 
@@ -14,10 +14,10 @@ HINTS = Hints(
 
 
 class FramesSource:
-    """Turns the frames of one device into events. Whoever receives its messages feeds them to `take`.
+    """Turns the frames of one device into events. The receiver of its messages passes them to `take`.
 
-    url: names it in texts. overflow_bytes: gives what was thrown away before it came here. tap: is given all
-    that comes, before anything interprets it.
+    `url`: name of the source in messages. `overflow_bytes`: returns the number of bytes that were dropped
+    before they came here. `tap`: called with all that comes, before it is decoded.
     """
 
     live = prompt = True
@@ -30,7 +30,7 @@ class FramesSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of the last message."""
+        """Offset from the monotonic clock to Unix time at the last message [ns]."""
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -38,26 +38,26 @@ class FramesSource:
         return iter(())
 
     def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
-        """Yield the events of the first message of a device."""
+        """Yield the events of a device's first message."""
         return self.take(Opened(now_ns, unix_offset_ns))
 
     def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
-        """Yield the events of a message, or of several; None says that none came for a while."""
+        """Yield the events of one or more messages; None says that no message came for a while."""
         if item is not None and self.tap is not None:
             self.tap(item)
         if item is None:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        self._wire.resume(now_ns)  # a device has its turn when it has said something: never a stall of ours
+        self._wire.resume(now_ns)  # a device is served only when it has sent something, so no stall is ours
         yield from self._wire.feed(item, now_ns)
 
     def forgive(self, now_ns: int) -> None:
-        """Begin all waiting again: nobody could have been heard until now."""
+        """Restart all timeouts, since no device could be heard until now."""
         self._wire.forgive(now_ns)
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived and what was lost on the way."""
+        """Return the counts of what arrived and what was lost on the way."""
         return self._wire.link_stats(self._overflow_bytes())
 
     def close(self) -> None:

@@ -1,6 +1,6 @@
-"""Replays a recording in MCAP files: the bytes from the wire walk the way that they walked live.
+"""Replay a recording in MCAP files: the bytes from the wire are handled in the same way as live ones.
 
-Files are read as a stream, a chunk at a time, so neither their size nor their number costs memory.
+Files are read as a stream, one chunk at a time, so neither their size nor their number costs memory.
 """
 
 import re
@@ -40,22 +40,22 @@ _link = msgspec.json.Decoder(LinkMessage)
 
 
 class Session(NamedTuple):
-    """The files of one run of a recorder, in order. unread: why each file beside them cannot be read."""
+    """The files of one recording session, in order. `unread`: why other files of it cannot be read."""
 
     parts: list[Part]
     unread: dict[Path, str]
 
     @property
     def name(self) -> Path:
-        """That of the first file without the number."""
+        """Path of the first file without its number."""
         return name_of(self.parts[0].path)
 
 
 def find_session(paths: Sequence[Path]) -> Session:
-    """Return the one session that is there, and with it every file that cannot be read; see `find_sessions`.
+    """Return the only session at these paths, with every file that cannot be read; see `find_sessions`.
 
     Raises:
-        UsageError: nothing there, not a recording, or several sessions, which are listed.
+        UsageError: nothing is there, it is no recording, or several sessions exist, which the text lists.
     """
     sessions, stray = find_sessions(paths)
     if len(sessions) > 1:
@@ -65,13 +65,14 @@ def find_session(paths: Sequence[Path]) -> Session:
 
 
 def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]]:
-    """Return each session, and the files that cannot be read and have the name of none of them.
+    """Return all sessions, and the unreadable files whose names belong to none of them.
 
-    paths: files; a folder stands for all in it, and the name of a session (`due_20270801T120000Z_1f0c2b3a`,
-    without the number) for all its files. Of a file and its recovered copy the copy is taken.
+    `paths`: files; a folder stands for all its files, and the name of a session
+    (`due_20270801T120000Z_1f0c2b3a`, without the number) for all files of that session. If a file has a
+    recovered copy, the copy is used.
 
     Raises:
-        UsageError: nothing there, or not a recording.
+        UsageError: nothing is there, or it is no recording.
     """
     found: dict[tuple[str, str], dict[int, Part]] = {}
     unread: dict[Path, str] = {}
@@ -111,7 +112,7 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
 
 
 def _missing(session: Session) -> Iterator[tuple[Path, str]]:
-    """Yield which files between those of a session are not there; the first and the last may be left out."""
+    """Yield the missing files between those of a session; the first and the last files may be left out."""
     unread = {path.name for path in session.unread}
     for before, after in pairwise(part.info.part for part in session.parts):
         names = (f"{session.name.name}_{number:03}{SUFFIX}" for number in range(before + 1, after))
@@ -121,7 +122,7 @@ def _missing(session: Session) -> Iterator[tuple[Path, str]]:
 
 
 def _original(path: Path) -> Path:
-    """Return the file of which this one is the recovered copy, or itself."""
+    """Return the file that this file is a recovered copy of, or the file itself."""
     return path.with_name(path.name.replace(".recovered.", "."))
 
 
@@ -148,7 +149,7 @@ def _session_line(session: Session) -> str:
 
 
 def name_of(path: Path) -> Path:
-    """Return the name of a file's session: its own without the number."""
+    """Return the name of a file's session, which is the file's name without the number."""
     match = PART_OF_NAME.fullmatch(path.name)
     return path.with_name(match[1]) if match else path
 
@@ -156,11 +157,13 @@ def name_of(path: Path) -> Path:
 class McapRecording:
     """Gives the events of a recording, or its messages, once.
 
-    name: what HELLO gives as the source. As of the events so far, `breaks` counts the places where something
-    was not recorded, `torn` the files that were not finished, `open` those that a program still writes;
-    `unread` says why others cannot be read, or not all of them. `unrecorded_items` and `unrecorded_bytes` are
-    what the recorder itself counted as lost, `damaged_bytes` what of its files cannot be read. Steps and
-    motions are in `changes`.
+    `name`: the source that HELLO states. The counts are those of the events so far. `breaks`: number of
+    places where something was not recorded. `torn`: number of files that were not finished. `open`: number of
+    files that a program still writes. `unread`: why files cannot be read, or not completely.
+    `unrecorded_items`,
+    `unrecorded_bytes`: what the recorder counted as lost. `damaged_bytes`: size of the unreadable parts of
+    files.
+    `changes`: steps and motions.
     """
 
     live = prompt = False
@@ -178,18 +181,18 @@ class McapRecording:
         self._now_ns = 0
         self._next_sequence: int | None = None
         self._opened = parts[0].info.part == 0
-        self._hello = parts[0].info.hello  # what is known of the device where the stream is taken up
-        self._missing: str | None = None  # why the stream is broken before the next message
+        self._hello = parts[0].info.hello  # the HELLO to give before the next message, if any
+        self._missing: str | None = None  # why the stream is interrupted before the next message
         self._no_sensor = False
 
     @property
     def unix_offset_ns(self) -> int:
-        """The difference from the recorder's monotonic clock to Unix time in ns, as of the last event."""
+        """Offset from the recorder's monotonic clock to Unix time at the last event [ns]."""
         return self._wire.unix_offset_ns
 
     @property
     def missing_before(self) -> str:
-        """Which files before the first are not there, as text for a person; empty if none is missing."""
+        """Text about files that are missing before the first one; empty if none is missing."""
         name, number = name_of(self.parts[0].path), self.parts[0].info.part
         beside = {path.name.removesuffix(SUFFIX).removesuffix(".recovered") for path in _of_session(name)}
         missing = [k for k in range(number) if f"{name.name}_{k:03}" not in beside]
@@ -201,11 +204,11 @@ class McapRecording:
         )
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived and what was lost on the way."""
+        """Return the counts of what arrived and what was lost on the way."""
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
-        """Yield what the device sent; troubles of the past are not fatal now."""
+        """Yield the device's events; troubles of the past are not fatal now."""
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
@@ -235,13 +238,13 @@ class McapRecording:
             yield Trouble("unread_file", why, self._now_ns, fatal=False)
 
     def entries(self) -> Iterator[tuple[Part, Entry]]:
-        """Yield the messages one by one, with their file; those that are damaged are left out."""
+        """Yield the messages one by one, each with its file; damaged messages are left out."""
         for part in self.parts:
             for entry in entries_of(self._items_of(part)):
                 yield part, entry
 
     def _items_of(self, part: Part) -> Iterator[Batch | Damage | Torn]:
-        """Yield what is in a file, and note the first damage of it."""
+        """Yield the contents of a file, and note its first damage."""
         is_damaged = False
         for item in read_batches(part, self._limits):
             if isinstance(item, Damage) and item.size and not is_damaged:
@@ -251,11 +254,11 @@ class McapRecording:
             yield item
 
     def _break(self, why: str, hello: Hello | None) -> None:
-        """Take note that something is missing here. hello: what is known of the device behind the gap."""
+        """Note that something is missing here. `hello`: the device's HELLO after the gap, if it is known."""
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
-        """Yield the events of messages; reads of the wire that follow each other are taken at once."""
+        """Yield the events of messages; successive reads of the wire are handled together."""
         of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
         of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
         messages = batch.messages.of_channels([*of_wire, *of_link])
@@ -290,7 +293,7 @@ class McapRecording:
     def _on_link(self, data: bytes, host_ns: int, offset_ns: int, info: PartInfo) -> Iterator[Event]:
         try:
             link = _link.decode(data)
-        except (ValueError, RecursionError):  # msgspec's errors, and brackets in brackets in brackets
+        except (ValueError, RecursionError):  # msgspec's errors, the second for deeply nested brackets
             self._break("a message about the line is damaged", None)
             return
         if link.event == "gap":
@@ -304,11 +307,11 @@ class McapRecording:
             yield from self._feed(Failed(link.kind, link.message, host_ns, offset_ns))
 
     def _feed(self, item: Reads | Opened | Failed) -> Iterator[Event]:
-        """Yield the events of what came, after what has to be known before it."""
+        """Yield the events of what came, after those that must precede it."""
         host_ns, offset_ns = item[-2:] if not isinstance(item, Reads) else next(item.chunks())[1:]
         if self._missing is not None:
             self.breaks += 1
-            self._wire.forgive(host_ns)  # nobody knows what the line did meanwhile
+            self._wire.forgive(host_ns)  # it is unknown what the port did meanwhile
             failed = Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
             yield from self._interpret(failed, host_ns)
             self._missing = None
@@ -331,7 +334,7 @@ class McapRecording:
                 return event._replace(fatal=False)
             case Hello():
                 return self._renamed(event)
-            case RawBlock() if self._no_sensor:  # made-up samples: their frames had to say something
+            case RawBlock() if self._no_sensor:  # simulated: their frames' temperature means nothing
                 return event._replace(temperature=None)
         return event
 

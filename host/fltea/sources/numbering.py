@@ -1,6 +1,6 @@
-"""Numbers live samples that come without numbers, and gives them device times: by their times or their order.
+"""Number live samples that come without numbers, and give them device times, from their times or their order.
 
-The rules are those of `fltea.recording.sample_times`. Until the times tell a rate, samples wait.
+The rules are those of `fltea.recording.sample_times`. Samples wait until the times determine a rate.
 """
 
 from collections.abc import Iterator
@@ -24,18 +24,20 @@ from fltea.recording.timing import Timing, timing
 from fltea.records.errors import UsageError
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
-"""The rate is found from samples of so long a time, so many at least and at most."""
+"""The rate is found from samples over `RATE_S` [s], at least `FEWEST` and at most `MOST` samples."""
 
 PATIENCE_NS = 10 * 10**9
-"""By the host's clock; after so long times that advance by less are in another unit."""
+"""Time on the host's clock after which waiting samples are used, since their times may be in another unit
+[ns]."""
 
 
 class Arrived(NamedTuple):
     """Samples that arrived together.
 
-    values: (n, columns) in deg/s, counts or what the source has. time: (n,) as the sender counts it, None
-    without such a column. ordinal: (n,) number of each among the samples and the lost ones, from 0. begins:
-    the sender began again with the first.
+    `values`: (n, columns) in deg/s, counts or the source's unit. `time`: (n,), in the sender's unit; None
+    without such a column. `ordinal`: (n,), number of each sample among all samples, lost ones included, from
+    0.
+    `begins`: the sender began again with the first of these samples.
     """
 
     values: Floats
@@ -45,7 +47,7 @@ class Arrived(NamedTuple):
 
 
 class Numbered(NamedTuple):
-    """Successive samples. begins: a new run of the sender begins with them."""
+    """Successive samples. `begins`: a new run of the sender begins with them."""
 
     begins: bool
     sequence: Ints
@@ -71,7 +73,7 @@ class ByOrder:
         self._base = None
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
-        """Number rows that arrived together."""
+        """Number samples that arrived together."""
         begins = rows.begins or self._base is None or host_ns - self._last_ns > LONGEST_GAP_S * 1e9
         if begins:
             self._base = int(rows.ordinal[0])
@@ -82,12 +84,12 @@ class ByOrder:
         yield Numbered(begins, sequence, device_us, rows.values, np.full(len(sequence), host_ns))
 
     def finish(self) -> Iterator[Numbered]:
-        """Yield nothing, since no sample is kept back."""
+        """Yield nothing, since no sample waits."""
         yield from ()
 
 
 class _Waiting(NamedTuple):
-    """Rows that wait for their rate to be known; marks: those that begin a new run."""
+    """Samples that wait until their rate is known; `marks`: which of them begin a new run."""
 
     elapsed: Floats
     marks: Marks
@@ -96,11 +98,12 @@ class _Waiting(NamedTuple):
 
 
 class ByTime:
-    """Numbers samples by a column of times: where it runs ahead of the rate, samples are missing.
+    """Numbers samples by a column of times: where the times run ahead of the rate, samples are missing.
 
-    where: for messages. rate_hz: None until it is found, unless the user gives it. duplicates:
-    samples left out, for the time before them is the same. unrated: samples left out, for their times tell no
-    rate; why_no_rate says why. uneven: that a given rate has to do without the times.
+    `where`: name of the source in messages. `rate_hz`: None until it is found, unless the user gives it.
+    `duplicates`: number of samples left out since their time equals the previous one. `unrated`: number of
+    samples left out since their times determine no rate; `why_no_rate` says why. `uneven`: warning that only
+    the given rate is used, not the times.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
@@ -117,21 +120,21 @@ class ByTime:
         self._begins = True
 
     def begin(self) -> None:
-        """Take note that the sender was lost; its times tell whether it went on meanwhile."""
+        """Note that the sender was lost; its times show whether it ran on meanwhile."""
         if self._by_order is not None:
             self._by_order.begin()
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
-        """Number rows that arrived together; until the rate is known they wait."""
+        """Number samples that arrived together; they wait until the rate is known."""
         assert rows.time is not None
         if self._by_order is not None:
             yield from self._by_order.add(rows, host_ns)
             return
-        one = _Waiting(*self._elapsed.add(rows.time, rows.values), rows, host_ns)
+        waiting = _Waiting(*self._elapsed.add(rows.time, rows.values), rows, host_ns)
         if self._timing is not None:
-            yield from self._numbered(one)
+            yield from self._numbered(waiting)
             return
-        self._waiting.append(one)
+        self._waiting.append(waiting)
         if self._is_enough(host_ns):
             yield from self.finish()
 
@@ -145,7 +148,7 @@ class ByTime:
         return count >= MOST or (count >= FEWEST and long)
 
     def finish(self) -> Iterator[Numbered]:
-        """Number what waits, if it tells a rate."""
+        """Number the waiting samples, if they determine a rate."""
         waiting, self._waiting = self._waiting, []
         if not waiting:
             return

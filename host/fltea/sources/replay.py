@@ -1,4 +1,4 @@
-"""Replays a recording as fast as it can or at its own pace, in its order or shuffled."""
+"""Replay a recording at full speed or at its own pace, in order or shuffled."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -39,26 +39,24 @@ if TYPE_CHECKING:
     from fltea.sources.mcap import McapRecording
 
 AT_ONCE = 8192
+"""Number of samples in a block."""
 
 MOST_TROUBLES = 3
-"""So much that is wrong with a file is said where it leaves too few samples."""
-
-"""Samples of a block."""
+"""Most troubles of a file that are named if it has too few samples."""
 
 
 class ReplaySource:
     """Gives the events of one recording with its times, so a second run gives the same output.
 
-    path: a file, or of MCAP files also a folder or the name of a session (`sources.mcap.find_parts`). CSV and
-    NDJSON may come through a pipe; it is read to its end here.
+    `path`: a file; for MCAP files also a folder or the name of a session (`sources.mcap.find_sessions`). CSV
+    and NDJSON may come through a pipe, which is read to its end here.
 
-    how: what is said of it. startup: samples that the start-up window needs; a shorter recording is refused.
-    shuffle: seed of a permutation of the samples (times stay), which makes any noise white.
-    realtime: wait between samples as long as the recording did.
-    limits: how much memory it may take.
+    `how`: what the user states about the recording. `startup`: samples of the start-up window; a shorter
+    recording is refused. `shuffle`: seed of a permutation of the samples (times stay), which makes any noise
+    white. `realtime`: wait between samples as long as in the recording. `limits`: of memory.
 
     Raises:
-        UsageError: a missing, bad or too large file; the text names file, line and reason.
+        UsageError: the file is missing, bad or too large; the text names file, line and reason.
     """
 
     live = False
@@ -82,7 +80,7 @@ class ReplaySource:
         self.reading: tuple[Answer, ...] = ()
         self.axes: tuple[str, ...] = ()
         troubles: list[str] = []
-        printable = str(path).encode(errors="replace").decode()  # a name may hold bytes that are no text
+        printable = str(path).encode(errors="replace").decode()  # a name may contain bytes that are no text
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         opened = open_recording(path, how, limits) if is_one_file(path) else None
         if shuffle is not None and not isinstance(opened, Stored):
@@ -117,17 +115,17 @@ class ReplaySource:
 
     @property
     def unread(self) -> list[str]:
-        """Why files of the recording cannot be read, or not all of them."""
+        """Why files of the recording cannot be read, or not completely."""
         return [] if self._mcap is None else self._mcap.unread
 
     @property
     def changes(self) -> Changes:
-        """Count steps and motions; of MCAP files as far as `events` has come."""
+        """Counts of steps and motions; for MCAP files as far as `events` has come."""
         return self._changes if self._mcap is None else self._mcap.changes
 
     @property
     def unix_offset_ns(self) -> int:
-        """The difference from the recorder's monotonic clock to Unix time in ns; 0 if it was not recorded."""
+        """Offset from the recorder's monotonic clock to Unix time [ns]; 0 if it was not recorded."""
         return self._offset_ns if self._mcap is None else self._mcap.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
@@ -144,20 +142,20 @@ class ReplaySource:
                 yield part
 
     def link_stats(self) -> LinkStats:
-        """Count what the recorded bytes held; of other recordings nothing can get lost on the way here."""
+        """Return the counts of the recorded bytes; in other recordings nothing can be lost on the way."""
         return LinkStats() if self._mcap is None else self._mcap.link_stats()
 
     def close(self) -> None:
-        """End the iteration."""
+        """End the iteration of `events`."""
         self._closed = True
 
 
 TOGETHER_NS = 5_000_000
-"""One at a time, samples of 8 kHz would not keep up with real time."""
+"""Samples within this time are given together [ns]: single samples of 8 kHz could not keep up."""
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """Yield an event as one, and a block of samples as parts that came together, or nearly so."""
+    """Yield a block of samples as parts that are due together, and any other event as it is."""
     if not isinstance(event, RawBlock):
         yield event
         return
@@ -172,8 +170,8 @@ def open_mcap(
     """Return a function that opens a recording in MCAP files, each time from its beginning.
 
     Raises:
-        UsageError: the library is not installed, `sources.mcap.find_parts` finds no one session, or these are
-            bags of ROS.
+        UsageError: the library is not installed, `sources.mcap.find_session` finds no single session, or the
+            files are bags of ROS.
     """
     if bags := [bag for path in paths for bag in bags_in(path)]:
         names = listed([bag.name for bag in bags])
@@ -184,10 +182,10 @@ def open_mcap(
 
 
 def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
-    """Return the files that are there of each recording that `sources.mcap.find_sessions` finds, and strays.
+    """Return the files of each recording that `sources.mcap.find_sessions` finds, and other files alone.
 
     Raises:
-        UsageError: as there, or the library is not installed.
+        UsageError: as in `find_sessions`, or the library is not installed.
     """
     sessions, stray = _mcap_library().find_sessions(paths)
     found = [
@@ -202,7 +200,7 @@ def _mcap_library() -> ModuleType:
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> tuple[int, list[str]]:
-    """Count the samples of a recording that may be long, up to the limit, and what is wrong so far."""
+    """Return the number of samples of a recording, at most about `limit`, and the troubles up to there."""
     count, troubles = 0, []
     for event in recording.events():
         if isinstance(event, Trouble) and event.kind in FILE_TROUBLES:
@@ -239,24 +237,24 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
             host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
         breaks = np.zeros(len(device_us), dtype=np.bool_)
         sequence = block.seq
-        if sequence is None:  # an .npz of somebody else's, whose times are those of a sensor's clock
+        if sequence is None:  # an .npz of another program, whose times are those of a sensor's clock
             _, sequence, breaks, _ = numbering.add(block.device_s, breaks)
         if block.epoch is not None:
             breaks |= np.diff(block.epoch, prepend=epoch) != 0
             epoch = int(block.epoch[-1])
-        # Counts without a scale are of no use, and a HELLO without one says that these are m/s².
+        # Counts without a scale are useless, and a HELLO without a scale says that the values are in m/s².
         accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(sequence)], strict=True):
-            if begin or end == 0:  # the second: an epoch begins with the block
+            if begin or end == 0:  # `end == 0`: an epoch begins with the block
                 yield Break("restart", int(host_ns[begin]))
             if end > begin:
                 yield raw.rows(begin, end)
 
 
 def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
-    """Yield the samples in another order, which takes all of them at once."""
+    """Yield the samples in another order, which needs all of them in memory."""
     whole = recording.whole()
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
     accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
@@ -264,7 +262,7 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
-    """Yield the events of our own output; numbers and times are unwrapped already, epochs are stated."""
+    """Yield the events of fltea's own output, whose numbers and times are unwrapped and epochs are stated."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
     hello: Hello | None = None
@@ -272,7 +270,7 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
 
     def block() -> Iterator[RawBlock]:
         if waiting:
-            assert hello is not None  # read_ndjson refuses samples before it
+            assert hello is not None  # read_ndjson refuses samples before a HELLO
             yield to_counts(waiting, hello)
             waiting.clear()
 
@@ -286,12 +284,12 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            case EpochMark(reason=reason) if reason != "gap":  # a gap is found again, by the limit of now
+            case EpochMark(reason=reason) if reason != "gap":  # a gap is found again, with the present limit
                 yield from block()
                 yield Break(record.reason, record.host_ns)
     yield from block()
 
 
 def _alike(a: Sample, b: Sample) -> bool:
-    """Return whether two samples hold the same things."""
+    """Return whether two samples contain the same kinds of values."""
     return (a.accel_ms2 is None, a.temperature_c is None) == (b.accel_ms2 is None, b.temperature_c is None)

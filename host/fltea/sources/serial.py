@@ -1,4 +1,4 @@
-"""Reads a device on a serial URL."""
+"""Read a device on a serial URL."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -14,15 +14,16 @@ from fltea.wire.transport import Port
 
 
 class SerialSource:
-    """Turns frames from a serial port into events; every failure is a `Trouble`, and reading goes on.
+    """Turns frames from a serial port into events; every failure becomes a `Trouble`, and reading continues.
 
-    It reads by itself (`events`), or somebody reads `port` natively and gives it what happened (`take`).
+    The source reads the port itself (`events`), or native code reads `port` and passes on what happened
+    (`take`).
 
-    latency_s: as of `Port`. tap: is given whatever comes from the port before anything interprets it; to be
-    set before that.
+    `latency_s`: as in `Port`. `tap`: called with all that comes from the port before it is decoded; set it
+    before reading begins.
 
     Raises:
-        UsageError: an unknown kind of URL, or 1200 baud.
+        UsageError: the kind of URL is unknown, or the speed is 1200 baud.
     """
 
     live = prompt = True
@@ -36,11 +37,11 @@ class SerialSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of the last event."""
+        """Offset from the monotonic clock to Unix time at the last event [ns]."""
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield the events of the device until `close`; a thread of its own reads the port."""
+        """Yield the device's events until `close`; a thread of its own reads the port."""
         self._reader = Reader(self.port)
         self._reader.start()
         self._wire.resume(clock.host_ns())
@@ -49,15 +50,15 @@ class SerialSource:
 
     @property
     def line(self) -> WireLine:
-        """The native line, for who reads the port natively, and tells what is to be told by `events_of`."""
+        """The native decoder, for callers that read the port natively; its items go to `events_of`."""
         return self._wire.line
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item of the line, before the next is asked for."""
+        """Yield the events of one item of `line`, before the next item is asked for."""
         return self._wire.events_of(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of what came from the port; None: nothing for a while."""
+        """Yield the events of what came from the port; None: nothing came for a while."""
         now_ns = clock.host_ns()
         if item is not None and self.tap is not None:
             self.tap(item)
@@ -65,10 +66,10 @@ class SerialSource:
         self._wire.resume(now_ns)
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived and what was lost on the way."""
+        """Return the counts of what arrived and what was lost on the way."""
         return self._wire.link_stats(self.port.overflow_bytes)
 
     def close(self) -> None:
-        """Stop reading and release the port; one that somebody else reads is theirs to close."""
+        """Stop reading, and release the port; a port that native code reads is closed there."""
         if self._reader is not None:
             self._reader.close()

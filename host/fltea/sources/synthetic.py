@@ -1,4 +1,4 @@
-"""Simulates noise of known order, for trials and tests: `synthetic:?alpha=0.3&f=-1.5`."""
+"""Simulate noise of known order, for trials and tests: `synthetic:?alpha=0.3&f=-1.5`."""
 
 import math
 from collections.abc import Iterator
@@ -17,16 +17,16 @@ from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
 PACE_S = 0.01
-"""In real time, what comes within it comes at once: at 100 Hz each sample by itself."""
+"""Time within which samples are given together in real time [s]: at 100 Hz each sample comes alone."""
 AT_ONCE = 256
-"""Samples of a block where none is waited for."""
+"""Number of samples in a block if the source does not wait."""
 
 
 class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The settings of a simulated gyroscope; the defaults look like an MPU-9250 at ±2000 deg/s.
+    """The settings of a simulated gyroscope; the defaults resemble an MPU-9250 at ±2000 deg/s.
 
-    alpha, f (s^-α), Q ((deg/s)² s^-2α), R ((deg/s)²): the model of `fltea.noise.simulation`.
-    lsb_per_dps: 0 leaves the samples unquantised. n: number of samples, 0 for no end.
+    `alpha`, `f` (s^-α), `Q` ((deg/s)² s^-2α), `R` ((deg/s)²): the model of `fltea.noise.simulation`.
+    `lsb_per_dps`: 0 leaves the samples unquantised. `n`: number of samples, 0 for no end.
     """
 
     alpha: float = 0.3
@@ -43,7 +43,7 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NoiseGenerator:
-    """Simulates all axes, each by a generator of its own; in counts if quantised, else in deg/s."""
+    """Simulates all axes, each with a generator of its own; in counts if quantised, else in deg/s."""
 
     def __init__(self, settings: NoiseSettings) -> None:
         self.settings = s = settings
@@ -64,10 +64,10 @@ class NoiseGenerator:
 
 
 def parse_noise(query: str) -> NoiseSettings:
-    """Return settings from the text behind `synthetic:`.
+    """Return the settings in the text after `synthetic:`.
 
     Raises:
-        UsageError: names the key that is unknown, has no number, or an impossible one.
+        UsageError: a key is unknown, or has no number or an impossible one; the text names the key.
     """
     pairs = dict(parse_qsl(query.removeprefix("?"), keep_blank_values=True))
     try:
@@ -81,7 +81,7 @@ def parse_noise(query: str) -> NoiseSettings:
             raise ValueError(f"window has to be 1 to {LONGEST_WINDOW} samples, not {settings.window}")
         if settings.n < 0:
             raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
-        NoiseGenerator(settings).step()  # lets every part of it check its own
+        NoiseGenerator(settings).step()  # lets each of its parts check its settings
     except msgspec.ValidationError as error:
         known = ", ".join(NoiseSettings.__struct_fields__)
         raise UsageError(f"synthetic:{query}: {error}. Known keys: {known}.") from error
@@ -91,9 +91,9 @@ def parse_noise(query: str) -> NoiseSettings:
 
 
 class SyntheticSource:
-    """Gives simulated samples as events, at their own pace or as fast as they come.
+    """Gives simulated samples as events, in real time or at full speed.
 
-    unix_offset_ns: 0 unless at their own pace, so that runs can be compared.
+    `unix_offset_ns`: 0 unless in real time, so that runs can be compared.
     """
 
     live = False
@@ -134,9 +134,9 @@ class SyntheticSource:
             k += len(rows)
 
     def link_stats(self) -> LinkStats:
-        """Return zeros, as nothing can get lost without a wire."""
+        """Return zeros, since nothing can be lost without a wire."""
         return LinkStats()
 
     def close(self) -> None:
-        """End the iteration."""
+        """End the iteration of `events`."""
         self._closed = True

@@ -1,4 +1,4 @@
-"""Turns live text into events: samples, their numbers, and warnings for the user."""
+"""Turn live text into events: samples, their numbers, and warnings for the user."""
 
 import os
 from collections import Counter
@@ -33,16 +33,17 @@ from fltea.sources.arrival_watch import ArrivalWatch
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 
 LONGEST_BLOCK_US = TIME_WRAP_US // 4
-"""Of slow samples a read may hold hours; within a block times must not wrap."""
+"""Longest block in device time [µs]. A read of slow samples may span hours, but times must not wrap in a
+block."""
 
 PATIENCE_NS = 5 * 10**9
 
 FEW_LINES = 20
-"""Messages of a sender before its header; after so many something is wrong."""
+"""Number of lines of text without a header above which a warning is due: a sender may print some first."""
 
 
 class TextEvents:
-    """Turns live text into events. url: for messages. how: what the user says of columns and times.
+    """Turns live text into events. `url`: for messages. `how`: what the user states about columns and times.
 
     Raises:
         UsageError: the settings are wrong.
@@ -69,7 +70,7 @@ class TextEvents:
         self._lines_reported = 0
 
     def open(self, now_ns: int, *, within_line: bool) -> None:
-        """Take note that the line is open. within_line: its first bytes may be the end of a line."""
+        """Note that the input is open. `within_line`: its first bytes may be the end of a line of text."""
         self._connections += 1
         self._hello_due = True
         self._heard_ns = now_ns
@@ -78,7 +79,7 @@ class TextEvents:
             self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
-        """Yield the events of a line that was lost, or cannot be opened."""
+        """Yield the events of an input that was lost, or cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
         yield from self._report(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
@@ -87,7 +88,8 @@ class TextEvents:
         """Yield the events of bytes.
 
         Raises:
-            UsageError: the columns are named, but which are meant, or in which units, is not clear.
+            UsageError: the columns are named, but it is not clear which are meant, or in which units they
+            are.
         """
         self._bytes += len(data)
         self._heard_ns = now_ns
@@ -95,17 +97,17 @@ class TextEvents:
         yield from self._report_lines(now_ns)
 
     def tick(self, now_ns: int) -> Iterator[Event]:
-        """Yield the events of a while in which nothing came."""
+        """Yield the events of a time in which nothing came."""
         yield Tick(now_ns)
         if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
             yield from self._report("silent", text, now_ns, fatal=self._fatal)
 
     def finish(self, now_ns: int) -> Iterator[Event]:
-        """Yield the last events, as the sender has ended.
+        """Yield the last events, since the sender has ended.
 
         Raises:
-            UsageError: nothing that it sent was a sample.
+            UsageError: the input contained no sample.
         """
         yield from self._take(self.reader.finish(), now_ns)
         if self._numbers is not None:
@@ -117,7 +119,7 @@ class TextEvents:
             yield Trouble(*self.reader.cut, now_ns, fatal=False)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Count what arrived; a frame is a line with a sample, a bad one a line without."""
+        """Return the counts; a frame is a line with a sample, and a bad frame is a line without one."""
         bad = dict(self.reader.counts + self._left_out)
         if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
@@ -157,9 +159,9 @@ class TextEvents:
             yield from self._blocks(self._numbers, self._numbers.add(arrived, now_ns), now_ns)
 
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
-        """Choose what numbers the samples, now that the columns are known."""
+        """Choose how the samples are numbered, now that the columns are known."""
         if chosen.time is None:
-            assert chosen.rate_hz is not None  # `choose` refuses columns without both
+            assert chosen.rate_hz is not None  # `choose` refuses columns without time and rate
             self._numbers = ByOrder(chosen.rate_hz)
             self._watch = ArrivalWatch(self.url, chosen.rate_hz)
         else:
@@ -169,7 +171,7 @@ class TextEvents:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
-        """Look at the first samples: a wrong column or unit does not come right later.
+        """Check the first samples, since a wrong column or unit does not become right later.
 
         Raises:
             Implausible: no gyroscope gives such figures.
@@ -183,7 +185,7 @@ class TextEvents:
             self._plausible = None
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
-        """Leave the accelerometer out from the first sample without it on."""
+        """Leave the accelerometer out from the first sample without acceleration on."""
         assert samples.accel is not None
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return
@@ -240,7 +242,7 @@ class TextEvents:
         )
 
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
-        """Report lines without a sample; those before the columns are known only if no sample follows."""
+        """Report lines without a sample; before the columns are known, only if no sample follows."""
         early = self.reader.counts["before_header"]
         total = self.reader.left_out + self._left_out.total()
         if total > self._lines_reported and self._reported.is_due("lines", now_ns):

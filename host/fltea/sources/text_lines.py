@@ -1,7 +1,7 @@
-"""Reads samples as lines of text, live: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
+"""Read live samples as lines of text: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
 
-CSV with or without a header, or objects of JSON, read as `fltea.recording.text_rows` reads files. What has
-arrived goes on at once, as one block.
+The text is CSV with or without a header, or JSON objects, read as `fltea.recording.text_rows` reads files.
+All that has arrived is passed on at once, as one block.
 """
 
 import contextlib
@@ -22,18 +22,18 @@ from fltea.wire.reader import Reader
 from fltea.wire.transport import Port
 
 DEFAULT_BAUD = 115_200
-"""What most boards' example programs speak."""
+"""The speed of most boards' example programs."""
 
 READ_BYTES = 1 << 16
 
 
 class PipeText:
-    """Reads lines from standard input, or from a FIFO or the like: `stdin:`, `stdin:/tmp/fifo`.
+    """Reads lines of text from standard input, or from a FIFO or the like: `stdin:`, `stdin:/tmp/fifo`.
 
     The end of the input ends the source.
 
     Raises:
-        UsageError: wrong settings, or no such file.
+        UsageError: the settings are wrong, or the file does not exist.
     """
 
     live = False
@@ -58,11 +58,11 @@ class PipeText:
 
     @property
     def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of now."""
+        """Present offset from the monotonic clock to Unix time [ns]."""
         return clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield samples until the input ends or `close`."""
+        """Yield the events until the input ends or `close` is called."""
         ready = select.poll()
         is_file = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         ready.register(self._descriptor, select.POLLIN)
@@ -90,21 +90,23 @@ class PipeText:
                 os.close(self._descriptor)
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived and which lines held no sample."""
+        """Return the counts of what arrived, and of lines without a sample."""
         return self._events.link_stats()
 
     def close(self) -> None:
-        """End the iteration."""
+        """End the iteration of `events`."""
         self._closed = True
         with contextlib.suppress(OSError):
             os.write(self._closed_write, b"\0")
 
 
 class SerialText:
-    """Reads lines from a serial port, and opens one that is lost again. unix_offset_ns: as of the last event.
+    """Reads lines of text from a serial port; a lost port is opened again.
+
+    `unix_offset_ns`: offset to Unix time at the last event.
 
     Raises:
-        UsageError: wrong settings, or no serial port.
+        UsageError: the settings are wrong, or there is no serial port.
     """
 
     live = prompt = True
@@ -116,7 +118,7 @@ class SerialText:
         self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield samples until `close`; a thread of its own reads the port."""
+        """Yield the events until `close`; a thread of its own reads the port."""
         self._reader.start()
         for item in self._reader.events(TICK_S):
             if item is not None:
@@ -124,7 +126,7 @@ class SerialText:
             yield from self.take(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of what came from the port; None says that nothing came for a while."""
+        """Yield the events of what came from the port; None: nothing came for a while."""
         match item:
             case None:
                 yield from self._events.tick(clock.host_ns())
@@ -136,19 +138,19 @@ class SerialText:
                 yield from self._events.feed(data, host_ns)
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived, what was lost on the way, and which lines held no sample."""
+        """Return the counts of what arrived, what was lost on the way, and lines without a sample."""
         return self._events.link_stats(self._reader.port.overflow_bytes)
 
     def close(self) -> None:
-        """Stop reading and release the port."""
+        """Stop reading, and release the port."""
         self._reader.close()
 
 
 def parse_serial(rest: str) -> tuple[str, int]:
-    """Return port and speed from the text behind `serial-text:`.
+    """Return port and speed from the text after `serial-text:`.
 
     Raises:
-        UsageError: an unknown key, or a speed that is no number.
+        UsageError: a key is unknown, or the speed is no number.
     """
     url, mark, query = rest.rpartition("?")
     if not mark or "=" not in query:

@@ -1,6 +1,6 @@
-"""Turns what came over a wire into events, and watches over the line.
+"""Turn what arrived over a wire into events, and watch for silence and faults.
 
-It does not know where the bytes come from: a port (`fltea.sources.serial`) or a recording of one.
+It does not depend on where the bytes come from: a port (`fltea.sources.serial`) or a recording of one.
 """
 
 from collections.abc import Iterator
@@ -40,13 +40,13 @@ from fltea.wire.ports import TICK_NS
 from fltea.wire.sensors import NO_SENSOR, SENSORS, relative_text, sensor_name
 
 SILENCE_S = 5.0
-"""A device that says nothing, or nothing that can be read, for this long is reported."""
+"""Time without bytes, or without readable bytes, after which it is reported [s]."""
 
 LIMIT_NS = int(SILENCE_S * 1e9)
 
 
 class Hints(NamedTuple):
-    """Advice for a device that says nothing, or nothing that can be read."""
+    """Advice for a device that sends nothing, or nothing readable."""
 
     silent: str
     unreadable: str
@@ -59,9 +59,9 @@ OF_A_PORT = Hints(
 
 
 class WireEvents:
-    """Turns transport events into events; every failure is a `Trouble`.
+    """Turns transport events into events; every failure becomes a `Trouble`.
 
-    url: what the texts call the port. hints: what to do about bytes without frames, and about none.
+    `url`: name of the port in messages. `hints`: advice for bytes without frames, and for no bytes.
     """
 
     def __init__(self, url: str, hints: "Hints | None" = None) -> None:
@@ -69,14 +69,14 @@ class WireEvents:
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
         self.line = WireLine(LIMIT_NS, TICK_NS, REPEAT_NS)
-        self._said: Hello | None = None  # by the HELLO that was accepted last; most are the same
+        self._said: Hello | None = None  # of the last accepted HELLO; most later ones are the same
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
         self._reported_faults = OnceAMinute()
 
     @property
     def unix_offset_ns(self) -> int:
-        """The difference from the monotonic clock to Unix time in ns, as of the last transport event."""
+        """Offset from the monotonic clock to Unix time at the last transport event [ns]."""
         return self.line.unix_offset_ns
 
     @unix_offset_ns.setter
@@ -84,10 +84,11 @@ class WireEvents:
         self.line.unix_offset_ns = offset_ns
 
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
-        """Yield the events of one transport event, or of many reads; None says that nothing came for a while.
+        """Yield the events of one transport event, or of many reads; None: nothing came for a while.
 
-        What comes of many is what came of each alone, with ticks where nothing came, as of a silent line.
-        now_ns: the monotonic clock as of now; in a recording, that of the event, or of its first read.
+        Many reads give the same events as the single reads, with ticks for the silence between them.
+        `now_ns`: present time of the monotonic clock; in a recording, the time of the event or of its first
+        read.
         """
         match item:
             case Reads():
@@ -106,20 +107,20 @@ class WireEvents:
         yield from self._items()
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
-        """Yield what a line that says nothing gives before a moment."""
+        """Yield the events of a silent port until a time."""
         self.line.pass_time(until_ns)
         yield from self._items()
 
     def forgive(self, now_ns: int) -> None:
-        """Begin all waiting again: we ourselves were not listening."""
+        """Restart all timeouts, since the program was not listening."""
         self.line.forgive(now_ns)
 
     def resume(self, now_ns: int) -> None:
-        """Take note of when the program came back, to tell a stall of its own from a silence."""
+        """Note when the program continued, to tell its own stall from a silent device."""
         self.line.resume(now_ns)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Count what was handed on, and what was lost on the way."""
+        """Return the counts of what was passed on, and of what was lost on the way."""
         size_bytes, frames, refused, connections, bad = self.line.counts()
         return LinkStats(
             bytes=size_bytes,
@@ -132,12 +133,12 @@ class WireEvents:
         )
 
     def _items(self) -> Iterator[Event]:
-        """Yield the events of what the line gives."""
+        """Yield the events of all items that the native decoder has."""
         while (item := self.line.next()) is not None:
             yield from self.events_of(item)
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item of the line, before the next is asked for."""
+        """Yield the events of one item of `line`, before the next item is asked for."""
         match item:
             case "samples", columns:
                 yield RawBlock._make(columns)
@@ -184,7 +185,7 @@ class WireEvents:
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
-        """Report once what is peculiar about a chip; after a new start of the sensor its faults are news."""
+        """Report a chip's peculiarity once; after a restart of the sensor its faults are reported again."""
         sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
         if sensor != self._sensor:
             self._sensor = sensor
@@ -202,7 +203,7 @@ class WireEvents:
             yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _explain(self, kind: str, unread_bytes: int) -> tuple[str, str]:
-        """Return kind and text of a trouble of the line."""
+        """Return kind and text of a trouble with what arrives."""
         if kind == "silent":
             text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
             return "silent", text
@@ -214,7 +215,7 @@ class WireEvents:
 
 
 def hello_problem(hello: wire.Hello) -> str | None:
-    """Return why samples after this HELLO could not be used; None if they can."""
+    """Return why samples after this HELLO cannot be used; None if they can."""
     if not hello.sample_rate or not hello.gyro_lsb:
         return (
             f"its HELLO states a rate of {hello.sample_rate} mHz and {hello.gyro_lsb} tenths of an LSB per "

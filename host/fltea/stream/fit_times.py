@@ -28,7 +28,7 @@ also when a file is read at full speed, or when many devices began together."""
 
 
 def period_s(config: Config, fit_worker: FitWorker) -> float:
-    """Return the shortest time between two refits, in seconds of samples; by default longer for many devices."""
+    """Return the shortest time between two refits, in seconds of samples; many devices lengthen it."""
     given = config.live.period_s
     usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
     return (

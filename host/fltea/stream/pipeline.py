@@ -400,7 +400,7 @@ class Pipeline:
         self._decoder.begin(sensors)
 
     def _forget(self) -> None:
-        """Ignore the board's statements about earlier samples: the board, its boot or its sensor may differ."""
+        """Ignore the board's later statements about earlier samples: the board or its sensor may differ."""
         if self._board is not None:
             self._board.forget()
 

@@ -117,7 +117,7 @@ class SensorTracks:
             self._learned[axis] = learned
 
     def heading_std(self, axis: str, t_s: float) -> float:
-        """Return the standard deviation of an axis's integral, `t_s` seconds after a rest of the record's length.
+        """Return the standard deviation of an axis's integral, `t_s` seconds after the rest.
 
         NaN before the first fit.
         """

@@ -201,7 +201,7 @@ class Ingest:
         return True
 
     def _serves(self, partition: int) -> bool:
-        """Return whether a partition's messages may be processed; after one is left out, it must come again."""
+        """Return whether a partition's messages may be processed; a left-out one must come again first."""
         shared = self._receiver.partitions
         if shared is None or partition in self._left_out or not shared.serves(partition):
             self._left_out.add(partition)

@@ -1,6 +1,6 @@
-"""Which field of a record is which metric, in Prometheus' naming: base units, `_total` for what only grows.
+"""Define which field of a record is which metric, in Prometheus' naming: base units, `_total` for counters.
 
-What is not known or not valid has no sample: a gap in a graph, rather than a number that means nothing.
+A value that is unknown or not valid has no sample, so a graph shows a gap rather than a meaningless number.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,15 +13,16 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 DEVICE, AXIS = ("device",), ("device", "axis")
 
 Labelled = Sequence[tuple[tuple[str, ...], Any]]
-"""Values of the labels, and the record that they are of."""
+"""Records, each with the values of its labels."""
 
 
 class Row(NamedTuple):
-    """A metric of a field of a record.
+    """A metric made from a field of a record.
 
-    of: the field, where it has another name than the metric, or how the value follows from the record.
-    factor: of the field in the base unit. key: the label of the keys where the field is a mapping; a field
-    that is a word is taken for a mapping of it to 1.
+    `of`: the field, if its name differs from the metric's, or a function that gives the value from the
+    record.
+    `factor`: factor from the field's unit to the base unit. `key`: label of the keys if the field is a
+    mapping; a field that is a word counts as a mapping of that word to 1.
     """
 
     make: type[CounterMetricFamily] | type[GaugeMetricFamily]
@@ -38,7 +39,7 @@ counter, gauge = partial(Row, CounterMetricFamily), partial(Row, GaugeMetricFami
 def families(
     prefix: str, labels: tuple[str, ...], rows: Sequence[Row], records: Labelled
 ) -> Iterator[Metric]:
-    """Yield the metrics of all records of a kind. prefix: of their names, behind `fltea_`."""
+    """Yield the metrics of all records of a kind. `prefix`: what their names begin with after `fltea_`."""
     for row in rows:
         names = labels if row.key is None else (*labels, row.key)
         yield filled(row.make(f"fltea_{prefix}{row.name}", row.text, labels=names), _values(row, records))
@@ -47,7 +48,7 @@ def families(
 def filled(
     family: CounterMetricFamily | GaugeMetricFamily, values: Sequence[tuple[tuple[str, ...], float]]
 ) -> Metric:
-    """Return a family with the values of its labels."""
+    """Return the family with its values added, each with the values of its labels."""
     for names, value in values:
         family.add_metric(names, value)
     return family

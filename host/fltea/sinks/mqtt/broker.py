@@ -1,7 +1,7 @@
-"""What it takes to reach an MQTT broker: address, secrets and certificates, and what each failure means.
+"""Define how to reach an MQTT broker: address, secrets and certificates, and what each failure means.
 
-User and password come from the environment or from a file, and go nowhere but to the broker: no text here
-holds them.
+User and password come from the environment or from a file, and are sent only to the broker: no message
+contains them.
 """
 
 import os
@@ -19,10 +19,10 @@ from fltea.settings.mqtt import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
 KEEPALIVE_S = 15
-"""A broker that vanishes silently is noticed after at most twice this time."""
+"""Interval of keep-alive messages; a broker that vanishes is noticed after at most twice this time [s]."""
 
 REFUSED_BY_NAME = (0x86, 0x87, 0x8C)
-"""Reason codes of MQTT 5: bad user name or password, not authorized, bad authentication method."""
+"""MQTT 5 reason codes for a bad user name or password, not authorized, and a bad authentication method."""
 
 Failure = tuple[str, str]
 """Kind and text of an `error` record."""
@@ -32,7 +32,7 @@ class Broker:
     """One broker as the settings describe it.
 
     Raises:
-        UsageError: a file that is named in the settings cannot be used.
+        UsageError: a file named in the settings cannot be used.
     """
 
     def __init__(self, settings: MqttConfig) -> None:
@@ -41,7 +41,7 @@ class Broker:
         self.tls = _tls(settings) if self.address.tls else None
 
     def report_plain(self, report: Report) -> None:
-        """Report that the password crosses a network in clear, if it does."""
+        """Report that the password crosses a network unencrypted, if it does."""
         local = self.address.host in ("localhost", "::1") or self.address.host.startswith("127.")
         if self.password is not None and self.tls is None and not local:
             text = "the password crosses the network in clear; use mqtts:// if the broker can."
@@ -63,7 +63,7 @@ class Broker:
         return client
 
     def explain_failure(self, error: BaseException | None) -> Failure:
-        """Why the broker could not be reached."""
+        """Return why the broker could not be reached."""
         where = str(self.address)
         if isinstance(error, ssl.SSLCertVerificationError):
             return "broker_certificate", (
@@ -89,7 +89,7 @@ class Broker:
         return "broker_lost", f"{where}: {hint} It is tried again."
 
     def explain_refusal(self, reason: ReasonCode) -> Failure:
-        """Why the broker did not let us in."""
+        """Return why the broker refused the connection."""
         where, name = str(self.address), reason.getName()
         if reason.value not in REFUSED_BY_NAME:
             return (
@@ -107,7 +107,7 @@ class Broker:
         )
 
     def explain_end(self, reason: ReasonCode, answered: bool) -> Failure:
-        """Why a connection ended that was open. answered: the broker had let us in."""
+        """Return why an open connection ended. `answered`: the broker had accepted the connection."""
         where, name = str(self.address), reason.getName()
         if answered:
             return "broker_lost", f"{where}: the connection was lost ({name}). It is tried again."
@@ -123,7 +123,7 @@ class Broker:
 
 
 def _credentials(file: str | None) -> tuple[str | None, str | None]:
-    """User and password; a file in the settings goes before the environment."""
+    """Return user and password; a file in the settings takes precedence over the environment."""
     if file is None:
         user, password = os.environ.get(USER) or None, os.environ.get(PASSWORD) or None
         if password is not None and user is None:
@@ -135,7 +135,7 @@ def _credentials(file: str | None) -> tuple[str | None, str | None]:
 def _tls(settings: MqttConfig) -> ssl.SSLContext:
     context = ssl.create_default_context()
     if settings.ca is not None:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # of all authorities, that one alone
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # trusts only the authority of the settings
         try:
             context.load_verify_locations(settings.ca)
         except OSError as error:
@@ -152,7 +152,7 @@ def _tls(settings: MqttConfig) -> ssl.SSLContext:
 
 
 def _no_passphrase() -> str:
-    """Without this OpenSSL would ask at the terminal, and wait."""
+    """Give no passphrase, since otherwise OpenSSL would ask for one at the terminal and wait."""
     return ""
 
 

@@ -1,8 +1,8 @@
-"""One connection to an MQTT broker, from its opening to its end; it is never opened again.
+"""Keep one connection to an MQTT broker from its opening to its end; it is never opened again.
 
-The library runs it in a thread of its own. What happens there is queued in `events` and read by the sink, so
-nothing here needs a lock. Each attempt is a new client: one that reconnects by itself sends its old messages
-after the sink's newest status.
+The library runs the connection in a thread of its own. Its events are queued in `events`, which the sink
+reads, so no lock is needed here. Each attempt uses a new client, since a client that reconnects sends its old
+messages after the sink's newest status.
 """
 
 import sys
@@ -20,25 +20,25 @@ POLL_S = 0.002
 
 
 class Up(NamedTuple):
-    """The broker has let us in."""
+    """The broker has accepted the connection."""
 
 
 class Acknowledged(NamedTuple):
-    """A message is on its way (QoS 0) or at the broker (QoS 1). refusal: why the broker did not take it."""
+    """A message was sent (QoS 0), or reached the broker (QoS 1). `refusal`: why it was not taken."""
 
     mid: int
     refusal: str | None
 
 
 class Down(NamedTuple):
-    """The connection has ended, or never began; kind and message of the `error` record."""
+    """The connection has ended, or could not be opened; kind and message of the `error` record."""
 
     kind: str
     message: str
 
 
 class _Shared:
-    """What the callbacks know; not the connection, or its sockets would wait for the garbage collector."""
+    """What the callbacks need; not the connection itself, so that its sockets are freed at once."""
 
     def __init__(self, broker: Broker) -> None:
         self.broker = broker
@@ -49,7 +49,7 @@ class _Shared:
 class Connection:
     """Connects at once, in the background.
 
-    will: topic and payload that the broker publishes, retained, if we vanish.
+    `will`: topic and payload that the broker publishes, retained, if the program vanishes.
     """
 
     def __init__(self, broker: Broker, client_id: str, will: tuple[str, bytes]) -> None:
@@ -65,24 +65,24 @@ class Connection:
         client.loop_start()
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Hand a message over, without waiting.
+        """Pass a message on without waiting.
 
         Returns:
-            The number under which it will be acknowledged; None if it cannot be sent now.
+            The number under which the message will be acknowledged; None if it cannot be sent now.
         """
         info = self._client.publish(topic, payload, qos, retain)
         return info.mid if info.rc == 0 else None
 
     def close(self) -> None:
-        """End the connection after all that was published, without waiting; the will is not published."""
+        """End the connection after all published messages, without waiting; the will is not published."""
         self._shared.closed = True
         self._client.disconnect()
 
 
 def await_end(events: deque[Up | Acknowledged | Down], deadline_s: float) -> None:
-    """Wait for the end of a connection that was closed, until `time.monotonic()`.
+    """Wait for the end of a closed connection, at most until `deadline_s` of `time.monotonic()`.
 
-    A broker that is hung up on sooner would publish the will.
+    If the program hung up sooner, the broker would publish the will.
     """
     while time.monotonic() < deadline_s and not any(isinstance(event, Down) for event in events):
         time.sleep(POLL_S)
@@ -93,7 +93,7 @@ def _on_connect(
 ) -> None:
     if reason.is_failure:
         shared.events.append(Down(*shared.broker.explain_refusal(reason)))
-    elif shared.closed:  # while it was being opened
+    elif shared.closed:  # `close` was called while the connection was being opened
         client.disconnect()
     else:
         shared.answered = True
@@ -102,7 +102,7 @@ def _on_connect(
 
 def _on_connect_fail(client: Client, shared: _Shared) -> None:
     shared.events.append(Down(*shared.broker.explain_failure(sys.exception())))
-    client.disconnect()  # or the library's thread would go on trying
+    client.disconnect()  # otherwise the library's thread would try again
 
 
 def _on_publish(

@@ -1,6 +1,7 @@
-"""Messages on their way to a broker: what waits, what is sent and not acknowledged, and what is lost.
+"""Send messages to a broker, and count which of them wait, are not acknowledged, or are lost.
 
-Nobody acknowledges a message of QoS 0, but a later acknowledgement of the same connection proves its arrival.
+A broker does not acknowledge messages of QoS 0; a later acknowledgement on the same connection proves that
+they arrived.
 """
 
 import time
@@ -13,16 +14,17 @@ from fltea.sinks.mqtt.connection import POLL_S, Acknowledged, Up
 from fltea.sinks.mqtt.link import Link
 
 BACKLOG = 1000
-"""Rare records that are kept while the broker is away; the oldest go first."""
+"""Most rare records that are kept while the broker is away; the oldest are dropped first."""
 
 IN_FLIGHT = 2000
-"""Messages that the broker has not yet acknowledged; beyond it new ones are lost: the network is too slow."""
+"""Most unacknowledged messages; beyond it new ones are lost, since the network is too slow."""
 
 
 class Message(NamedTuple):
-    """A message that is published.
+    """A message to publish.
 
-    retain: it is a state, published with each new connection. again: sent again if its connection is lost.
+    `retain`: the message is a state, published on each new connection. `again`: sent again if its connection
+    is lost.
     """
 
     topic: str
@@ -33,7 +35,7 @@ class Message(NamedTuple):
 
 
 class Flight:
-    """What one connection was given and the broker has not acknowledged; its length is their number."""
+    """The messages of one connection that are not acknowledged yet; its length is their number."""
 
     def __init__(self) -> None:
         self._unacknowledged: dict[int, tuple[Message, int]] = {}
@@ -48,14 +50,14 @@ class Flight:
         return [message for message, _ in self._unacknowledged.values()]
 
     def began(self, mid: int, message: Message) -> None:
-        """Take note that a message was handed over; mid: its number, if its QoS has one."""
+        """Note that a message was sent; `mid`: its number, which a message of QoS 0 does not need."""
         if message.qos:
             self._unacknowledged[mid] = (message, self._unsure)
         else:
             self._unsure += 1
 
     def arrived(self, mid: int) -> Message | None:
-        """Return the message that was acknowledged; None for QoS 0, which the socket alone acknowledges."""
+        """Return the acknowledged message; None for QoS 0, which only the socket acknowledges."""
         entry = self._unacknowledged.pop(mid, None)
         if entry is None:
             return None
@@ -64,17 +66,17 @@ class Flight:
         return message
 
     def end(self) -> tuple[int, list[Message]]:
-        """End with the connection: return how many of QoS 0 are unsure, and what was not acknowledged."""
+        """End with the connection; return how many of QoS 0 may be lost, and the unacknowledged messages."""
         unsure, messages = self._unsure - self._sure, self.messages
         self._unacknowledged, self._unsure, self._sure = {}, 0, 0
         return unsure, messages
 
 
 class Delivery:
-    """Hands messages to a link, and counts those that are lost.
+    """Sends messages over a link, and counts the lost ones.
 
-    introduce: publishes the states of the device, when a new connection is up. lost: messages that no broker
-    took, or that nobody can be sure of.
+    `introduce`: publishes the states of the device on a new connection. `lost`: number of messages that no
+    broker took, or whose arrival is uncertain.
     """
 
     def __init__(self, link: Link, report: Report, introduce: Callable[[], None]) -> None:
@@ -86,39 +88,39 @@ class Delivery:
         self._refusal_reported = False
 
     def begin(self) -> None:
-        """Begin with another device: a refusal is reported again."""
+        """Begin with another device, for which a refusal is reported again."""
         self._refusal_reported = False
 
     def state(self, message: Message) -> None:
-        """Publish a state if the broker is there; else it is published when it comes back."""
+        """Publish a state if the broker is there; otherwise it is published on the next connection."""
         if self._link.up:
             self._publish(message)
 
     def stream(self, message: Message) -> None:
-        """Publish one of many: lost if the broker is away, or does not keep up."""
+        """Publish a frequent message; it is lost if the broker is away or does not keep up."""
         if self._link.up:
             self.lost += not (len(self._flight) < IN_FLIGHT and self._publish(message))
         elif not self._link.in_outage and len(self._waiting) < BACKLOG:
-            self._waiting.append(message)  # the first connection is being made: a matter of milliseconds
+            self._waiting.append(message)  # the first connection opens within milliseconds
         else:
             self.lost += 1
 
     def keep(self, message: Message) -> None:
-        """Publish what is rare: it waits for the broker."""
+        """Publish a rare message, which waits if the broker is away."""
         self._waiting.append(message)
         if len(self._waiting) > BACKLOG:
             self._waiting.popleft()
             self.lost += 1
 
     def send_waiting(self) -> None:
-        """Publish what waits, as far as the broker keeps up."""
+        """Publish the waiting messages, as far as the broker keeps up."""
         while self._link.up and self._waiting and len(self._flight) < IN_FLIGHT:
             if not self._publish(self._waiting[0]):
                 return
             self._waiting.popleft()
 
     def poll(self) -> None:
-        """Take note of what happened to the connection and to messages."""
+        """Handle what happened to the connection and to messages."""
         for event in self._link.events():
             if isinstance(event, Acknowledged):
                 self._on_acknowledged(event)
@@ -130,7 +132,7 @@ class Delivery:
                 self._take_back()
 
     def leave(self, farewell_s: float) -> None:
-        """End the connection, but not before the broker acknowledged all: it may else publish the will."""
+        """End the connection once the broker has acknowledged everything, so that it publishes no will."""
         deadline_s = time.monotonic() + farewell_s
         self.send_waiting()
         while self._link.up and self._flight.messages and time.monotonic() < deadline_s:
@@ -141,7 +143,7 @@ class Delivery:
             self._take_back()
 
     def give_up(self) -> None:
-        """Count what waits as lost: nothing more is sent."""
+        """Count the waiting messages as lost, since nothing more is sent."""
         self.lost += len(self._waiting)
         self._waiting.clear()
 
@@ -153,7 +155,7 @@ class Delivery:
         return True
 
     def _take_back(self) -> None:
-        """The connection is gone: count what nobody acknowledged, keep what is sent again."""
+        """Count lost messages of a connection that is gone, and keep those that are sent again."""
         unsure, messages = self._flight.end()
         self.lost += unsure
         waiting, self._waiting = self._waiting, deque()
@@ -178,7 +180,7 @@ class Delivery:
     def _on_up(self) -> None:
         away_s = self._link.end_outage()
         lost_before, self._lost_before = self._lost_before, None
-        self.send_waiting()  # may hold an older status, so before the newest
+        self.send_waiting()  # first, since an older status may be among these messages
         self._introduce()
         if away_s is not None and lost_before is not None:
             lost = self.lost - lost_before

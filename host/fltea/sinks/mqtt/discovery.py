@@ -1,7 +1,7 @@
-"""How Home Assistant finds a device: the configuration that its MQTT discovery reads, retained.
+"""Make the retained configuration with which Home Assistant finds a device by MQTT discovery.
 
-Home Assistant, "MQTT discovery", device discovery: `<prefix>/device/<object_id>/config` names the device
-and all of its sensors, each with a topic and a template that takes its value out of the payload.
+Home Assistant's manual, "MQTT discovery", device discovery: `<prefix>/device/<object_id>/config` names the
+device and all its sensors, each with a topic and a template that extracts its value from the payload.
 """
 
 import re
@@ -19,10 +19,10 @@ _BIAS: Final = "{%% set tracker = value_json.axes.%s.tracker %%}{{ tracker.%s if
 
 
 def discovery_topic(prefix: str, level: str) -> str:
-    """Return the topic of a device whose own topics have this level.
+    """Return the discovery topic of the device whose own topics have the level `level`.
 
-    Home Assistant takes letters, digits, _ and - only. Any other character of a name stands as its number, so
-    that names that differ have topics that differ.
+    Home Assistant accepts only letters, digits, _ and -. Any other character is replaced by its number, so
+    that different names have different topics.
     """
     return f"{prefix}/device/{_object_id(level)}/config"
 
@@ -30,7 +30,7 @@ def discovery_topic(prefix: str, level: str) -> str:
 def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats]) -> dict[str, object]:
     """Return the configuration of a device.
 
-    topics: what all of its topics begin with, `<mqtt.prefix>/<level>`. axes: those that it has, by name.
+    `topics`: the beginning of all its topics, `<mqtt.prefix>/<level>`. `axes`: its axes, by name.
     """
     device = {
         "identifiers": [_object_id(level)],

@@ -1,4 +1,4 @@
-"""Keeps a sink connected to its broker: opens the connection, and after an outage opens it again."""
+"""Keep a sink connected to its broker: open the connection, and open it again after an outage."""
 
 from collections.abc import Iterator
 
@@ -9,20 +9,20 @@ from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up, awai
 from fltea.sinks.mqtt.shared import SharedConnection, View
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
-"""Time from a lost connection to the next attempt; it grows with each failure in a row."""
+"""Times from a lost connection to the next attempt, by the number of failures in a row [s]."""
 
 SETTLED_NS = 10 * 10**9
-"""A connection that lived this long was a good one, so the backoff begins again."""
+"""Time after which a connection counts as good, so that the wait after a failure is short again [ns]."""
 
 OPENING_NS = 45 * 10**9
-"""A connection that is not open after this time is given up."""
+"""Time after which a connection that has not opened is given up [ns]."""
 
 
 class Link:
-    """Has one connection at a time. All but the connection's own thread is one thread.
+    """Has one connection at a time. One thread calls all methods; the connection itself has another.
 
-    shared: a connection that many devices have together; None: this one has its own. up: whether the broker
-    takes messages now.
+    `shared`: a connection shared by many devices; None: the link has its own. `up`: whether the broker takes
+    messages now.
     """
 
     def __init__(self, broker: Broker, report: Report, shared: SharedConnection | None) -> None:
@@ -36,15 +36,15 @@ class Link:
 
     @property
     def in_outage(self) -> bool:
-        """Whether a connection failed, and none has worked since."""
+        """Whether a connection has failed, and none has worked since."""
         return self._outage_since_ns is not None
 
     def is_due(self) -> bool:
-        """Whether a connection is to be opened now."""
+        """Return whether a connection is to be opened now."""
         return self._connection is None and clock.host_ns() >= self._retry_ns
 
     def open(self, client_id: str = "", will: tuple[str, bytes] = ("", b"")) -> None:
-        """Open a connection in the background. client_id, will: of one of its own, not of a shared one."""
+        """Open a connection in the background. `client_id`, `will`: unused if it is shared."""
         self._opened_ns = clock.host_ns()
         if self._shared is not None:
             self._connection = self._shared.connect()
@@ -52,11 +52,11 @@ class Link:
             self._connection = Connection(self.broker, client_id, will)
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Hand a message over, as `Connection.publish` does."""
+        """Pass a message on, as `Connection.publish` does."""
         return None if self._connection is None else self._connection.publish(topic, payload, qos, retain)
 
     def events(self) -> Iterator[Up | Acknowledged | Down]:
-        """Yield what happened since the last call; with `Down` the connection is gone."""
+        """Yield what happened since the last call; after `Down` the connection is gone."""
         while self._connection is not None and self._connection.events:
             event = self._connection.events.popleft()
             if isinstance(event, Up):
@@ -76,7 +76,7 @@ class Link:
         return None if since_ns is None else (clock.host_ns() - since_ns) * 1e-9
 
     def close(self, deadline_s: float) -> bool:
-        """End the connection, and wait for its end until `time.monotonic()`; return whether there was one."""
+        """End the connection, and wait for it until `deadline_s`; return whether there was a connection."""
         connection, self._connection = self._connection, None
         if connection is None:
             return False

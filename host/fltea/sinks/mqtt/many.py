@@ -1,8 +1,9 @@
-"""Publishes the records of many devices over one connection (host/docs/guide/ingest.md).
+"""Publish the records of many devices over one connection (host/docs/guide/ingest.md).
 
 Each device has an `MqttSink` without a thread or a connection of its own, so topics, states, retries and
-counts are those of any device. Devices stand under the name by which the broker let them publish, never under
-what their HELLO states. The program has a status of its own, `<prefix>/<program>/ingest`: the will.
+counts are the same as for a single device. A device's topics contain the name under which the broker let it
+publish, never what its HELLO states. The program has a status of its own, `<prefix>/<program>/ingest`, which
+is also the will.
 """
 
 import secrets
@@ -26,20 +27,22 @@ from fltea.sinks.mqtt.status import Status
 from fltea.sinks.opening import Opening
 
 LOOK_S = 0.5
-"""The time between two looks at all devices; those that have sent something are looked at at once."""
+"""Time between two checks of all devices [s]; devices with new records are checked at once."""
 
 IDLE_NS = 3600 * 10**9
-"""A device that has sent nothing for this long is forgotten."""
+"""Time after which a device without records is forgotten [ns]."""
 
 EVERY = 1000
-"""Estimates of one sample in so many, at most: ten seconds of most boards, as there are many of them."""
+"""At most one in `EVERY` samples has its estimates published: one every ten seconds of most boards."""
 
 
 class ManyMqttSink(Sink):
-    """program: name of the status of all. apart: names of devices that have sinks of their own.
+    """The sink for all devices of shared sources.
+
+    `program`: name for the program's own status. `apart`: names of devices that have sinks of their own.
 
     Raises:
-        UsageError: settings or secrets that cannot be used.
+        UsageError: settings or secrets cannot be used.
     """
 
     name = "mqtt"
@@ -68,11 +71,11 @@ class ManyMqttSink(Sink):
 
     @property
     def lost(self) -> int:  # type: ignore[override]
-        """Records that no device's topics took."""
+        """Number of records that were not published for any device."""
         return self._gone_lost + sum(sink.lost for sink in self._sinks.values())
 
     def write(self, item: Item) -> None:
-        """Give a record to its device's sink."""
+        """Pass a record to its device's sink."""
         if not isinstance(item, Record | Block) or not item.device or item.device in self._apart:
             return
         self._shared.pump()
@@ -86,12 +89,12 @@ class ManyMqttSink(Sink):
         self._touched.add(name)
 
     def depart(self, departed: Departed) -> None:
-        """Keep nothing of a device; where it has moved, another program publishes its status."""
+        """Forget a device; if it has moved, another program publishes its status."""
         if departed.device in self._sinks:
             self._forget(departed.device, end=not departed.moved)
 
     def flush(self) -> None:
-        """Look after those that have written, and now and then after all."""
+        """Update the sinks with new records, and all sinks every `LOOK_S`."""
         self._shared.pump()
         now_s = time.monotonic()
         touched, self._touched = self._touched, set()
@@ -104,7 +107,7 @@ class ManyMqttSink(Sink):
             self._sinks[name].flush()
 
     def close(self) -> None:
-        """Publish that all are offline, and end the connection."""
+        """Publish that all devices are offline, and end the connection."""
         self._shared.pump()
         for sink in self._sinks.values():
             sink.end()
@@ -119,7 +122,7 @@ class ManyMqttSink(Sink):
         self._shared.close(deadline_s)
 
     def _look_after_own(self) -> None:
-        """Publish the program's own status with each connection."""
+        """Publish the program's own status on each new connection."""
         if self._own.is_due():
             self._own.open()
         for event in self._own.events():
@@ -148,11 +151,11 @@ class ManyMqttSink(Sink):
         self._gone_lost += sink.lost
 
     def _report_once(self, kind: str, message: str) -> None:
-        """Report once what all devices meet at the same time, such as a broker that is away."""
+        """Report only once a trouble of all devices, such as a broker that is away."""
         if self._once_a_minute.is_due(kind, host_ns()):
             self._report(kind, message)
 
 
 def open_output(opening: Opening) -> ManyMqttSink:
-    """Publish what all devices of shared sources say."""
+    """Open the sink for the devices of all shared sources."""
     return ManyMqttSink(opening.program.mqtt, opening.shared[0], opening.report, set(opening.apart))

@@ -1,7 +1,7 @@
-"""One connection to a broker for many devices, of which each believes that it has its own.
+"""Share one connection to a broker among many devices, as if each had its own.
 
-Hundreds of connections would cost a thread each. What is lost by sharing is the last will of each device: a
-connection has one, so the program has a status of its own instead.
+Hundreds of connections would need a thread each. Sharing costs each device's last will, since a connection
+has only one; the program has a status of its own instead.
 """
 
 from collections import deque
@@ -11,18 +11,18 @@ from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up, awai
 
 
 class View:
-    """What a device's sink holds for its connection."""
+    """A device's part of the shared connection; used like a `Connection`."""
 
     def __init__(self, shared: "SharedConnection") -> None:
         self.events: deque[Up | Acknowledged | Down] = deque()
         self._shared = shared
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Hand a message over, as `Connection.publish` does."""
+        """Pass a message on, as `Connection.publish` does."""
         return self._shared.publish(self, topic, payload, qos, retain)
 
     def close(self) -> None:
-        """Leave; the connection goes on for the others."""
+        """Leave the connection, which stays open for the other devices."""
         self._shared.leave(self)
         self.events.append(Down("broker_lost", "closed"))
 
@@ -30,7 +30,7 @@ class View:
 class SharedConnection:
     """Opens the connection when the first view asks for one, and again after it was lost.
 
-    All is called from one thread. will: topic and payload for when the program vanishes.
+    One thread calls all methods. `will`: topic and payload that are published if the program vanishes.
     """
 
     def __init__(self, broker: Broker, client_id: str, will: tuple[str, bytes]) -> None:
@@ -52,11 +52,11 @@ class SharedConnection:
 
     @property
     def waiting(self) -> int:
-        """Messages that the broker has not acknowledged."""
+        """Number of messages that the broker has not acknowledged."""
         return len(self._mids)
 
     def pump(self) -> None:
-        """Hand the events of the connection to the views."""
+        """Pass the events of the connection on to the views."""
         connection = self._connection
         while connection is not None and connection.events:
             event = connection.events.popleft()
@@ -77,7 +77,7 @@ class SharedConnection:
                     view.events.append(event)
 
     def publish(self, view: View, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
-        """Hand a view's message over."""
+        """Pass a view's message on."""
         if self._connection is None:
             return None
         mid = self._connection.publish(topic, payload, qos, retain)
@@ -90,7 +90,7 @@ class SharedConnection:
         self._views.pop(view, None)
 
     def close(self, deadline_s: float) -> None:
-        """End the connection, and wait for its end: else the broker would publish the will."""
+        """End the connection, and wait for its end, since otherwise the broker would publish the will."""
         connection, self._connection, up = self._connection, None, self.up
         self.up = False
         if connection is not None:

@@ -1,4 +1,4 @@
-"""Publishes the records of one device to an MQTT broker (host/docs/guide/outputs.md)."""
+"""Publish the records of one device to an MQTT broker (host/docs/guide/outputs.md)."""
 
 import re
 import secrets
@@ -21,29 +21,31 @@ from fltea.sinks.opening import Opening
 from fltea.sinks.record_json import record_json
 
 FAREWELL_S = 5.0
-"""A broker gets so long to acknowledge the end; one that does so at once costs nothing."""
+"""Longest wait for the broker to acknowledge the last messages [s]."""
 
 LONGEST_NAME = 64
-"""Characters of a device's level in its topics; a recording may state an identifier of any length."""
+"""Most characters of a device's name in its topics, since a recording may state an identifier of any
+length."""
 
 KINDS = {
     "sample": Wanted(samples=True),
     "estimate": Wanted(estimates=True),
     "corrected": Wanted(corrected=True),
 }
-"""What has a row a sample."""
+"""What is printed for each kind of record that has one row per sample."""
 
 
 class MqttSink(Sink):
-    """Has one connection a device, since a connection has one last will.
+    """Has one connection per device, since a connection has only one last will.
 
-    All methods run in the outlet's thread, which drives it by `write` and `flush`; the network has another.
+    All methods run in the sink queue's thread, which calls `write` and `flush`; the network has another
+    thread.
 
-    shared: a connection that many devices have together. Each then stands under its own name, since what its
-    HELLO states may be another's.
+    `shared`: a connection shared by many devices. Their topics then contain each device's own name, since its
+    HELLO may state another device's identifier.
 
     Raises:
-        UsageError: settings or secrets that cannot be used.
+        UsageError: settings or secrets cannot be used.
     """
 
     name = "mqtt"
@@ -72,11 +74,11 @@ class MqttSink(Sink):
 
     @property
     def lost(self) -> int:  # type: ignore[override]
-        """Records that the broker did not take, or that nobody can be sure of."""
+        """Number of records that the broker did not take, or whose arrival is uncertain."""
         return self._delivery.lost
 
     def write(self, item: Item) -> None:
-        """Publish a record, or keep it until its device and the broker are there."""
+        """Publish a record, or keep it until its device and the broker are known."""
         self._delivery.poll()
         if isinstance(item, Block):
             self._on_block(item)
@@ -95,7 +97,7 @@ class MqttSink(Sink):
             self._stream(_kind(item), record_json(item), 1, again=not isinstance(item, Stats))
         elif self._turned_away:
             self._delivery.lost += 1
-        elif isinstance(item, Fit):  # a state: who comes later, or after an outage, gets the newest one
+        elif isinstance(item, Fit):  # a state, so that later subscribers get the newest
             self._fit = record_json(item)
             self._publish_state("fit", self._fit)
         else:
@@ -121,12 +123,12 @@ class MqttSink(Sink):
                 self._stream(kind, line[:-1], self._settings.stream_qos)
 
     def _is_due(self, kind: str, seq: int, every: int) -> bool:
-        """Whether it is the first in `every` samples; a device, or `output.every`, may leave none at it."""
+        """Return whether a record is the first in `every` samples; that exact sample may be missing."""
         before, self._seen[kind] = self._seen.get(kind, seq), seq
         return seq % every == 0 or seq // every > before // every
 
     def flush(self) -> None:
-        """Look after the connection and the status."""
+        """Maintain the connection and the status."""
         self._delivery.poll()
         if self._hello is None or self._status is None:
             return
@@ -137,7 +139,7 @@ class MqttSink(Sink):
         self._delivery.send_waiting()
 
     def close(self) -> None:
-        """Publish that the device is offline, and end the connection; what is not delivered then is lost."""
+        """Publish that the device is offline, and end the connection; undelivered messages are lost."""
         self.end()
         self.leave(FAREWELL_S)
 
@@ -149,7 +151,7 @@ class MqttSink(Sink):
             self._publish_status()
 
     def leave(self, farewell_s: float = 0.0) -> None:
-        """Leave the connection; the owner of a shared one waits for it."""
+        """Leave the connection; the owner of a shared connection waits for its end."""
         self._delivery.leave(farewell_s)
         self._delivery.give_up()
         self._delivery.lost += len(self._early)
@@ -192,7 +194,7 @@ class MqttSink(Sink):
         self._hello = self._status = self._fit = self._discovery = None
 
     def _turn_away(self, hello: Hello) -> None:
-        """Give a device no topics: its records count as lost until a device comes that may have some."""
+        """Give a device no topics; its records count as lost until an acceptable device comes."""
         self._retire()
         self._turned_away = True
         self._delivery.lost += 1
@@ -204,7 +206,7 @@ class MqttSink(Sink):
             self._report("too_many_devices", text)
 
     def _keep_early(self, record: AnyRecord) -> None:
-        """Keep what is rare until the first HELLO names its device."""
+        """Keep a rare record until the first HELLO identifies its device."""
         if isinstance(record, Estimate | DeviceEstimates | DeviceFits | Fit | Stats):
             return
         self._early.append(record)
@@ -213,13 +215,13 @@ class MqttSink(Sink):
             self._delivery.lost += 1
 
     def _level_of(self, hello: Hello) -> str:
-        """The device's level in the topics."""
+        """Return the device's name in the topics."""
         return self._device if self._shared else device_level(hello, self._device)
 
     # --- messages ---
 
     def _introduce(self) -> None:
-        """Publish the states of the device, on a connection that is new."""
+        """Publish the states of the device on a new connection."""
         self._publish_state("hello", record_json(self._hello))
         if self._fit is not None:
             self._publish_state("fit", self._fit)
@@ -228,7 +230,7 @@ class MqttSink(Sink):
         self._publish_status()
 
     def _offer_discovery(self, stats: Stats) -> None:
-        """Publish what Home Assistant finds the device by, once the axes are known, and when they change."""
+        """Publish the configuration for Home Assistant once the axes are known, and when they change."""
         units = {axis: one.unit for axis, one in stats.axes.items()}
         if self._settings.discovery is None or self._hello is None or not units:
             return
@@ -238,7 +240,7 @@ class MqttSink(Sink):
         found = discovery(f"{self._settings.prefix}/{self._level}", self._level, self._hello, stats.axes)
         topic = discovery_topic(self._settings.discovery, self._level)
         message = Message(topic, record_json(found), retain=True)
-        if message != self._discovery:  # a HELLO has times of its own, too
+        if message != self._discovery:  # a HELLO may differ only in its times
             self._discovery = message
             self._delivery.state(message)
 
@@ -260,16 +262,16 @@ class MqttSink(Sink):
 
 
 def _kind(record: Record) -> str:
-    """The last level of a record's topic: the name of its class."""
+    """Return the last level of a record's topic, which is the record's type."""
     return str(record.__struct_config__.tag)
 
 
 def device_level(hello: Hello, device: str) -> str:
-    """Return the board's own identifier, else the device's name, as one level of a topic."""
+    """Return the board's own identifier, or else the device's name, as one level of a topic."""
     name = (hello.device_id or device)[:LONGEST_NAME]
     return re.sub(r"[+#/\x00-\x1f\x7f-\x9f]", "_", name) or "_"
 
 
 def open_output(opening: Opening) -> MqttSink:
-    """Publish what one device says."""
+    """Open the sink for one device."""
     return MqttSink(opening.program.mqtt, opening.device, opening.report)

@@ -1,4 +1,4 @@
-"""How a device is, as its retained topic `<prefix>/<device_id>/status` states it."""
+"""Follow the state of a device for its retained topic `<prefix>/<device_id>/status`."""
 
 from typing import Literal
 
@@ -8,10 +8,10 @@ from fltea.records.clock import unix_offset_ns
 from fltea.records.records import Hello
 
 STALLED_NS = 2 * 10**9
-"""A device that sends no sample for this long is `stalled`."""
+"""Time without a sample after which a device is `stalled` [ns]."""
 
 REPEAT_NS = 30 * 10**9
-"""The status is published again after this long: an earlier connection's will may overwrite it late."""
+"""Time after which the status is published again, since an older connection's will may replace it [ns]."""
 
 Level = Literal["online", "stalled", "offline"]
 Reason = Literal["ended", "connection_lost", "replaced"]
@@ -20,9 +20,9 @@ Reason = Literal["ended", "connection_lost", "replaced"]
 class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The payload of the topic.
 
-    since_ns: Unix time since which it is so; null where the broker publishes it as the will. reason, when
-    offline: `ended`, `connection_lost` (the broker lost sight of the program), or `replaced` (by another
-    board on the same port).
+    `since_ns`: Unix time since which the status holds; null if the broker publishes it as the will.
+    `reason`: why it is offline: `ended`, `connection_lost` (the broker lost the program), or `replaced` (by
+    another board on the same port).
     """
 
     status: Level
@@ -36,7 +36,7 @@ class Status(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DeviceStatus:
     """Follows one board, which begins as stalled; all times are on the clock of `host_ns`.
 
-    current: what the topic is to hold.
+    `current`: the present content of the topic.
     """
 
     def __init__(self, device: str, hello: Hello, now_ns: int) -> None:
@@ -46,12 +46,12 @@ class DeviceStatus:
         self.change("stalled", hello, now_ns)
 
     def change(self, level: Level, hello: Hello, now_ns: int) -> None:
-        """Make it another one, as of now."""
+        """Change the status, beginning now."""
         reason: Reason | None = "ended" if level == "offline" else None
         self.current = status_of(level, hello, self._device, now_ns, reason)
 
     def on_sample(self, hello: Hello, now_ns: int) -> bool:
-        """Take note of a sample, and return whether that changed the status."""
+        """Note a sample, and return whether it changed the status."""
         self._sample_ns = now_ns
         if self.current.status == "online":
             return False
@@ -59,7 +59,7 @@ class DeviceStatus:
         return True
 
     def look(self, hello: Hello, now_ns: int) -> bool:
-        """Notice that samples stopped, and return whether the status is to be published (again)."""
+        """Notice that samples have stopped; return whether the status is to be published, perhaps again."""
         if self._sample_ns is not None and now_ns - self._sample_ns > STALLED_NS:
             self._sample_ns = None
             self.change("stalled", hello, now_ns)
@@ -67,7 +67,7 @@ class DeviceStatus:
         return now_ns - self._published_ns >= REPEAT_NS
 
     def take(self, now_ns: int) -> Status:
-        """Return the status, which is published now."""
+        """Return the status, and note that it is published now."""
         self._published_ns = now_ns
         return self.current
 
@@ -75,6 +75,6 @@ class DeviceStatus:
 def status_of(
     level: Level, hello: Hello, device: str, now_ns: int | None, reason: Reason | None = None
 ) -> Status:
-    """Return the status of a board; now_ns: None where the broker is to publish it."""
+    """Return the status of a board; `now_ns`: None for a status that the broker publishes as the will."""
     since_ns = None if now_ns is None else now_ns + unix_offset_ns()
     return Status(level, since_ns, hello.source, hello.device_id, device, reason)

@@ -1,4 +1,4 @@
-"""What the page says of an axis's fit: in words, and in no figure that the data do not support (pure)."""
+"""Describe an axis's fit for the page, in words, and only with figures that the data support."""
 
 import math
 from typing import NamedTuple
@@ -28,7 +28,7 @@ HEADS: dict[VerdictKind, str] = {
 }
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Verdicts that leave room for an order; all others say that there is none to speak of."""
+"""Verdicts with which an order is shown; all other verdicts exclude it."""
 
 SAYS_NOTHING = ("constant", "too few samples")
 UNSTABLE = "No stable verdict yet"
@@ -43,21 +43,21 @@ LEFT_OUT = {
     "bridged": "bridged",
     "limited": "limited to twelve deviations",
 }
-"""What became of samples, by cause."""
+"""What happened to samples, by cause."""
 
 BREAKS = {
     "steps": ("step of the offset", "steps of the offset"),
     "changes": ("lasting change of the power", "lasting changes of the power"),
 }
-"""What broke the record and is not seen from samples that are left out: of one, and of more."""
+"""What broke the record without leaving samples out, by cause: for one break, and for several."""
 
 
 NARROW = 1.25
-"""An interval is as narrow as asked for if it is no more than so many times as wide."""
+"""An interval counts as narrow enough up to this ratio of its width to the target's."""
 
 
 class Figure(NamedTuple):
-    """A parameter with its interval. large: the data support a value, not only an interval."""
+    """A parameter with its interval. `large`: the data support a value, not only an interval."""
 
     value: str
     interval: tuple[str, str]
@@ -65,18 +65,18 @@ class Figure(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The value with its interval, or the interval alone where it is wide."""
+        """The value with its interval, or only the interval if it is wide."""
         low, high = self.interval
         return f"{self.value} ({low} … {high})" if self.large else f"{low} … {high}"
 
     def said(self, name: str) -> str:
-        """The same as part of a sentence."""
+        """Return the value and interval as part of a sentence."""
         low, high = self.interval
         return f"{name} = {self.text}" if self.large else f"{name} between {low} and {high}"
 
 
 class Answer(NamedTuple):
-    """The words for one axis. kind: of the verdict, empty without a fit; alpha, f: None where undefined."""
+    """The words for one axis. `kind`: of the verdict, empty without a fit. `alpha`, `f`: None if unknown."""
 
     kind: str
     head: str
@@ -89,7 +89,10 @@ class Answer(NamedTuple):
 
 
 def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = False) -> Answer:
-    """Put a fit into words. left_s: until the order is known, if fits agree on it. off: nothing is fitted."""
+    """Describe a fit in words.
+
+    `left_s`: time until the order is known, if fits agree on it [s]. `off`: nothing is fitted.
+    """
     if fit is None:
         return Answer("", "No fit" if off else "No fit yet", OFF if off else NO_FIT, None, None, "", "", "")
     if not fit.stable and fit.verdict not in SAYS_NOTHING:
@@ -108,7 +111,7 @@ def answer(fit: AxisFit | None, left_s: float | None = None, *, off: bool = Fals
 
 
 def _condition(fit: AxisFit) -> str:
-    """Return under which condition the order stands, with its odds; nothing if it is claimed."""
+    """Return the condition under which the order holds, with its odds; empty if it holds anyway."""
     if fit.verdict not in WITH_ORDER[1:]:
         return ""
     known = "" if fit.odds is None else f" (odds {odds(fit.odds)})"
@@ -116,9 +119,9 @@ def _condition(fit: AxisFit) -> str:
 
 
 def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
-    """All that is known of an axis in one sentence, its first words apart.
+    """Return all that is known about an axis in one sentence: its first words, and the rest.
 
-    level: N and what the heading comes to, which stand where there is no order to speak of.
+    `level`: N and the error of the heading, as text. `bias`: the bias as text.
     """
     head = found.head.partition(":")[0]
     if not found.kind:
@@ -136,7 +139,7 @@ def sentence(found: Answer, level: str, bias: str) -> tuple[str, str]:
 
 
 def order(fit: AxisFit) -> tuple[Interval | None, Interval | None]:
-    """α and f, each only if a stable verdict leaves room for an order and the data define it."""
+    """Return α and f, each only if a stable verdict allows an order and the data define the figure."""
     if fit.verdict not in WITH_ORDER or not fit.stable:
         return None, None
     alpha, f = (p if _defined(p) else None for p in (fit.alpha, fit.f))
@@ -148,12 +151,15 @@ def _defined(p: Interval) -> bool:
 
 
 def figure_of(p: Interval) -> Figure | None:
-    """α as it is shown; None where it is undefined."""
+    """Return α as it is shown; None if it is undefined."""
     return _figure(p, 2, 0.3) if _defined(p) else None
 
 
 def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
-    """With as many digits as the interval is worth; digits: at least; widest: half of what may be large."""
+    """Return a figure with as many digits as its interval justifies.
+
+    `digits`: fewest digits. `widest`: largest half-width at which the value itself is shown.
+    """
     if p is None or p.value is None or p.low is None or p.high is None:
         return None
     half = (p.high - p.low) / 2
@@ -163,13 +169,13 @@ def _figure(p: Interval | None, digits: int, widest: float) -> Figure | None:
 
 
 def _fixed(value: float, digits: int) -> str:
-    """With a true minus, and without one before nothing."""
+    """Return a number with a true minus sign, which zero does not get."""
     text = f"{value:.{digits}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "\u2212")
 
 
 def _until(fit: AxisFit, left_s: float | None) -> str:
-    """How long it takes until the order is known well enough; a figure only if fits agree on it."""
+    """Return in how much time the order is known well enough; a figure only if fits agree on it."""
     until = fit.until_s
     if until is None or fit.verdict in SAYS_NOTHING:
         return ""
@@ -182,12 +188,12 @@ def _until(fit: AxisFit, left_s: float | None) -> str:
         return f"{target} in {about(left_s)}" if left_s else f"{target}: too early to say when"
     a = fit.alpha
     if a.low is None or a.high is None or a.high - a.low > 2 * NARROW * until.target:
-        return f"{target}: nobody can say when yet"  # the information at the fit promises more than there is
+        return f"{target}: nobody can say when yet"  # the predicted interval was too narrow
     return f"{target}: reached"
 
 
 def _left_out(fit: AxisFit) -> str:
-    """What the fit does without."""
+    """Return which samples and frequencies the fit leaves out."""
     bands = [f"{low:.3g} to {high:.3g} Hz" for low, high in fit.rate_left_out]
     counts = [
         f"{count:,} {'sample' if count == 1 else 'samples'} {LEFT_OUT.get(cause, cause)}"

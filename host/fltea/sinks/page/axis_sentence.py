@@ -1,4 +1,4 @@
-"""What is known of an axis in one sentence, as the page and the table of a terminal say it (pure)."""
+"""Describe an axis in one sentence, for the page and for the table in a terminal."""
 
 from fltea.records.plus_minus import angle_within, plus_minus
 from fltea.records.records import AXES, AxisEstimate, Stats
@@ -9,11 +9,11 @@ from fltea.sinks.page.data_sheet import density
 from fltea.sinks.page.fits import Curves, Fits
 
 SAID_S = 60
-"""After how many seconds the sentence says how far the heading is off."""
+"""Time after a rest for which the sentence states the error of the heading [s]."""
 
 
 def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
-    """What the fit of an axis says, in words."""
+    """Return the description of an axis's fit."""
     off, told = stats is not None and stats.fit_period_s is None, fits.time_to_tell.get(name)
     return answer(fits.axes.get(name), told.left_s if told else None, off=off)
 
@@ -21,12 +21,12 @@ def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
 def axis_sentence(
     found: Answer, fits: Fits, stats: Stats | None, newest: AxisEstimate | None, name: str
 ) -> tuple[str, str]:
-    """The answer for an axis with its level and its bias: the first words, and the others."""
+    """Return the description of an axis with its level and bias: the first words, and the rest."""
     return sentence(found, _level(fits, stats, name), bias_words(newest, unit_of(name)))
 
 
 def _level(fits: Fits, stats: Stats | None, name: str) -> str:
-    """N, and of a gyroscope within what the heading is a minute after a rest, as far as they are known."""
+    """Return N, and for a gyroscope the error of the heading a minute after a rest, if they are known."""
     allan = fits.curves.get(name, Curves()).allan
     known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
     std = heading(stats, name).get(SAID_S) if name in AXES else None
@@ -35,7 +35,7 @@ def _level(fits: Fits, stats: Stats | None, name: str) -> str:
 
 
 def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
-    """The bias of now, and whether the sensor moves; empty where it is not known."""
+    """Return the present bias, and whether the sensor moves; empty if it is not known."""
     if estimate is None or estimate.bias is None:
         return ""
     moving = f", {MOVES}" if estimate.moving else ""
@@ -43,11 +43,11 @@ def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
 
 
 def heading(stats: Stats | None, axis: str) -> dict[int, float]:
-    """How far the heading is off so many seconds after a rest; nothing before there is a model."""
+    """Return the heading's standard deviation [deg] by the seconds after a rest; empty without a model."""
     found = stats.axes.get(axis) if stats else None
     return found.tracker.heading_std if found and found.tracker else {}
 
 
 def unit_of(axis: str) -> str:
-    """Unit of an axis's samples."""
+    """Return the unit of an axis's samples."""
     return "deg/s" if axis in AXES else "m/s²"

@@ -1,4 +1,4 @@
-"""The past of a device as figures over time draw it: rows of all axes, one a sample, kept as buckets."""
+"""Keep the past of a device for figures over time: one row per sample with all axes, merged in buckets."""
 
 from collections.abc import Mapping
 
@@ -8,10 +8,10 @@ from fltea.records.arrays import Array
 from fltea.sinks.page.tiers import WINDOWS, Cursor, Kind, Rows, Tiers
 
 SILENCE_MS = 1000.0
-"""After a pause of this length a line is interrupted."""
+"""Pause after which a curve is interrupted [ms]."""
 
 STALE_MS = 5000.0
-"""An estimate is drawn for so long, unless another one comes."""
+"""Time for which an estimate is drawn if no other one comes [ms]."""
 
 COMMON: dict[str, Kind] = {"time": "mean", "temperature": "mean"}
 
@@ -24,7 +24,8 @@ ESTIMATED: dict[str, Kind] = {
     "apart_high": "max",
     "f_apart": "max",
 }
-"""apart: α of the device minus that of the host; f_apart: how far its f is from the host's."""
+"""Columns of estimates. `apart`: α of the device minus α of the host; `f_apart`: size of the difference in
+f."""
 
 OF_AXIS: dict[str, Kind] = {
     "y_low": "min",
@@ -33,21 +34,21 @@ OF_AXIS: dict[str, Kind] = {
     **dict.fromkeys(FIT, "mean"),
     **ESTIMATED,
 }
-"""Columns of each axis. y: the sample without its offset; state: the bias without it."""
+"""Columns of each axis. `y`: the sample minus its offset; `state`: the bias minus that offset."""
 
 DRAWN = ("y_low", "y", "y_high", "state", "state_std")
-"""Columns of the drawing that each axis has without being opened."""
+"""Columns of the small drawing that the page shows for each axis."""
 
 
 class Course:
-    """Takes samples, and what is known beside them; a row is a sample with what is known then."""
+    """Takes samples and estimates; a row is a sample with the estimates that are known then."""
 
     def __init__(self) -> None:
         self._last_ms = -np.inf
         self.set_axes(())
 
     def set_axes(self, axes: tuple[str, ...]) -> None:
-        """Begin with other axes."""
+        """Begin again with other axes."""
         self.axes = axes
         self._row = np.full(len(COMMON) + len(axes) * len(OF_AXIS), np.nan)
         self._places = {axis: self.columns(axis) for axis in axes}
@@ -55,19 +56,19 @@ class Course:
         self._tiers = Tiers([*COMMON.values(), *[*OF_AXIS.values()] * len(axes)])
 
     def columns(self, axis: str) -> dict[str, int]:
-        """Return where the columns that concern an axis stand in the rows."""
+        """Return the index of each of an axis's columns in the rows."""
         first = len(COMMON) + self.axes.index(axis) * len(OF_AXIS)
         return {name: i for i, name in enumerate(COMMON)} | {
             name: first + i for i, name in enumerate(OF_AXIS)
         }
 
     def drawn(self) -> dict[str, int]:
-        """Return where the columns of the drawings of all axes stand in the rows, by axis and column."""
+        """Return the index of each column of the small drawings in the rows, by axis and column."""
         places = {f"{axis} {name}": self.columns(axis)[name] for axis in self.axes for name in DRAWN}
         return {"time": 0} | places
 
     def know(self, axis: str, host_ns: int, values: Mapping[str, float | None]) -> None:
-        """Take what is known of an axis from a time on, by column."""
+        """Take what is known about an axis from a time on, by column."""
         places = self._places.get(axis)
         if places is None:
             return
@@ -77,7 +78,7 @@ class Course:
             self._estimated_ms[axis] = host_ns * 1e-6
 
     def begin(self, host_ns: int) -> None:
-        """Interrupt all lines, since an epoch begins; what is later than it, after a change of date, goes."""
+        """Begin an epoch: interrupt all curves, and drop later rows, which a change of the date leaves."""
         time_ms = host_ns * 1e-6
         if time_ms < self._last_ms:
             self._tiers.clear()
@@ -88,7 +89,7 @@ class Course:
             self._forget(axis)
 
     def sample(self, host_ns: int, temperature_c: float | None, y: Mapping[str, float]) -> None:
-        """Append a row. y: the sample without its offset, by axis."""
+        """Append a row. `y`: the sample minus its offset, by axis."""
         time_ms = host_ns * 1e-6
         if time_ms - self._last_ms > SILENCE_MS and np.isfinite(self._last_ms):
             self._tiers.cut(self._last_ms)
@@ -104,11 +105,11 @@ class Course:
             self._tiers.append(row.copy())
 
     def read(self, window: int, cursor: Cursor) -> Rows:
-        """Return rows that are new to a reader; columns as in `columns`."""
+        """Return rows that the reader does not have yet; columns as in `columns`."""
         return self._tiers.read(window, cursor)
 
     def farthest(self, window: int, axis: str) -> tuple[float, float]:
-        """Return how far device and host are apart at most in a window, in α and in f; NaN: unknown."""
+        """Return the largest differences in α and in f between device and host in a window; NaN: unknown."""
         values, places = self.read(window, Cursor()).values, self._places[axis]
         shown: Array = values[values[:, 0] >= self._last_ms - WINDOWS[window].length_s * 1e3]
         low, high, f = (shown[:, places[name]] for name in ("apart_low", "apart_high", "f_apart"))

@@ -1,4 +1,4 @@
-"""N of the fitted model, B and K of the noise, in the units of data sheets (pure)."""
+"""Format N of the fitted model, and B and K of the noise, in the units of data sheets."""
 
 from fltea.records.fit import FitAllan
 from fltea.records.quantity import factor
@@ -9,27 +9,27 @@ NAMES = {
     True: {"N": "angle random walk", "B": "bias instability", "K": "rate random walk"},
     False: {"N": "velocity random walk", "B": "bias instability", "K": "acceleration random walk"},
 }
-"""Of a gyroscope, and of an accelerometer."""
+"""Names of the coefficients for a gyroscope (True), and for an accelerometer (False)."""
 
 UNITS = {
     True: {"N": ("(deg/s)/√Hz", "deg/√h"), "B": ("deg/s", "deg/h"), "K": ("(deg/s)/√s", "(deg/h)/√h")},
     False: {"N": ("µg/√Hz", "(m/s)/√h"), "B": ("m/s²", "µg"), "K": ("(m/s²)/√s", "µg/√h")},
 }
-"""The two units in which each is said."""
+"""The two units in which each coefficient is shown."""
 OF_FIT = {
     True: {"N": "deg/s/√Hz", "B": "deg/s", "K": "deg/s/√s"},
     False: {"N": "m/s²/√Hz", "B": "m/s²", "K": "m/s²/√s"},
 }
-"""The unit in which a fit has each."""
+"""The unit that each coefficient has in a fit."""
 
 
 def density(N: float, gyroscope: bool) -> str:
-    """N as a data sheet of a gyroscope or an accelerometer has it."""
+    """Return N in the unit of a gyroscope's or an accelerometer's data sheet."""
     return f"N = {_in(UNITS[gyroscope]['N'][int(gyroscope)], N, 'N', gyroscope)}"
 
 
 def coefficients(a: FitAllan, gyroscope: bool) -> list[list[str]]:
-    """Letter with its name, and the value in two units or that it is not seen."""
+    """Return for each coefficient its letter and name, and its value in two units or that it is not known."""
     rows = []
     for letter, value in (("N", a.N), ("B", a.B), ("K", a.K)):
         text = NOT_SEEN

@@ -1,4 +1,4 @@
-"""What a page gives to take home: a report of what was seen so far, and Kalibr's imu.yaml."""
+"""Make a page's downloads: a report of all data seen so far, and Kalibr's imu.yaml."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -26,7 +26,7 @@ NOT_SHOWN = "the Allan deviation does not show it yet: record longer"
 
 
 class Seen(NamedTuple):
-    """What both are made of, taken out of a history at one moment."""
+    """What both downloads are made of, taken from a history at one moment."""
 
     name: str
     when: datetime
@@ -41,15 +41,15 @@ class Seen(NamedTuple):
 
     @property
     def stem(self) -> str:
-        """Beginning of a file's name."""
+        """Beginning of the file's name."""
         return f"fltea_{re.sub(r'[^A-Za-z0-9_.-]+', '_', self.name)}_{self.when:%Y%m%dT%H%M%SZ}"
 
 
 def seen(history: DeviceHistory) -> Seen:
-    """Take out what is known of a device; call it under the history's lock.
+    """Return what is known about a device; the caller holds the history's lock.
 
     Raises:
-        UsageError: there is no fit yet.
+        UsageError: no fit exists yet.
     """
     fit, hello = history.fits.newest, history.hello
     if fit is None or hello is None:
@@ -80,10 +80,10 @@ def seen(history: DeviceHistory) -> Seen:
 
 
 def yaml_of(found: Seen) -> str:
-    """Kalibr's imu.yaml, from N and K of the live Allan deviations.
+    """Return Kalibr's imu.yaml, with N and K of the live Allan deviations.
 
     Raises:
-        UsageError: there is no Allan deviation of a gyroscope's axis yet.
+        UsageError: no axis of the gyroscope has an Allan deviation yet.
     """
     gyro, accel = (
         {
@@ -100,7 +100,7 @@ def yaml_of(found: Seen) -> str:
 
 
 def report_of(found: Seen) -> str:
-    """The report: one HTML page, complete in itself, with the last fit as JSON in it."""
+    """Return the report: one self-contained HTML page, with the last fit as JSON in it."""
     body = [f'<section><h2>{escape(found.name)}</h2><p class="faint">{escape(found.heading)}</p>']
     body += [_verdict(axis, said) for axis, said in found.answers.items()]
     body.append(_parameters(found.axes))
@@ -122,7 +122,7 @@ def report_of(found: Seen) -> str:
 
 
 def _figures(fit: AxisFit) -> list[str]:
-    """Those of an axis that there are."""
+    """Return the figures of an axis that exist."""
     shown = [curves.spectrum(fit.spectrum, fit.unit, fit.rate_left_out)] if fit.spectrum else []
     return [*shown, curves.allan(fit.allan, fit.unit)] if fit.allan else shown
 
@@ -137,7 +137,7 @@ def _pairs(rows: Iterable[Sequence[str]]) -> str:
 
 
 def _parameters(axes: dict[str, AxisFit]) -> str:
-    """α, f and the rest of all axes next to each other."""
+    """Return a table of α, f and the other parameters of all axes."""
     rows: dict[str, list[str]] = {}
     for fit in axes.values():
         alpha, f = order(fit)

@@ -1,4 +1,4 @@
-"""What the page says in words and numbers, as plain data that goes to the browser as JSON (pure)."""
+"""Return what the page says in words and numbers, as plain data that the browser gets as JSON."""
 
 from typing import Any
 
@@ -31,18 +31,18 @@ STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
 SHOWN_STEPS = 3
 FAR_PPM = 20_000
-"""No crystal is so far off."""
+"""Clock difference above which a warning is shown, since no crystal is so inaccurate [ppm]."""
 
 
 def state(history: DeviceHistory, now_ns: int) -> dict[str, str]:
-    """Name of a device, how it is doing, and what is wrong if anything is."""
+    """Return the name of a device, its state, and what is wrong, if anything is."""
     with history.lock:
         level, text = status(history, now_ns)
     return {"name": history.name, "level": level, "text": "" if level == "good" else text}
 
 
 def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
-    """How the device is doing, in one line. now_ns: monotonic."""
+    """Return the device's state in one line of text. `now_ns`: monotonic."""
     hello, epoch, heard_ns = history.hello, history.epoch, history.heard_ns
     error = history.error
     if heard_ns is None or hello is None or epoch is None:
@@ -76,7 +76,7 @@ def status(history: DeviceHistory, now_ns: int) -> tuple[Level, str]:
 
 
 def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
-    """Samples until the last of the start-up windows is full, the device's own among them."""
+    """Return the number of samples until the last start-up window is full, the device's own included."""
     if epoch.reason == "resumed":
         return 0
     of_host = max((info.startup_samples for info in infos(epoch) if info.estimate_on != "device"), default=0)
@@ -84,7 +84,7 @@ def _startup_to_go(history: DeviceHistory, epoch: Epoch) -> int:
 
 
 def slow(stats: Stats | None) -> str:
-    """A warning where the device's clock and this computer's have nothing to do with each other."""
+    """Return a warning if the device's clock and this computer's differ very much."""
     if stats is None or stats.clock_ppm is None or abs(stats.clock_ppm) < FAR_PPM:
         return ""
     share = 1 + stats.clock_ppm * 1e-6
@@ -95,7 +95,7 @@ def slow(stats: Stats | None) -> str:
 
 
 def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
-    """How a device is doing, in a few words for what is opened on demand."""
+    """Return the state of a device, in a few words for each part that can be opened."""
     level, text = status(history, now_ns)
     sample, newest = history.sample, list(history.happenings)[-1:]
     lost = [f"{label}: {value}" for label, value, of in link(history.stats) if of == "bad"]
@@ -113,7 +113,7 @@ def now(history: DeviceHistory, now_ns: int) -> dict[str, Any]:
 
 
 def axes(history: DeviceHistory) -> list[dict[str, Any]]:
-    """What is known of every axis, in a sentence."""
+    """Return what is known about every axis, in a sentence."""
     return [_axis(history, name) for name in history.axes]
 
 
@@ -131,9 +131,9 @@ def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
 
 
 def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
-    """What else is known of an axis: behind its sentence, of the filter, and of the device's own estimates.
+    """Return the details of an axis: of its fit, of the filter, and of the device's own estimates.
 
-    window: the one that is shown.
+    `window`: index of the time window that is shown.
     """
     found = answer_of(history.fits, history.stats, name)
     allan = history.fits.curves[name].allan if name in history.fits.curves else None
@@ -153,7 +153,7 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
 
 
 def _running(history: DeviceHistory, name: str) -> list[list[str]]:
-    """What the filters that run sample by sample say of an axis, by label."""
+    """Return what the filters that run sample by sample state about an axis, by label."""
     unit, estimate = unit_of(name), history.newest.get(name)
     stats = history.stats.axes.get(name) if history.stats else None
     e = estimate.fltea if estimate is not None and estimate.fltea.valid else None
@@ -184,7 +184,7 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
 
 
 def _of_tracker(tracker: TrackerStats | None) -> list[list[str]]:
-    """For how long the bias is meant, whether that was so, and how often it stepped."""
+    """Return for how long the bias holds, whether that was true, and how often the bias stepped."""
     if tracker is None:
         return []
     checked = [
@@ -199,9 +199,9 @@ def _of_tracker(tracker: TrackerStats | None) -> list[list[str]]:
 
 
 def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
-    """The motion of now and the newest steps of an axis: words, the time in ms that stands after them, words.
+    """Return the present motion and the newest steps of an axis: words, a time [ms], and words after it.
 
-    The time is written by the browser, which knows where its reader is.
+    The browser formats the time, since it knows its reader's time zone.
     """
     newest: list[Step | Motion] = [] if history.marks.moving is None else [history.marks.moving]
     newest += list(history.marks.steps.get(name, ()))[-SHOWN_STEPS:][::-1]
@@ -213,13 +213,13 @@ def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
 
 
 def marks(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
-    """The steps of an axis and the motions that a window shows, as its figures mark them."""
+    """Return the steps of an axis and the motions within a window, as marks for its figures."""
     end_ns = history.sample.host_ns if history.sample else 0
     return history.marks.within(name, end_ns - int(WINDOWS[window].length_s * 1e9), end_ns)
 
 
 def fitted(history: DeviceHistory) -> str:
-    """Return a line that states of how many samples the newest fit is."""
+    """Return a text that states the number of samples of the newest fit."""
     fit, hello = history.fits.newest, history.hello
     if fit is None:
         return ""
@@ -228,13 +228,13 @@ def fitted(history: DeviceHistory) -> str:
 
 
 def spectra(history: DeviceHistory) -> dict[str, str]:
-    """The small drawing of the spectrum of each axis that has one."""
+    """Return the small drawing of each axis's spectrum, where it exists."""
     drawn = history.fits.drawn
     return {name: drawn[name].svg(unit_of(name)) for name in history.axes if name in drawn}
 
 
 def curves(history: DeviceHistory, name: str) -> list[str]:
-    """The figures of an axis that there are: spectrum, Allan deviation, and how far a heading will be off."""
+    """Return the existing figures of an axis: spectrum, Allan deviation, and error of the heading."""
     fit, found = history.fits.axes.get(name), history.fits.curves.get(name, Curves())
     board, unit, ahead = history.fits.device_spectra.get(name), unit_of(name), heading(history.stats, name)
     shown = []
@@ -252,19 +252,19 @@ def curves(history: DeviceHistory, name: str) -> list[str]:
 
 
 def _headings(history: DeviceHistory, name: str) -> list[list[str]]:
-    """After how long a rest, and within what the heading is so many seconds after it, with 95 %."""
+    """Return the length of the rest, and the heading's error after some times, with 95 %."""
     rows = [[f"after {duration(t)}", angle_within(std)] for t, std in heading(history.stats, name).items()]
     rest_s = history.samples_of_epoch / history.rate_hz
     return [["rest so far", duration(rest_s)], *rows] if rows else []
 
 
 def infos(epoch: Epoch) -> list[EstimatorInfo]:
-    """What the axes of an epoch are estimated with: those of the gyroscope, those of the accelerometer."""
+    """Return the settings of an epoch's estimators: the gyroscope's, and the accelerometer's."""
     return [info for info in (epoch.estimator, epoch.accel_estimator) if info is not None]
 
 
 def link(stats: Stats | None) -> list[list[str]]:
-    """Health of the way from the device to here: label, value, level."""
+    """Return the health of the link from the device to here: label, value, level."""
     if stats is None:
         return []
     samples, wire, board = stats.sample_counts, stats.link, stats.board
@@ -298,7 +298,7 @@ def link(stats: Stats | None) -> list[list[str]]:
 
 
 def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
-    """What HELLO says of the device: label, value."""
+    """Return what HELLO states about the device: label, value."""
     if hello is None:
         return []
     chip = f"(WHO_AM_I 0x{hello.who_am_i:02x})" if hello.who_am_i is not None else None
@@ -320,7 +320,7 @@ def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:
 
 
 def events(history: DeviceHistory) -> list[dict[str, Any]]:
-    """The last happenings, newest first."""
+    """Return the last events, newest first."""
     newest = list(history.happenings)[-SHOWN_EVENTS:][::-1]
     return [
         {"time_ms": h.host_ns // 1_000_000, "kind": h.kind, "text": visible_lines(h.text)} for h in newest
@@ -328,7 +328,7 @@ def events(history: DeviceHistory) -> list[dict[str, Any]]:
 
 
 def settings(history: DeviceHistory) -> str:
-    """What the epoch is estimated with, in a line."""
+    """Return the settings of the epoch's estimator, in one line of text."""
     if history.epoch is None:
         return ""
     found = infos(history.epoch)

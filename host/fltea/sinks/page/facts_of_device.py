@@ -1,4 +1,4 @@
-"""What the page says of a device that estimates by itself, as plain data (pure)."""
+"""Return what the page says about a device that estimates itself, as plain data."""
 
 from typing import Any
 
@@ -21,26 +21,26 @@ NOTHING_YET = "no estimate of the device yet"
 
 
 def silent(history: DeviceHistory) -> bool:
-    """Whether the device alone estimates the gyroscope, and has sent no estimate in this epoch."""
+    """Return whether only the device estimates the gyroscope, and has sent no estimate in this epoch."""
     expected = [axis for axis in history.axes or AXES if history.estimator(axis) == "device"]
     return bool(expected) and not any(axis in history.newest for axis in expected)
 
 
 def startup_to_go(history: DeviceHistory) -> int:
-    """Samples until the start-up window of a device that estimates alone is full, as last heard."""
+    """Return the samples until the start-up window is full, as a device that estimates alone states."""
     own = history.stats.device_estimator if history.stats else None
     return own.startup_remaining if own is not None and silent(history) else 0
 
 
 def whose(history: DeviceHistory, estimate_on: str) -> str:
-    """Return the words behind the name of who estimates."""
+    """Return the words that follow the name of the estimating side."""
     if estimate_on == "device":
         return f" (the device's own estimates as published{_rate(history)})"
     return f" (the host's estimates, and the device's own{_rate(history)})" if estimate_on == "both" else ""
 
 
 def own(history: DeviceHistory) -> list[list[str]]:
-    """How the device's estimator gets on: label, value, level. Nothing if it has stated nothing."""
+    """Return the state of the device's estimator: label, value, level. Empty if it has stated nothing."""
     stats = history.stats
     if stats is None or stats.device_estimator is None:
         return []
@@ -65,7 +65,7 @@ def own(history: DeviceHistory) -> list[list[str]]:
 
 
 def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] | None:
-    """Return the device's figures of an axis that both estimate, and how far they are from the host's."""
+    """Return the device's figures for an axis that both estimate, and their differences from the host's."""
     if history.estimator(axis) != "both":
         return None
     farthest = history.course.farthest(window, axis)
@@ -90,7 +90,7 @@ def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] |
 
 
 def _bias(e: DeviceAxisEstimate | None) -> list[list[str]]:
-    """Return rows of the bias by the device's own fit, and how far it is from the host's; none before one."""
+    """Return rows of the bias by the device's fit, and its difference from the host's; none without a fit."""
     if e is None or e.tracker_bias is None:
         return []
     apart, std = e.tracker_bias_difference, e.tracker_bias_std
@@ -104,7 +104,7 @@ def _bias(e: DeviceAxisEstimate | None) -> list[list[str]]:
 
 
 def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
-    """What the device's own maximum-likelihood fit of an axis says, in words; None without one."""
+    """Return a description of the device's own maximum-likelihood fit of an axis; None without a fit."""
     found = history.fits.device.get(axis)
     if found is None:
         return None
@@ -128,10 +128,10 @@ def fit(history: DeviceHistory, axis: str) -> dict[str, Any] | None:
 
 
 def _apart(newest: float | None, farthest: float) -> str:
-    """Newest and largest difference of what is shown; the newest may be in no bucket yet."""
+    """Return the newest and the largest difference; the newest may not be in any bucket yet."""
     if newest is None:
         return ""
-    largest = max(abs(newest), farthest)  # farthest may be NaN, which is never larger
+    largest = max(abs(newest), farthest)  # if `farthest` is NaN, `max` returns the newest
     return f"{apart(newest)} now, at most {apart(largest).lstrip('+')}"
 
 
@@ -144,7 +144,7 @@ def _milliseconds(us: int | None) -> str:
 
 
 def _rate(history: DeviceHistory) -> str:
-    """How many estimates a second the device sends, as far as it is known."""
+    """Return how many estimates a second the device sends, if that is known."""
     stats, hello = history.stats, history.hello
     own = stats.device_estimator if stats else None
     return (

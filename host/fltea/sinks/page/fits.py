@@ -1,4 +1,4 @@
-"""The newest fits of a device's axes, this computer's and the device's own."""
+"""Keep the newest fits of a device's axes, this computer's and the device's own."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,8 @@ from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, VerdictKind
 from fltea.records.records import DeviceFits, Fit
 
 AGREE, GROWTH, APART = 4, 1.1, 1.5
-"""So many fits, each of so many times the samples, give times that are at most so many times apart."""
+"""The last `AGREE` fits, each of `GROWTH` times the samples of the one before, give the time until the order
+is known if their times differ by at most the ratio `APART`."""
 
 
 class Curves(NamedTuple):
@@ -20,29 +21,29 @@ class Curves(NamedTuple):
 
 
 class Drawn:
-    """The small drawing of an axis's spectrum, of a fit of so many samples with that verdict."""
+    """The small drawing of an axis's spectrum, from a fit of `samples` samples with a verdict."""
 
     def __init__(self, spectrum: FitSpectrum, samples: int, verdict: VerdictKind) -> None:
         self.samples, self.verdict = samples, verdict
         self._spectrum, self._svg = spectrum, ""
 
     def svg(self, unit: str) -> str:
-        """Return it; it is made once, when somebody looks. unit: of the samples."""
+        """Return the drawing, which is made at the first call. `unit`: of the samples."""
         self._svg = self._svg or charts.spectrum(self._spectrum, unit, height=SMALL)
         return self._svg
 
 
 class TimeToTell:
-    """When the order of an axis will be known: only while fits agree on it, and then a steady figure."""
+    """Predicts when the order of an axis will be known, with a steady time only while fits agree."""
 
     def __init__(self) -> None:
         self._newest_s = self._taken_s = 0.0
         self._totals: list[float] = []
-        """Seconds of samples that it takes in all, by fits of ever more of them."""
+        """Total time of samples that is needed, by each of the last fits [s]."""
         self._steady_s: float | None = None
 
     def take(self, samples: int, rate_hz: float, fit: AxisFit) -> None:
-        """Take what a fit of so many samples says."""
+        """Take the time that a fit of `samples` samples predicts."""
         seconds = fit.until_s.seconds if fit.until_s and fit.stable else None
         self._newest_s = samples / rate_hz
         if not seconds:
@@ -59,17 +60,17 @@ class TimeToTell:
 
     @property
     def left_s(self) -> float | None:
-        """How many seconds are left after the newest fit; None if nobody knows."""
+        """Time left after the newest fit [s]; None if it is not known."""
         return None if self._steady_s is None else max(self._steady_s - self._newest_s, 1.0)
 
 
 class Fits:
-    """Takes records of fits; what it has goes on through epochs of the same sensor.
+    """Takes records of fits; the fits are kept through epochs of the same sensor.
 
-    newest: the last record. axes, curves, time_to_tell: by axis, the last fit, the last curves, and when the
-    order will be known. drawn: by axis, the small drawing of its spectrum, another one for a tenth more
-    samples or another verdict: it is sent to everybody who looks. device, device_spectra: by axis, the
-    device's own last fit of the epoch, and its last bins.
+    `newest`: the last record. `axes`, `curves`, `time_to_tell`: for each axis the last fit, the last curves,
+    and when the order will be known. `drawn`: for each axis the small drawing of its spectrum; since every
+    visitor gets it, it is renewed only for a tenth more samples or another verdict. `device`,
+    `device_spectra`: for each axis the device's own last fit of the epoch, and its last bins.
     """
 
     def __init__(self) -> None:
@@ -82,11 +83,11 @@ class Fits:
         self.device_spectra: dict[str, DeviceSpectrum] = {}
 
     def begin(self) -> None:
-        """Begin an epoch: the device's own fits are of one epoch."""
+        """Begin an epoch, and forget the device's own fits of the previous one."""
         self.device, self.device_spectra = {}, {}
 
     def take(self, record: Fit, rate_hz: float) -> None:
-        """Take a fit of this computer; one of fewer samples is of another sensor."""
+        """Take a fit of this computer; a fit of fewer samples than before means another sensor."""
         if self.newest is not None and record.samples < self.newest.samples:
             self.axes, self.curves, self.time_to_tell, self.drawn = {}, {}, {}, {}
         self.newest = record

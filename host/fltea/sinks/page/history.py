@@ -1,4 +1,4 @@
-"""What the page knows of one device: its past in rows, its last records, and what happened to it."""
+"""Keep what the page shows about one device: rows of its past, its last records, and its events."""
 
 import threading
 from typing import NamedTuple
@@ -36,18 +36,18 @@ from fltea.sinks.page.marks import Marks
 
 
 class HeardError(NamedTuple):
-    """An error, and the monotonic time when it arrived."""
+    """An error, and the monotonic time of its arrival."""
 
     record: Error
     heard_ns: int
 
 
 class DeviceHistory:
-    """Takes the records of one device in one thread, and is read in others, under `lock`.
+    """Takes the records of one device in one thread; other threads read it, holding `lock`.
 
-    estimate_on: who estimates the gyroscope's axes. newest: of every axis, the last estimate of the epoch;
-    compared: likewise, the device's estimate that is compared with it. heard_ns: monotonic time of the last
-    sample.
+    `estimate_on`: where the gyroscope's axes are estimated. `newest`: for each axis, the last estimate of the
+    epoch. `compared`: for each axis, the device's estimate that is compared with it. `heard_ns`: monotonic
+    arrival time of the last sample.
     """
 
     def __init__(self, name: str, estimate_on: EstimateOn) -> None:
@@ -72,16 +72,16 @@ class DeviceHistory:
 
     @property
     def rate_hz(self) -> float:
-        """Samples a second, as far as anybody has said."""
+        """Sampling rate as HELLO states it; 100 Hz before."""
         return self.hello.rate_hz if self.hello else 100.0
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes that are estimated, as statistics name them."""
+        """Axes that are estimated, as the statistics name them."""
         return self.course.axes
 
     def estimator(self, axis: str) -> EstimateOn:
-        """Return who estimates an axis."""
+        """Return where an axis is estimated."""
         return self._estimate_on if axis in AXES else "host"
 
     def write(self, record: AnyRecord) -> None:
@@ -127,22 +127,22 @@ class DeviceHistory:
                     self.happenings.append(Happening(record.host_ns, "error", text))
 
     def missed(self, count: int) -> None:
-        """Take note that `count` records did not reach the page."""
+        """Note that `count` records did not reach the page."""
         with self.lock:
             host_ns = self.sample.host_ns if self.sample else 0
             text = f"the page missed {count} records: it was too slow"
             self.happenings.append(Happening(host_ns, "missed", text))
-            self.marks.end(host_ns)  # its end may have been among them
+            self.marks.end(host_ns)  # the record of the motion's end may be among the missed ones
 
     @property
     def samples_of_epoch(self) -> int:
-        """Samples of the epoch until the newest one; the page may not have got each of them."""
+        """Number of the epoch's samples until the newest one, also those that did not reach the page."""
         if self.sample is None or self.epoch is None or self.sample.epoch != self.epoch.epoch:
             return 0
         return self.sample.seq - self.epoch.seq + 1 - self._lost
 
     def offset(self, axis: str) -> float:
-        """What is taken off the samples of an axis: its bias, or in the start-up window the mean so far."""
+        """Return what is subtracted from an axis's samples: its bias, or their mean during start-up."""
         stats = self._stats_of_epoch(axis)
         return stats.bias if stats and stats.bias is not None else self._means.get(axis, (0, 0.0))[1]
 
@@ -197,7 +197,7 @@ class DeviceHistory:
 
 
 def _compared(e: DeviceAxisEstimate) -> dict[str, float | None]:
-    """What a device's own estimate says, and how far it is from the host's, by column."""
+    """Return the device's own estimate, and its differences from the host's, by column."""
     apart, f_apart = e.alpha_difference, e.f_difference
     differences = dict.fromkeys(("apart_low", "apart", "apart_high"), apart)
     far = None if f_apart is None else abs(f_apart)

@@ -1,4 +1,4 @@
-"""Steps and motions of the past, as the figures over time mark them."""
+"""Keep past steps and motions, as marks in the figures over time."""
 
 from collections import deque
 from typing import Any
@@ -7,17 +7,17 @@ from fltea.records.records import Motion, Step
 from fltea.sinks.changes import short_size
 
 KEPT = 240
-"""Steps of an axis, and motions, that are remembered: of one every six minutes those of a day."""
+"""Most remembered steps of an axis, and motions: with one every six minutes, those of a day."""
 
 MOST_STEPS = 40
-"""Steps that a figure has room for: the largest ones."""
+"""Most steps that a figure shows: the largest ones."""
 
 MOST_SPANS = 60
-"""Motions that are nearer to each other than this part of a window are one, so that there are no more."""
+"""Most motions that a figure shows: motions closer than this fraction of the window are merged."""
 
 
 class Marks:
-    """Takes steps, which are found a while later, and motions. moving: the one that has not ended, if any."""
+    """Takes steps, which are detected some time later, and motions. `moving`: the present motion, if any."""
 
     def __init__(self) -> None:
         self.steps: dict[str, deque[Step]] = {}
@@ -29,7 +29,7 @@ class Marks:
         self.steps.setdefault(record.axis, deque(maxlen=KEPT)).append(record)
 
     def motion(self, record: Motion, rate_hz: float) -> None:
-        """Take the begin or the end of a motion; where its begin was not heard, its length tells it."""
+        """Take the begin or end of a motion; if its begin was missed, it follows from the motion's length."""
         if record.begins:
             self.end(record.host_ns)
             self.moving = record
@@ -39,20 +39,20 @@ class Marks:
         self.end(record.host_ns)
 
     def end(self, host_ns: int) -> None:
-        """End the motion that has not ended."""
+        """End the present motion, if any."""
         if self.moving is not None:
             self._spans.append((self.moving.host_ns, host_ns))
         self.moving = None
 
     def begin(self, host_ns: int) -> None:
-        """Begin an epoch: what is later than it, after a change of date, goes."""
+        """Begin an epoch, and drop later marks, which a change of the date leaves."""
         self.end(host_ns)
         self._spans = deque((span for span in self._spans if span[0] <= host_ns), maxlen=KEPT)
         for axis, steps in self.steps.items():
             self.steps[axis] = deque((one for one in steps if one.host_ns <= host_ns), maxlen=KEPT)
 
     def within(self, axis: str, begin_ns: int, end_ns: int) -> dict[str, Any]:
-        """Return the marks of an axis between two times, in ms; the end of what lasts is null."""
+        """Return the marks of an axis between two times, in ms; a motion that still lasts ends with None."""
         steps = [one for one in self.steps.get(axis, ()) if one.host_ns >= begin_ns]
         largest = sorted(steps, key=lambda one: -abs(one.size))[:MOST_STEPS]
         return {
@@ -61,7 +61,7 @@ class Marks:
         }
 
     def _joined(self, begin_ns: int, least_ns: int) -> list[list[int | None]]:
-        """Return motions that end after a time; a rest shorter than `least_ns` between two is left out."""
+        """Return motions that end after a time; merge those closer than `least_ns`."""
         found: list[list[int | None]] = []
         last_ns = begin_ns - least_ns
         lasts = [] if self.moving is None else [(self.moving.host_ns, None)]

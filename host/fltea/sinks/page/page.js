@@ -1,13 +1,13 @@
-// The live page: once a second it asks for the parts that are open, and gets those that are new.
+// The live page: once a second it asks for the open parts, and gets those that have changed.
 import {ask, button, byId, clock, draw, follow, make, put} from "./common.js"
 
 const choice = {device: "", axis: "", window: 1, course: false, ...fromHash()}
-const has = {}  // of each part: its checksum
-let table = {cursor: "", columns: {}}  // rows of what is drawn over time of the axis that is open
-let drawn = {cursor: "", columns: {}}  // rows of the drawings of all axes
-const isWide = matchMedia("(min-width: 601px)")  // a phone has room for the first drawing only
-let marks = {steps: [], motion: []}  // what the bias did, and the sensor, within it
-let shown = ""  // for which device, axis and window that is
+const has = {}  // for each part, the checksum of the content that is shown
+let table = {cursor: "", columns: {}}  // rows for the figures over time of the open axis
+let drawn = {cursor: "", columns: {}}  // rows for the small drawings of all axes
+const isWide = matchMedia("(min-width: 601px)")  // a phone has room only for the first drawing
+let marks = {steps: [], motion: []}  // steps of the bias and motions of the sensor in the window
+let shown = ""  // device, axis and window that are shown
 
 function fromHash() {
   const found = new URLSearchParams(location.hash.slice(1))
@@ -31,9 +31,9 @@ const refresh = follow(async () => {
     parts: parts.map(part => `${part}:${has[part] ?? ""}`).join()}
   if (asked.course && asked.axis) query.cursor = table.cursor
   const found = await (await ask("state", query)).json()
-  if (["device", "axis", "window", "course"].some(name => asked[name] !== choice[name])) return  // chosen meanwhile: ask again
+  if (["device", "axis", "window", "course"].some(name => asked[name] !== choice[name])) return  // the user chose meanwhile: ask again
   const of = [found.device, found.axis, found.window].join()
-  if (of !== shown) {  // what was asked for with the sums of another axis is not whole
+  if (of !== shown) {  // the answer is incomplete, since it was asked for with the checksums of another axis
     const isFirst = !shown
     shown = of
     table.cursor = ""
@@ -78,7 +78,7 @@ const SHOW = {
     root.epoch = found.epoch ?? ""
     put(byId("status"), found.status.text)
     byId("status").dataset.level = found.status.level
-    if (root.told !== `${found.status.level} ${found.epoch}`) {  // not each second that it runs or stands still
+    if (root.told !== `${found.status.level} ${found.epoch}`) {  // only when it changes, so that a screen reader is not told each second
       root.told = `${found.status.level} ${found.epoch}`
       put(byId("told"), found.status.text)
     }
@@ -99,9 +99,9 @@ const SHOW = {
   axes(found) {
     const place = byId("axes"), names = found.map(axis => axis.name).join()
     if (place.dataset.names !== names) {
-      place.append(byId("open"))  // it stands below the axis that is open, but it is not one of them
+      place.append(byId("open"))  // kept, since it is shown below the open axis but is no axis itself
       place.dataset.names = names
-      delete has.spectra  // the cards that had them are gone
+      delete has.spectra  // ask for the spectra again, since their cards are replaced
       place.replaceChildren(...found.map(axis => {
         const card = make("div", {class: "card axis", "data-axis": axis.name}, make("h2", {}, axis.name),
           make("p", {}, make("b"), make("span")))
@@ -175,7 +175,7 @@ const SHOW = {
   },
 }
 
-// Drawn by the daemon: an image of ours, in which there is no script.
+// The program draws these images itself, so there is no script in them.
 const parse = text => document.importNode(new DOMParser().parseFromString(text, "image/svg+xml").documentElement, true)
 
 function rows(id, found) {
@@ -195,7 +195,7 @@ const guard = (whose, found) => found.length ? `${whose}: ` + found.map(([words,
 // --- over time ---
 
 const MOVES = "the sensor moves", CHECKED = 1000, NORMAL_95 = 1.96, FIGURES = [
-  // name, title, of which estimators, what is drawn: kind, words, and its columns
+  // name, title, estimators for which it is shown, and curves: kind, label, and columns
   ["noise", "samples less the offset, and bias", "host device both", [["sample", "sample", "y", "y_low", "y_high"], ["state", "bias less the offset, 95 %", "state", "±"]]],
   ["alpha", "order α", "host device both", [["fit", "fit, 95 %", "alpha_mid", "alpha_low", "alpha_high"], ["estimate", "FLTEA, 95 %", "alpha", "±"], ["ink", "device", "device_alpha"]]],
   ["f", "parameter f [s^−α]", "host device both", [["fit", "fit, 95 %", "f_mid", "f_low", "f_high"], ["estimate", "FLTEA, 95 %", "f", "±"], ["ink", "device", "device_f"]]],
@@ -220,7 +220,7 @@ function figures({estimator, unit}) {
 
 const keys = found => found.flatMap(([kind, label]) => label ? [" ", make("span", {}, make("i", {class: `key ${kind}`}), label)] : [])
 
-// A table with the rows that have come since.
+// Returns a table with the new rows appended.
 function longer(before, {rows, fresh, cursor, most}) {
   const kept = fresh ? {} : before.columns, had = (kept.time ?? []).length
   for (const name of new Set([...Object.keys(kept), ...Object.keys(rows)])) {
@@ -230,11 +230,11 @@ function longer(before, {rows, fresh, cursor, most}) {
   return {cursor, columns: kept}
 }
 
-// The ends of the 95 % interval of a column of which there are standard deviations.
+// Returns one end of the 95 % interval of a column that has standard deviations.
 const end = (columns, name, sign) => columns[name].map((v, i) =>
   v === null || columns[`${name}_std`]?.[i] == null ? null : v + sign * NORMAL_95 * columns[`${name}_std`][i])
 
-// The last minutes of every axis, without being opened.
+// Draws the last minutes of every axis, also of those that are not open.
 function drawings(found) {
   drawn = longer(drawn, found)
   const kept = drawn.columns, x = kept.time, from = found.end_ms - found.length_ms
@@ -261,7 +261,7 @@ function course(found) {
   }
 }
 
-// --- what can be pressed ---
+// --- buttons ---
 
 for (const one of byId("windows").children) one.addEventListener("click", () => choose({window: Number(one.dataset.window)}))
 for (const one of document.querySelectorAll("details[data-parts]")) one.addEventListener("toggle", refresh)

@@ -1,4 +1,4 @@
-"""What the page says of a recording, as plain data (pure)."""
+"""Return what the page says about a recording, as plain data."""
 
 from typing import Any
 
@@ -6,18 +6,18 @@ from fltea.records.ports import RecordingView
 from fltea.records.visible import visible_lines
 
 STEADY_S = 20.0
-"""Before, nobody can say how much an hour takes."""
+"""Time after which the recording's size per hour is shown, since it is uncertain before [s]."""
 
 ELSEWHERE = "Recording from this page is off: start fltea with --record or --set dashboard.record=true."
 
 
 def nothing() -> dict[str, Any]:
-    """Return what is shown where nothing can record."""
+    """Return what is shown if no output can record."""
     return {"on": False, "can": False, "level": "plain", "text": ""}
 
 
 def words(view: RecordingView, may_record: bool) -> dict[str, Any]:
-    """Whether it is on, whether the button does something, and where what goes."""
+    """Return whether it records, whether the button works, and where the recording is written."""
     level, text = _said(view)
     why_not = view.why_not or (ELSEWHERE if not may_record and not view.on else "")
     can = may_record and not view.fixed and not view.why_not
@@ -44,7 +44,7 @@ def _said(view: RecordingView) -> tuple[str, str]:
 
 
 def size(count: float) -> str:
-    """Bytes as a person says them."""
+    """Return a number of bytes as text for people."""
     for unit in ("B", "kB", "MB", "GB"):
         if count < 999.5:
             return f"{count:.3g} {unit}"

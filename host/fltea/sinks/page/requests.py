@@ -1,4 +1,4 @@
-"""What a page can ask for: its state, a recording, and files to take home."""
+"""Answer a page's requests: for its state, for a recording, and for downloads."""
 
 from collections.abc import Callable, Collection, Mapping
 from http import HTTPStatus
@@ -28,7 +28,7 @@ MOST_PARTS = 20
 
 
 class PageSite(Site):
-    """What all requests about devices share. recorder: None where pages may not record."""
+    """What all requests about devices share. `recorder`: None if pages may not record."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class PageSite(Site):
         recorder: Recorder | None,
         password: str | None,
     ) -> None:
-        # Each asks once a second; some room for those that are a little early, or just opened.
+        # Each page asks once a second; the extra room is for pages that ask early or were just opened.
         full = FULL.format(visitors, 2 * visitors)
         super().__init__(__package__, names, report, 1.2 * visitors + 1, full, password)
         self.histories, self.state, self.recorder = histories, state, recorder
@@ -51,7 +51,7 @@ class _Handler(Handler):
 
     @property
     def history(self) -> DeviceHistory:
-        """The history of the device that is asked for."""
+        """The history of the requested device."""
         name = self.get_query_argument("device", "", strip=False)
         if name not in self.site.histories:
             raise HTTPError(HTTPStatus.NOT_FOUND)
@@ -62,7 +62,7 @@ class _State(_Handler):
     """`GET /state?device=NAME&axis=NAME&window=N&parts=NAME:CHECKSUM,…&cursor=CURSOR&drawn=CURSOR`."""
 
     def get(self) -> None:
-        """Answer with what is new."""
+        """Answer with what has changed."""
         state = self.site.state
         view = state.view(
             self.get_query_argument("device", "", strip=False),
@@ -85,7 +85,7 @@ class _Recording(_Handler):
     """`POST /recording?device=NAME&want=on|off`."""
 
     async def post(self) -> None:
-        """Start or stop a recording, and come back when that is done."""
+        """Start or stop a recording, and answer when that is done."""
         recorder, want = self.site.recorder, self.get_query_argument("want", "")
         if self.request.headers.get(BY_SCRIPT) is None:
             self.refuse(HTTPStatus.FORBIDDEN, "This is for the live page alone.")
@@ -112,14 +112,14 @@ class _Recording(_Handler):
 
 
 class _Download(_Handler):
-    """A file, made in this thread of what was seen so far."""
+    """A file made in this thread from all data seen so far."""
 
     kind: ClassVar[str]
     ending: ClassVar[str]
     make: ClassVar[Callable[[Seen], str]]
 
     def get(self) -> None:
-        """Make it."""
+        """Answer with the file."""
         history = self.history
         try:
             with history.lock:
@@ -150,7 +150,7 @@ ROUTES: list[tuple[str, type[Handler]]] = [
 
 
 def _pairs(text: str) -> dict[str, str]:
-    """Names with what stands behind them: `a:1,b:,c` is a, b and c."""
+    """Return names with the text after their colon: `a:1,b:,c` gives a, b and c."""
     found: dict[str, Any] = {}
     for pair in text.split(",")[:MOST_PARTS]:
         name, _, value = pair.partition(":")

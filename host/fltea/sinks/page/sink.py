@@ -1,4 +1,4 @@
-"""The live page: a web server that says what every device's noise is, and draws it for who asks."""
+"""Serve the live page, which describes and draws every device's noise."""
 
 import asyncio
 import threading
@@ -23,13 +23,13 @@ JOIN_S = 0.4
 
 
 class DashboardSink(Sink):
-    """Remembers what the page shows; browsers fetch it at their own pace, so none can hold anything up.
+    """Remembers what the page shows; browsers fetch it at their own pace, so no browser delays the program.
 
-    devices: who estimates the gyroscope of each device, by its name. recorder: what the page's button works
-    on, if pages may record.
+    `devices`: for each device's name, where its gyroscope is estimated. `recorder`: what the page's record
+    button uses, if pages may record.
 
     Raises:
-        FlteaError: the port is taken, the address is not ours, or the file of the password is wrong.
+        FlteaError: the port is taken, the address is not this machine's, or the password's file is wrong.
     """
 
     name = "dashboard"
@@ -71,7 +71,7 @@ class DashboardSink(Sink):
             history.missed(count)
 
     def close(self) -> None:
-        """End the server; open pages notice that nobody answers."""
+        """End the server; open pages notice that it does not answer."""
         self._loop.add_callback(self._door.close)
         self._loop.add_callback(self._loop.stop)
         self._thread.join(JOIN_S)
@@ -86,7 +86,7 @@ class DashboardSink(Sink):
 
 
 def open_output(opening: Opening) -> DashboardSink:
-    """Serve the page, and say where it is."""
+    """Open the page, and print its address."""
     devices = {config.name or "": config.estimator.estimate_on for config in opening.configs}
     page = DashboardSink(opening.program.dashboard, devices, opening.report, opening.recorder)
     opening.say(f"fltea: live page at {page.url}\n")

@@ -1,7 +1,7 @@
-"""What pages are sent: parts by name, made when somebody asks for them, and once a second at most.
+"""Send pages the parts of the state that have changed; each part is made on request, once a second at most.
 
-Nothing is kept for a visitor. He says of each part which one he has, by its checksum, and of rows how far he
-has come; so a page that was away, or is of another start of the program, gets what it lacks.
+Nothing is kept for a visitor. A request names each part that the page has, with its checksum, and how many
+rows the page has. So a page that was away, or that an earlier run of the program served, gets what it lacks.
 """
 
 import math
@@ -21,16 +21,16 @@ from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import MOST_ROWS, WINDOWS, Cursor
 
 FRESH_S = 0.8
-"""A part is not made again so soon, however many look: a page asks once a second."""
+"""Time after which a part is made again at a request [s]: each page asks once a second."""
 
 MOST_KEPT = 256
 
 DRAWN_WINDOW = 1
-"""The window of the drawing that each axis has without being opened: 2 min."""
+"""Index of the window of the small drawing that each axis has: 2 min."""
 
 
 class View(NamedTuple):
-    """What a visitor looks at: a device, an axis or "", and a window by its number."""
+    """What a visitor sees: a device, an axis or "", and the index of a time window."""
 
     device: str
     axis: str
@@ -38,7 +38,7 @@ class View(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part as JSON, with its checksum and the time when it was made."""
+    """A part as JSON, with its checksum and the monotonic time when it was made."""
 
     json: bytes
     checksum: str
@@ -63,16 +63,16 @@ PARTS: dict[str, Callable[[DeviceHistory, View], Any]] = {
     "spectra": _of(facts.spectra),
     "curves": lambda history, view: facts.curves(history, view.axis) if view.axis else [],
 }
-"""How each part of a device is made, under the lock of its history."""
+"""How each part of a device is made, while the lock of its history is held."""
 
 OF_VIEW = {"axis", "curves", "marks"}
-"""Parts that depend on more than the device."""
+"""Parts that depend on the whole view; all others depend only on the device."""
 
 
 class State:
-    """Answers what pages ask for; all from one thread.
+    """Answers pages' requests; all methods run in one thread.
 
-    recorder: knows how the recordings are; may_record: pages may press its button.
+    `recorder`: knows the state of the recordings. `may_record`: pages may begin and end recordings.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class State:
         self._kept: dict[tuple[str, View], Part] = {}
 
     def view(self, device: str, axis: str, window: int) -> View:
-        """What is looked at; what there is not is replaced by what there is."""
+        """Return the requested view, with existing values in place of unknown ones."""
         if device not in self._histories:
             device = next(iter(self._histories))
         return View(
@@ -98,10 +98,10 @@ class State:
     def read(
         self, view: View, had: Mapping[str, str], cursor: str | None = None, drawn: str | None = None
     ) -> bytes:
-        """Return what is new, as JSON.
+        """Return what has changed, as JSON.
 
-        had: checksums by part. cursor, drawn: how far a visitor has come in the rows of the axis that is
-        open, and in those of the drawings of all axes; None for none of them.
+        `had`: checksums of the parts that the page has, by name. `cursor`, `drawn`: how far the page has read
+        the rows of the open axis, and the rows of the small drawings; None if it wants none.
         """
         parts = {}
         for name in had:
@@ -144,7 +144,7 @@ class State:
     def _rows(
         self, device: str, window: int, cursor: str, places_of: Callable[[Course], dict[str, int]]
     ) -> dict[str, Any]:
-        """Rows that a visitor has not got, and the time that the figures end with; places_of: of columns."""
+        """Return rows that the page lacks, and the figures' end; `places_of`: returns columns' indices."""
         history = self._histories[device]
         generation, _, rows = cursor.partition(".")
         known = Cursor(int(generation), int(rows)) if generation.isdigit() and rows.isdigit() else Cursor()
@@ -164,7 +164,7 @@ class State:
 
 
 def _short(values: Array, name: str) -> list[float | None]:
-    """Numbers with as many digits as a figure shows; None for NaN."""
+    """Return numbers with as many digits as a figure shows; None for NaN."""
     if name == "time":
         return [round(v) for v in values.tolist()]
     return [float(f"{v:.5g}") if math.isfinite(v) else None for v in values.tolist()]

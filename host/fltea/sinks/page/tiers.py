@@ -1,4 +1,4 @@
-"""A past that does not grow: for each window that can be shown, buckets of rows."""
+"""Keep a past of limited size: for each time window that can be shown, buckets of rows."""
 
 import itertools
 import secrets
@@ -12,14 +12,14 @@ from fltea.records.arrays import Array
 Kind = Literal["mean", "min", "max"]
 
 MOST_ROWS = 302
-"""Rows of a window: so many points a figure has room for, and two for its ends."""
+"""Most rows of a window: the points that a figure has room for, and two for its ends."""
 
 _generations = itertools.count(secrets.randbelow(2**40))
-"""A reader's cursor of an earlier start of the program is none of this one."""
+"""Numbers of generations, which begin at random so that cursors of an earlier run do not fit."""
 
 
 class Window(NamedTuple):
-    """A length of time. bucket_ms: what one row stands for."""
+    """A time window. `bucket_ms`: length of time that one row covers."""
 
     label: str
     length_s: float
@@ -36,14 +36,14 @@ WINDOWS = (
 
 
 class Cursor(NamedTuple):
-    """How far a reader has come; the default stands before everything."""
+    """How far a reader has come; the default stands for having read nothing."""
 
     generation: int = -1
     rows: int = 0
 
 
 class Rows(NamedTuple):
-    """What a reader has not seen yet, (n, columns). fresh: what it has seen is void."""
+    """Rows that a reader lacks, (n, columns). `fresh`: the reader's earlier rows are no longer valid."""
 
     values: Array
     fresh: bool
@@ -58,20 +58,20 @@ class Ring:
         self.end = 0
 
     def append(self, row: Array) -> None:
-        """Take a row in place of the oldest."""
+        """Add a row in place of the oldest."""
         self._rows[self.end % MOST_ROWS] = row
         self.end += 1
 
     def since(self, number: int) -> Array:
-        """Copy the rows from `number` on, as far as they are still there."""
+        """Return a copy of the rows from `number` on, as far as they are still kept."""
         first = max(number, self.end - MOST_ROWS, 0)
         return self._rows[np.arange(first, self.end) % MOST_ROWS]
 
 
 class Tiers:
-    """Rows of numbers at all windows' resolutions; the first column is the time in ms.
+    """Rows of numbers at the resolutions of all windows; the first column is the time in ms.
 
-    kinds: how each column is summed up in a bucket; NaN is left out.
+    `kinds`: how each column is combined in a bucket; NaN is left out.
     """
 
     def __init__(self, kinds: Sequence[Kind]) -> None:
@@ -81,14 +81,14 @@ class Tiers:
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything, readers' cursors included."""
+        """Forget everything, and make readers' cursors invalid."""
         self._generation = next(_generations)
         self._rings = [Ring(self._columns) for _ in WINDOWS]
         self._buckets = [0.0] * len(WINDOWS)
         self._waiting: list[list[Array]] = [[] for _ in WINDOWS]
 
     def append(self, row: Array, tier: int = 0) -> None:
-        """Take a row into the bucket of its time; a bucket that ends with it goes to the coarser tiers."""
+        """Add a row to the bucket of its time; a bucket that is complete goes to the coarser tiers."""
         bucket = row[0] // WINDOWS[tier].bucket_ms
         if bucket != self._buckets[tier]:
             self._close(tier)
@@ -96,7 +96,7 @@ class Tiers:
         self._waiting[tier].append(row)
 
     def cut(self, time_ms: float) -> None:
-        """Let no line join what was before with what comes next."""
+        """Interrupt all curves, so that none joins earlier rows with later ones."""
         gap = np.full(self._columns, np.nan)
         gap[0] = time_ms
         for tier, ring in enumerate(self._rings):
@@ -104,7 +104,7 @@ class Tiers:
             ring.append(gap)
 
     def read(self, window: int, cursor: Cursor) -> Rows:
-        """What is new to a reader of one window."""
+        """Return the rows of a window that a reader lacks."""
         ring = self._rings[window]
         fresh = cursor.generation != self._generation
         return Rows(ring.since(0 if fresh else cursor.rows), fresh, Cursor(self._generation, ring.end))

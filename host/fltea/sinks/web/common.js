@@ -1,4 +1,4 @@
-// What the pages of a sensor and of a fleet share. All that comes from a device is put there as text, never as HTML.
+// Shared by the pages of a sensor and of a fleet. Everything from a device is inserted as text, never as HTML.
 export const byId = id => document.getElementById(id)
 
 export function make(tag, attributes = {}, ...children) {
@@ -15,7 +15,7 @@ export function button(label, onClick, attributes = {}) {
   return made
 }
 
-// Else what a reader has selected would be lost, and a reader of screens would say it again.
+// Changes the text only if it differs, so that a selection is kept and screen readers do not repeat the text.
 export function put(place, text) { if (place.textContent !== text) place.textContent = text }
 
 export async function ask(path, parameters = {}, method = "GET") {
@@ -28,7 +28,7 @@ export async function ask(path, parameters = {}, method = "GET") {
   return answer
 }
 
-// Ask again and again while somebody looks. Without an answer all is grey, with the time of the last one.
+// Asks again and again while the page is visible. Without an answer the page turns grey and shows the time of the last one.
 export function follow(turn, everyMs) {
   let timer, busy = false, again = false, last = null
   async function go() {
@@ -64,14 +64,14 @@ export const clock = date => date.toLocaleTimeString([], {hour12: false})
 
 export const short = value => value === null || value === undefined ? "" : String(Number(value.toPrecision(4))).replace("-", "\u2212")
 
-// --- a figure over time: lines with areas around them; x in ms. Five of them take 1.5 % of a core; a library for it (uPlot)
-// would have to be fetched at set-up, pinned and packed ---
+// --- A figure over time: curves with areas around them; x in ms. Five figures take 1.5 % of a core. A library (uPlot)
+// would have to be fetched at set-up, pinned and packaged. ---
 
 const LEFT = 58, RIGHT = 8, TOP = 6, BOTTOM = 22, HEIGHT = 170
 const STEPS_S = [5, 10, 30, 60, 120, 300, 600, 1200, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 604800, 2592000]
 
-// lines: [{x, y, low, high, kind}], where low and high are the ends of the area. loose: its area may be cut.
-// marks: [time, label]; spans: [begin, end or null where it lasts].
+// lines: [{x, y, low, high, kind}], where low and high are the edges of the area. loose: the area may be cut off.
+// marks: [time, label]; spans: [begin, end], where end is null if the span still lasts.
 export function draw(svg, {lines, from, to, log = false, always = [], band = null, marks = [], spans = [], height = HEIGHT}) {
   const width = svg.clientWidth || 600
   const good = v => v !== null && v !== undefined && (!log || v > 0)
@@ -111,12 +111,12 @@ export function draw(svg, {lines, from, to, log = false, always = [], band = nul
       parts.push(make("svg:polyline", {class: `line ${one.kind}`,
         points: run.map(([t, i]) => `${x(t).toFixed(1)},${y(one.y[i]).toFixed(1)}`).join(" ")}))
   }
-  const taken = [-Infinity, -Infinity, -Infinity]  // as far as labels stand, in each of three rows
+  const taken = [-Infinity, -Infinity, -Infinity]  // right end of the last label in each of three rows
   for (const [time, label] of marks.filter(([time]) => time >= from && time <= to)) {
     const at = x(time), wide = 8 * label.length + 6, left = at + wide < width ? at : at - wide
     parts.push(make("svg:line", {class: "mark", x1: at, x2: at, y1: TOP, y2: height - BOTTOM}))
     const row = taken.findIndex(end => end <= left)
-    if (row < 0) continue  // it would stand on another one
+    if (row < 0) continue  // the label would cover another one
     parts.push(make("svg:text", {class: "marked", x: left + 3, y: TOP + 11 + 13 * row}, label))
     taken[row] = left + wide
   }
@@ -127,7 +127,7 @@ export function draw(svg, {lines, from, to, log = false, always = [], band = nul
 
 const ends = values => values.reduce(([low, high], v) => [Math.min(low, v), Math.max(high, v)], [Infinity, -Infinity])
 
-// Stretches without a hole: no line joins what is on both sides of a gap.
+// Returns the stretches without a missing value, so that no curve crosses a gap.
 function runs(points, isGood) {
   const found = [[]]
   for (const point of points)

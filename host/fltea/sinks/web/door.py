@@ -1,4 +1,4 @@
-"""Accepts the connections of a page: so many of an address, so many in all, and none for ever."""
+"""Accept the connections of a page, with limits per address, in all, and in time."""
 
 import contextlib
 import logging
@@ -22,39 +22,41 @@ from fltea.records.repeat import OnceAMinute
 from fltea.sinks.listening import cannot_listen
 
 MOST = 128
-"""Connections; a browser needs one, and six for a moment. With few descriptors, a quarter of them at most."""
+"""Most connections: a browser needs one, and six for a moment. At most a quarter of the descriptors is
+used."""
 
 IDLE_S, SWEEP_S = 30.0, 5.0
-"""A connection that asks for nothing, or does not read its answer, is closed after so long."""
+"""`IDLE_S`: time after which a connection without a request, or whose answer is not read, is closed [s].
+`SWEEP_S`: time between two checks for that [s]."""
 
 REST_S = 1.0
-"""After an accept that failed, as for want of descriptors, nobody is let in for so long."""
+"""Time without new connections after an accept failed, for example for lack of descriptors [s]."""
 
 LARGEST_HEADER = 16_384
 UNREAD = 1 << 16
-"""Bytes that the system keeps of what a browser does not read; left to itself, megabytes."""
+"""Most bytes of an answer that the system buffers while a browser does not read; by default megabytes."""
 
 
 def bind(option: str, host: str, port: int) -> list[socket.socket]:
-    """Listen at an address. option: where it was given.
+    """Listen at an address. `option`: the setting that gave it.
 
     Raises:
-        FlteaError: it is taken, or not ours.
+        FlteaError: the address is taken, or not this machine's.
     """
     try:
         sockets = bind_sockets(port, host)
     except (OSError, UnicodeError) as error:
         raise cannot_listen(option, host, port, error) from error
-    for one in sockets:  # its connections inherit it
+    for one in sockets:  # connections inherit the option from these sockets
         one.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD)
     return sockets
 
 
 class Door(HTTPServerConnectionDelegate):
-    """Serves an application on sockets, in the loop of the thread that makes it.
+    """Serves an application on sockets, in the event loop of the thread that makes it.
 
-    Where there is no room, the connection closes that has been idle longest: of the newcomer's address if
-    that has half of all, else of all.
+    If there is no room for a new connection, the connection that has been idle longest is closed: one of the
+    same address if that address has half of all connections, otherwise one of any address.
     """
 
     def __init__(self, sockets: Sequence[socket.socket], application: Application, report: Report) -> None:
@@ -62,7 +64,7 @@ class Door(HTTPServerConnectionDelegate):
         self._application, self._report = application, report
         self._http = HTTPServer(self, max_body_size=0, max_header_size=LARGEST_HEADER)
         self._open: dict[IOStream, tuple[str, float]] = {}
-        """Address, and when it last began to wait for a request; the one that began first is the first."""
+        """For each connection its address, and when it last began to wait for a request; oldest first."""
         self._often = OnceAMinute()
         self._closed_for_room = 0
         self.most = min(MOST, resource.getrlimit(resource.RLIMIT_NOFILE)[0] // 4)
@@ -71,11 +73,11 @@ class Door(HTTPServerConnectionDelegate):
 
     @property
     def connections(self) -> int:
-        """How many are open."""
+        """Number of open connections."""
         return sum(not stream.closed() for stream in self._open)
 
     def close(self) -> None:
-        """Let nobody in any more, and hang up."""
+        """Accept no more connections, and close the open ones."""
         self._loop.remove_timeout(self._sweep_due)
         for one in self._sockets:
             self._loop.remove_handler(one)
@@ -145,9 +147,9 @@ class Door(HTTPServerConnectionDelegate):
 
 
 class LibraryErrors(logging.Handler):
-    """Reports errors of the library, at most one a minute, in place of its own handlers.
+    """Reports the library's errors, at most one a minute, in place of the library's own log handlers.
 
-    Those would write to stderr; all but errors is dropped.
+    Those handlers would write to stderr. Messages below errors are dropped.
     """
 
     def __init__(self, report: Report) -> None:
@@ -161,11 +163,11 @@ class LibraryErrors(logging.Handler):
             logger.handlers = [self]
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Report an error, unless one was reported a moment ago."""
+        """Report an error, unless one was reported within the last minute."""
         if not self._once_a_minute.is_due("page_fault", clock.host_ns()):
             return
         what = (record.getMessage().strip().splitlines() or [""])[0]
         error = record.exc_info[1] if record.exc_info else None
         cause = "" if error is None else f" ({type(error).__name__}: {error})"
-        with contextlib.suppress(Exception):  # else it would report itself
+        with contextlib.suppress(Exception):  # otherwise an error here would be reported as well
             self._report("page_fault", f"the page has a fault; all else goes on. {what}{cause}")

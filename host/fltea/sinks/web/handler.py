@@ -1,4 +1,4 @@
-"""Who may ask a page for something, and with what every answer begins."""
+"""Decide which requests to a page are answered, and set the headers of every answer."""
 
 import asyncio
 import base64
@@ -19,13 +19,14 @@ from fltea.sinks.listening import is_from_here, is_own
 
 TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 WRONG_PASSWORD_S = 0.5
-"""How long a wrong password waits for its answer."""
+"""Time after which a wrong password is answered [s]."""
 
 BY_SCRIPT = "X-Fltea"
-"""A header. A page of another site cannot send it: its browser would first ask us, and we do not answer."""
+"""A header that the page sends. Another site's page cannot: its browser would ask us first, without an
+answer."""
 
 BURST = 10
-"""So many seconds' requests may come at once."""
+"""The requests of this many seconds may come at once."""
 
 TRY_AGAIN_S = 10
 HEADERS = {
@@ -40,14 +41,14 @@ Routes = Sequence[tuple[str, type["Handler"]]]
 
 
 class Room:
-    """For how many requests a second there is room; more only for a moment."""
+    """Limits the requests per second; more are allowed only for a moment."""
 
     def __init__(self, a_second: float) -> None:
         self._a_second = a_second
         self._left, self._refilled = a_second * BURST, time.monotonic()
 
     def take(self) -> bool:
-        """Whether there is room for one request more."""
+        """Count one more request; return whether the limit allows it."""
         now = time.monotonic()
         self._left += (now - self._refilled) * self._a_second
         self._left, self._refilled = min(self._left, self._a_second * BURST), now
@@ -60,9 +61,9 @@ class Room:
 class Site:
     """What all requests to a page share.
 
-    package: has the files page.html, page.css and page.js. names: under which the page may be asked for.
-    password: USER:PASSWORD, or None. a_second: requests that are answered, more only for a moment. full: what
-    is said to whoever comes beyond that.
+    `package`: contains the files page.html, page.css and page.js. `names`: host names of the page.
+    `password`: USER:PASSWORD, or None. `a_second`: number of requests answered per second; more only for a
+    moment. `full`: answer to requests beyond that.
     """
 
     def __init__(
@@ -86,10 +87,10 @@ class Site:
         self._visitors, self._strangers = Room(a_second), Room(a_second)
 
     def has_room(self, *, for_visitor: bool) -> bool:
-        """Whether one request more is answered now; that none is gets reported once a minute.
+        """Return whether one more request is answered now; a refusal is reported once a minute.
 
-        for_visitor: of somebody who knows the password, if there is one. Others have a room of their own, so
-        that whoever guesses it takes none from those who know it.
+        `for_visitor`: the request has the password, or none is needed. Other requests have a limit of their
+        own, so that guessing the password takes nothing from visitors who know it.
         """
         if (self._visitors if for_visitor else self._strangers).take():
             return True
@@ -98,7 +99,7 @@ class Site:
         return False
 
     def application(self, routes: Routes) -> Application:
-        """Return what answers requests for the files, and for what else there is."""
+        """Return the application that answers requests for the files and for the routes."""
         given = {"site": self}
         files = (r"/(|page\.css|page\.js|common\.css|common\.js)", File, given)
         return Application(
@@ -111,23 +112,23 @@ class Site:
 
 
 class Handler(RequestHandler):
-    """A request to a page; those of whom it is none of their business are turned away."""
+    """A request to a page; requests that are not allowed are refused."""
 
     def initialize(self, site: Site) -> None:
-        """Take what the route gives."""
+        """Take the arguments of the route."""
         self.site = site
 
     def set_default_headers(self) -> None:
-        """Set what every answer has."""
+        """Set the headers of every answer."""
         for name, value in HEADERS.items():
             self.set_header(name, value)
         self.clear_header("Server")
 
     async def prepare(self) -> None:
-        """Turn away who does not ask by a name of ours, or from a page of another site, or too often.
+        """Refuse requests to a foreign name, from another site's page, without the password, or too many.
 
-        A page of somebody else's can neither read ours (its `Origin` is another) nor become ours by letting
-        its name resolve to this machine (its `Host` is a name we do not have).
+        Another site's page cannot read ours, since its `Origin` differs. It cannot pose as ours by letting
+        its name resolve to this machine either, since its `Host` is not one of our names.
         """
         if not is_own(self.request.host, self.site.names):
             raise HTTPError(HTTPStatus.MISDIRECTED_REQUEST)
@@ -146,16 +147,16 @@ class Handler(RequestHandler):
         scheme, _, given = self.request.headers.get("Authorization", "").partition(" ")
         try:
             found = base64.b64decode(given, validate=True)
-        except ValueError:  # no base64, or no ASCII
+        except ValueError:  # not base64, or not ASCII
             return False
         return scheme.lower() == "basic" and hmac.compare_digest(found, password)
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
-        """Say what is wrong, as text."""
+        """Answer with the error as text."""
         self.refuse(status_code, f"{status_code} {self._reason}")
 
     def refuse(self, status: int, text: str) -> None:
-        """End with a sentence for people."""
+        """Answer with a message for people."""
         self.set_status(status)
         self.set_header("Content-Type", "text/plain; charset=utf-8")
         self.finish(f"{text}\n")
@@ -166,7 +167,7 @@ class Handler(RequestHandler):
         self.write(msgspec.json.encode(found))
 
     def number(self, name: str, usual: int, most: int) -> int:
-        """Return an argument that is a number from 0 on."""
+        """Return an argument that is a whole number from 0 to `most`; `usual` if it is missing."""
         text = self.get_argument(name, str(usual))
         if not (text.isascii() and text.isdigit()) or len(text) > 9:
             raise HTTPError(HTTPStatus.BAD_REQUEST)
@@ -177,17 +178,17 @@ class File(Handler):
     """A file of the page."""
 
     def get(self, name: str) -> None:
-        """Give it."""
+        """Answer with the file."""
         kind, content = self.site.files[name]
         self.set_header("Content-Type", f"{kind}; charset=utf-8")
         self.write(content)
 
 
 class NotFound(Handler):
-    """What there is not."""
+    """A request for something that does not exist."""
 
     async def prepare(self) -> None:
-        """Turn away, and tell those who may ask that there is nothing."""
+        """Check the request, and answer that nothing was found."""
         await super().prepare()
         if not self._finished:
             raise HTTPError(HTTPStatus.NOT_FOUND)

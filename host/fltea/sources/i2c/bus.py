@@ -1,4 +1,4 @@
-"""Opens a Linux I²C bus for one address, and says why that failed."""
+"""Open a Linux I²C bus for one address, and explain failures."""
 
 import errno
 import fcntl
@@ -13,18 +13,18 @@ from smbus2 import SMBus
 from fltea.wire.permission import group_of, join_remedy, this_user
 
 I2C_TIMEOUT = 0x0702
-"""ioctl of i2c-dev; in units of 10 ms, and for the whole adapter."""
+"""ioctl request of i2c-dev that sets the timeout of the whole adapter, in units of 10 ms."""
 
 TRANSFER_LIMIT_S = 0.1
-"""A transfer may take this long before the kernel gives it up. Its own limit is a second, in which the FIFO
-of the sensor would run over; the longest transfer here takes 23 ms at 100 kHz."""
+"""Time after which the kernel gives a transfer up [s]. The kernel's own limit is a second, in which the
+sensor's FIFO would overflow; the longest transfer here takes 23 ms at 100 kHz."""
 
 
 class Bus(Protocol):
     """The part of `smbus2.SMBus` that the driver needs."""
 
     def i2c_rdwr(self, *messages: Any) -> None:
-        """Run `smbus2.i2c_msg` messages as one transaction, with an OSError if it fails."""
+        """Run `smbus2.i2c_msg` messages as one transaction; OSError if it fails."""
 
     def close(self) -> None:
         """Release the bus."""
@@ -48,19 +48,19 @@ def open_bus(path: str, address: int) -> Bus:
 
 
 def take(fd: int, address: int) -> None:
-    """Keep a second fltea from the same sensor, as each would get only a part of what its FIFO gives.
+    """Lock the sensor, since a second fltea would take a part of its FIFO's samples.
 
-    The lock is on one byte of the bus's file, so that other addresses on it stay free, and goes with `fd`.
+    The lock covers one byte of the bus's file, so that other addresses stay free. It ends with `fd`.
 
     Raises:
-        OSError: EAGAIN or EACCES, it is taken.
+        OSError: EAGAIN or EACCES, another process has the lock.
     """
     one_byte = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, address, 1, 0)
     fcntl.fcntl(fd, fcntl.F_OFD_SETLK, one_byte)
 
 
 def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, str]:
-    """Return kind and text of the failure to open a bus: what happened, why, what to do."""
+    """Return kind and text of a failure to open a bus: what happened, why, what to do."""
     match error.errno:
         case errno.EAGAIN:
             return "port_busy", (
@@ -82,7 +82,7 @@ def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, 
 
 
 def detect_command(path: str) -> str:
-    """Return the command that shows which addresses answer on a bus."""
+    """Return the shell command that shows which addresses answer on a bus."""
     number = re.search(r"(\d+)$", path)
     return f"i2cdetect -y {number[1] if number else 'NUMBER'}"
 

@@ -1,6 +1,6 @@
-"""What the driver has to know of a kind of sensor, as plain values; `chips.py` lists all kinds.
+"""Describe a kind of sensor for the driver as plain values; `chips.py` lists all kinds.
 
-A register is its number, and for a chip with banks 256 times the bank more.
+A register is given by its number; for a chip with banks, 256 times the bank is added.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Setting(NamedTuple):
-    """The value that a register is set to. Bits without a meaning may read as anything on a clone."""
+    """The value of a register. `meaning`: mask of the bits that matter; others may differ on a clone."""
 
     register: int
     value: int
@@ -23,17 +23,18 @@ class Setting(NamedTuple):
 class Chip(NamedTuple):
     """One kind of sensor.
 
-    rate_hz: what its clock is set to give, right within the part `clock_error` of it. gyro_lsb_per_dps,
-    accel_lsb_per_g: sensitivities at the ranges that `settings` choose. reset: register and value; reset_s:
-    how long the registers then need until they answer as after power-up. settings: in the order of writing;
-    the first wakes the chip, the last selects what fills the FIFO. settle_s: how long the gyroscope
-    then needs. checked: first register and length of the blocks that hold what gives a sample its rate, scale
-    and shape. restart: writes that empty the FIFO and let it fill; running: how the chip then has to be.
-    sample: one sample in the FIFO, first the acceleration, last the rate, and between them the temperature if
-    it is there; fifo_bytes: how much of the FIFO is used; keeps_oldest: what a full FIFO holds stays whole,
-    where an overflow would otherwise tear it. overflow: register and bits that tell of one. temperature:
-    register of the thermometer if the FIFO does not hold it. bank_select: register that selects the bank, if
-    there are any.
+    `rate_hz`: sampling rate that its settings give. `clock_error`: largest relative error of that rate.
+    `gyro_lsb_per_dps`, `accel_lsb_per_g`: sensitivities at the ranges that `settings` choose.
+    `reset`: register and value. `reset_s`: time after a reset until the registers answer as after power-up.
+    `settings`: in the order of writing; the first wakes the chip, the last selects what fills the FIFO.
+    `settle_s`: time that the gyroscope needs after the settings.
+    `checked`: first register and length of each block that determines the samples' rate, scale and content.
+    `restart`: writes that empty the FIFO and let it fill. `running`: setting that the chip then has.
+    `sample`: one sample in the FIFO: acceleration, temperature if the FIFO holds it, rate.
+    `fifo_bytes`: bytes of the FIFO that are used. `keeps_oldest`: a full FIFO keeps whole samples; otherwise
+    an overflow tears a sample apart. `overflow`: register and bits that report an overflow.
+    `temperature`: register of the thermometer if the FIFO does not hold it.
+    `bank_select`: register that selects the bank, if there are banks.
     """
 
     rate_hz: float
@@ -61,21 +62,21 @@ class Chip(NamedTuple):
 
     @property
     def fifo_samples(self) -> int:
-        """Whole samples that the FIFO holds."""
+        """Number of whole samples that the FIFO holds."""
         return self.fifo_bytes // self.sample.size
 
     @property
     def fifo_s(self) -> float:
-        """Seconds of samples that the FIFO holds: so long may the program be held up without a loss."""
+        """Time that the FIFO's samples span [s]: the program may be delayed this long without a loss."""
         return self.fifo_samples / self.rate_hz
 
 
 class Family(NamedTuple):
-    """Chips that are asked for their identity, and wired, in the same way.
+    """Chips that are identified and wired in the same way.
 
-    name: as in `&chip=` and in `wire.sensors.SENSORS`. who_am_i: register of the identity. addresses: each
-    that the chip can have on the bus, and how it gets that one. chip: returns what there is to know of the
-    kind with a WHO_AM_I; 0 stands for any of the family, before one was asked.
+    `name`: as in `&chip=` and in `wire.sensors.SENSORS`. `who_am_i`: register of the identity. `addresses`:
+    each address that the chip can have on the bus, and how to wire it for that. `chip`: returns the
+    description of the chip with a WHO_AM_I; 0 stands for any chip of the family before its identity is known.
     """
 
     name: str
@@ -85,4 +86,4 @@ class Family(NamedTuple):
 
 
 AD0 = {0x68: "AD0 at GND", 0x69: "AD0 at 3.3 V"}
-"""Addresses of the chips whose pin AD0 is the lowest bit."""
+"""Addresses of the chips whose pin AD0 sets the lowest bit of the address."""

@@ -1,4 +1,4 @@
-"""The table of all chips that are read on an I²C bus, from which driver, doctor, texts and pages are made.
+"""List all chips that are read on an I²C bus: driver, doctor, messages and pages use this table.
 
 A new chip is a row in `wire.sensors.SENSORS`, a module here with its registers and its `FAMILY`, and the name
 of that module below. `tests/sources/test_chip_table.py` names what is missing.
@@ -11,10 +11,10 @@ from fltea.sources.i2c.chip import Chip, Family
 from fltea.wire.sensors import SENSORS
 
 CHIPS = {family.name: family for family in (mpu9250.FAMILY, icm20948.FAMILY)}
-"""Families by name, in the order in which a chip is asked which it is."""
+"""Families by name, in the order in which a chip is tested for them."""
 
 ADDRESSES = {address: how for family in CHIPS.values() for address, how in family.addresses.items()}
-"""All addresses on the bus, and how a chip gets each."""
+"""All addresses on the bus, and how a chip gets each of them."""
 
 
 def chip_of(who_am_i: int) -> Chip:
@@ -31,9 +31,9 @@ def is_of(who_am_i: int, family: Family) -> bool:
 def ask_identity(
     ask: Callable[[Family], int], families: Iterable[Family], tries: int = 1
 ) -> tuple[int, bool]:
-    """Return the WHO_AM_I of a chip, and whether it is known; that of an unknown one is its first answer.
+    """Return the WHO_AM_I of a chip, and whether it is known; for an unknown chip, its first answer.
 
-    ask: reads the identity in the place where a family has it. tries: how often each is asked.
+    `ask`: reads the identity from the register that a family uses. `tries`: number of reads for each family.
     """
     first = None
     for family in families:

@@ -1,7 +1,7 @@
-"""The driver of a sensor on a Linux I²C bus: identifies it, sets it up, reads whole samples of its FIFO.
+"""Drive a sensor on a Linux I²C bus: identify it, set it up, and read whole samples from its FIFO.
 
-The sensor's own clock gives the rate, and its FIFO holds the samples. A transaction writes an address and
-then reads once: the controller of the Raspberry Pi 1 to 4 refuses any in which something follows a read.
+The sensor's own clock sets the rate, and its FIFO holds the samples. A transaction writes a register's number
+and then reads once: the controller of the Raspberry Pi 1 to 4 refuses transactions that go on after a read.
 """
 
 import errno
@@ -17,20 +17,20 @@ from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS
 
 BURST_BYTES = 252
-"""The longest read; some adapters move no more than 255 bytes in one message."""
+"""Longest read [bytes], since some adapters move no more than 255 bytes in one message."""
 
 TRIES = 3
 NOT_ACKNOWLEDGED = frozenset({errno.EREMOTEIO, errno.ENXIO})
-"""Only an address or a register's number can be refused, so nothing had been read yet."""
+"""Errors of a refused address or register number. Nothing was read then, so the transfer can be repeated."""
 PASSING = NOT_ACKNOWLEDGED | {errno.EIO, errno.ETIMEDOUT, errno.EAGAIN, errno.EINTR}
-"""Failures of one transfer; any other error is one of the bus itself, and is passed on as it is."""
+"""Errors of a single transfer; any other error is one of the bus itself, and is raised unchanged."""
 
 Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
-"""Acceleration, temperature and rate."""
+"""Counts of acceleration, temperature and rate."""
 
 
 class SensorFault(Exception):
-    """The sensor answers, but not as it should; `detail` as in protocol/README.md, FaultCode."""
+    """The sensor answers, but wrongly; `detail` is as in protocol/README.md, FaultCode."""
 
     def __init__(self, code: FaultCode, detail: int) -> None:
         super().__init__(code, detail)
@@ -39,17 +39,17 @@ class SensorFault(Exception):
 
 
 class TransferFailed(Exception):
-    """A transfer failed each time that it was tried."""
+    """A transfer failed at every try."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error)
         self.error = error
         self.acknowledged = error.errno not in NOT_ACKNOWLEDGED
-        """Whether it broke off in its midst, so that bytes may be gone."""
+        """Whether the transfer broke off after its start, so that bytes of the FIFO may be lost."""
 
 
 class Level(NamedTuple):
-    """The bytes that the FIFO held at some moment between `before_ns` and `after_ns`."""
+    """Number of bytes in the FIFO at some moment between `before_ns` and `after_ns`."""
 
     bytes: int
     overflowed: bool
@@ -58,18 +58,18 @@ class Level(NamedTuple):
 
 
 class Driver:
-    """Sets up and reads one sensor; `bus` has to be set before it is used.
+    """Sets up and reads one sensor; `bus` has to be set first.
 
-    family: one of `CHIPS` if it is known, else "". now_ns: the host's clock. `i2c_errors` counts transfers
-    that failed, or gave a wrong answer and then the right one. `retried`: whether one had to be repeated
-    since this was last set to False.
+    `family`: a name in `CHIPS` if the user gives it, else "". `now_ns`: the host's clock. `i2c_errors`:
+    number of transfers that failed, or gave a wrong answer and then the right one. `retried`: whether a
+    transfer was repeated since the caller last set this to False.
     """
 
     def __init__(self, address: int, now_ns: Callable[[], int], family: str = "") -> None:
         self.bus: Bus | None = None
         self.address = address
         self._families = [CHIPS[family]] if family else list(CHIPS.values())
-        self._family = self._families[0]  # that of `chip`
+        self._family = self._families[0]  # the family of `chip`
         self.chip = self._family.chip(0)
         self.i2c_errors = 0
         self.retried = False
@@ -82,17 +82,17 @@ class Driver:
         """Return the WHO_AM_I of the sensor.
 
         Raises:
-            SensorFault: a chip that is not known: it might have other registers or scales.
-            TransferFailed: nobody answers.
+            SensorFault: the chip is unknown, so it may have other registers or scales.
+            TransferFailed: no chip answers.
         """
-        # Each is asked twice: a wrong answer may be a bit that flipped on the wires.
+        # Each family is asked twice, since a bit of a wrong answer may have flipped on the wires.
         who_am_i, known = ask_identity(self._ask, self._families, tries=2)
         if not known:
             raise SensorFault(FaultCode.SENSOR_UNKNOWN, who_am_i)
         return who_am_i
 
     def start_reset(self, who_am_i: int) -> None:
-        """Give every register its reset value; the next transfer has to wait for the chip's `reset_s`."""
+        """Reset every register; the caller waits for the chip's `reset_s` before the next transfer."""
         self._family = CHIPS[SENSORS[who_am_i].family]
         self.chip = chip_of(who_am_i)
         self._bank = None
@@ -100,7 +100,7 @@ class Driver:
         self._bank = None
 
     def configure(self) -> None:
-        """Write and read back every setting; then the gyroscope needs `settle_s`.
+        """Write every setting and read it back; after that the gyroscope needs `settle_s`.
 
         Raises:
             SensorFault: a register did not keep its setting.
@@ -111,20 +111,20 @@ class Driver:
             self._confirm(setting.register, 1, [setting])
 
     def check_settings(self) -> None:
-        """Check that the settings that give a sample its rate, scale and shape are kept.
+        """Check that the settings which determine the samples' rate, scale and content are still there.
 
-        A chip that lost its supply for a moment answers as if nothing had happened. What it read out before
-        this can be believed only after it.
+        A chip that lost its supply for a moment answers as if nothing had happened. So samples read before
+        this check are only valid after it.
 
         Raises:
-            SensorFault, TransferFailed: as `configure`.
+            SensorFault, TransferFailed: as in `configure`.
         """
         for first, n in self.chip.checked:
             span = range(first, first + n)
             self._confirm(first, n, [s for s in self.chip.settings if s.register in span])
 
     def restart_fifo(self) -> None:
-        """Empty the FIFO and let it fill from here on."""
+        """Empty the FIFO, and let it fill again."""
         for register, value in self.chip.restart:
             self._write(register, value)
         self._confirm(self.chip.running.register, 1, [self.chip.running])
@@ -132,7 +132,7 @@ class Driver:
         self._overflowed = False
 
     def level(self) -> Level:
-        """Return how full the FIFO is, and whether it ran over since it was restarted."""
+        """Return the FIFO's fill level, and whether it overflowed since it was restarted."""
         chip = self.chip
         self._select(chip.fifo_count)
         before_ns = self._now_ns()
@@ -146,24 +146,24 @@ class Driver:
         return Level(count, self._overflowed or too_full, before_ns, after_ns)
 
     def read_samples(self, n: int) -> list[tuple[int, ...]]:
-        """Take the oldest n samples out of the FIFO, at most `BURST_BYTES` in all; return their counts.
+        """Read the oldest `n` samples from the FIFO, at most `BURST_BYTES` in all; return their counts.
 
         Raises:
-            TransferFailed: with `acknowledged`, some of the bytes may be gone.
+            TransferFailed: if its `acknowledged` is set, some of the bytes may be lost.
         """
-        # A transfer that broke off cannot be repeated: the FIFO does not give a byte twice.
+        # A broken transfer cannot be repeated, since the FIFO gives each byte only once.
         sample = self.chip.sample
         return list(sample.iter_unpack(self._read(self.chip.fifo_data, n * sample.size, NOT_ACKNOWLEDGED)))
 
     def counts(self, row: tuple[int, ...]) -> Counts:
-        """Take a sample apart; the temperature is that of the last `level` if the FIFO has none."""
+        """Split a sample; the temperature is that of the last `level` if the FIFO does not hold it."""
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 
     def _ask(self, family: Family) -> int:
-        """Ask for the identity in the place where this family has it.
+        """Read the identity from the register that this family uses.
 
-        The bank is selected only if the chip is known to have these banks: another kind of chip might take it
-        for something else.
+        The bank is selected only if the chip is known to have these banks, since another kind of chip might
+        take the write for something else.
         """
         if family is self._family and self.chip.bank_select is not None:
             self._bank = None
@@ -171,7 +171,7 @@ class Driver:
         return self._transfer_read(family.who_am_i & 0xFF, 1, PASSING)[0]
 
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
-        """Read n registers, and read a wrong one again, since a bit may have flipped on the wires."""
+        """Check `n` registers; read a wrong one again, since a bit may have flipped on the wires."""
         for last_time in (False, True):
             values = self._read(first, n)
             wrong = [s for s in settings if not s.kept(values[s.register - first])]
@@ -187,7 +187,7 @@ class Driver:
         bank = register >> 8
         if self.chip.bank_select is None or bank == self._bank:
             return
-        self._bank = None  # until it is sure
+        self._bank = None  # unknown until the write has succeeded
         message = i2c_msg.write(self.address, [self.chip.bank_select, bank << 4])
         self._transfer([message], PASSING)
         self._bank = bank

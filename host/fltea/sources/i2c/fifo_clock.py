@@ -1,7 +1,6 @@
-"""Finds a sensor's clock from the fill levels of its FIFO and their times (pure).
+"""Estimate a sensor's clock from the times and fill levels of its FIFO, and number the samples.
 
-It numbers the samples. Where some were lost, no counter tells how many: the time between those before and
-those after does.
+No counter tells how many samples were lost; the time between the samples before and after the loss does.
 """
 
 import math
@@ -11,31 +10,32 @@ from typing import NamedTuple
 
 NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
-"""A minute of blocks of a second: the sensor's clock drifts as it warms up."""
+"""Number of one-second blocks kept: a minute, since the sensor's clock drifts while it warms up."""
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""A slope over a span is right within this part of it, but for the drift."""
+"""Spread of arrival times [ns]: divided by the time span, it bounds the slope's error apart from the
+drift."""
 PHASE_NS = 2_000_000
-"""What the earliest arrival of a second may be late."""
+"""Largest delay of the earliest arrival in a second [ns]."""
 SLACK = 0.5
-"""Samples by which a count may differ from the time, beyond the above."""
+"""Tolerance of a count against the time, in addition to the bounds above [samples]."""
 
 
 class Resumed(NamedTuple):
-    """The number of samples lost before those that now wait; the true number is within ±`doubt`."""
+    """Number of samples lost before the ones that wait now; the true number is within ±`doubt`."""
 
     missing: int
     doubt: int
 
 
 class FifoClock:
-    """Numbers samples from 0 and ties their numbers to the host's time.
+    """Numbers samples from 0, and relates the numbers to the host's time.
 
-    rate_hz: what the sensor's rate should be; clock_error: the part of it by which it may be off before
-    anything is measured. `next` is the number of the sample that comes next. Samples
-    always arrive after their time, most of them late by a varying bit, so of every second only the
-    earliest counts.
+    `rate_hz`: the sensor's nominal rate. `clock_error`: its largest relative error before anything is
+    measured.
+    `next`: number of the next sample. A sample always arrives after its time, usually late by a varying
+    amount, so only the earliest arrival of every second counts.
     """
 
     def __init__(self, rate_hz: float, clock_error: float) -> None:
@@ -44,14 +44,14 @@ class FifoClock:
         self.begin(rate_hz, clock_error)
 
     def begin(self, rate_hz: float, clock_error: float) -> None:
-        """Begin a clock for a sensor that was set up, which may be another one. The numbers go on."""
+        """Begin a clock for a sensor that was set up, perhaps another one. The numbers continue."""
         self._nominal_ns = NS_PER_S / rate_hz
         self._block_samples = round(rate_hz)
         self._first_error = clock_error
         self.forget()
 
     def forget(self) -> None:
-        """Forget all that was measured. The numbers go on."""
+        """Forget all that was measured. The numbers continue."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -59,7 +59,7 @@ class FifoClock:
         self._reference: tuple[int, float] | None = None
 
     def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
-        """Return whether so many samples cannot be waiting; they were counted between these two moments."""
+        """Return whether `waiting` samples, counted between these two moments, contradict the time."""
         if self._reference is None or self._last_ns is None:
             return False
         least = (before_ns - self._last_ns) / self._period_ns - 1 - self._error(before_ns)
@@ -67,7 +67,7 @@ class FifoClock:
         return not least - SLACK <= waiting <= most + SLACK
 
     def resume(self, waiting: int, empty_ns: int, seen_ns: int) -> Resumed:
-        """Go on after a loss: the FIFO was empty at `empty_ns`, and at `seen_ns` so many samples wait."""
+        """Continue after a loss: the FIFO was empty at `empty_ns`, and has `waiting` samples at `seen_ns`."""
         first_ns = seen_ns - (waiting - 1) * self._period_ns
         latest_ns = max(float(empty_ns), min(first_ns, empty_ns + self._period_ns))
         if self._last_ns is None:
@@ -86,12 +86,13 @@ class FifoClock:
         return Resumed(step - 1, doubt)
 
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
-        """Return number and arrival of the n oldest of `waiting` samples, whose count was known at `seen_ns`.
+        """Return number and arrival time of the `n` oldest of `waiting` samples, counted at `seen_ns`.
 
-        The newest arrived by then. The others had waited for a known time, of which no more is taken off than
-        the fastest clock would give: no sample arrives before it was taken.
+        The newest sample had arrived by then. The arrival of the others is earlier by the time that they
+        waited, computed with the fastest possible clock, so that no sample seems to arrive before it was
+        taken.
 
-        timely: whether the count had only just been made, so that it tells something about the clock.
+        `timely`: the count was quick, so that its time tells something about the clock.
         """
         shortest_ns = self._period_ns * (1 - self._clock_error())
         newest = self.next + waiting - 1

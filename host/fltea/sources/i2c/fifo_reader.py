@@ -1,4 +1,4 @@
-"""Reads a running sensor's samples out of its FIFO and numbers them; doubtful ones are only counted."""
+"""Read and number a running sensor's samples from its FIFO; samples that may be wrong are only counted."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -11,19 +11,19 @@ from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
 
 TIMELY_NS = 2_000_000
-"""A count that took longer to ask for tells nothing about the sensor's clock."""
+"""Longest time of a count from which the sensor's clock is estimated [ns]."""
 SILENT_NS = 100_000_000
-"""A sensor that gives no sample for this long has stopped."""
+"""Time without a sample after which the sensor has stopped [ns]."""
 MOST_EQUAL = 10
-"""The noise of six or seven channels does not stand still."""
+"""Number of equal samples in a row after which the sensor has frozen, since its noise always varies."""
 INT16_ENDS = (32767, -32768)
 
 Row = tuple[int, ...]
-"""The counts of one sample, as the FIFO held them."""
+"""Counts of one sample, as the FIFO held them."""
 
 
 class Loss(NamedTuple):
-    """Samples that were lost with the FIFO's contents; their true number is within ±`doubt`."""
+    """Samples that were lost with the FIFO's contents; the true number is within ±`doubt`."""
 
     cause: str
     missing: int
@@ -38,8 +38,9 @@ def _not_of_empty_fifo(row: Row) -> bool:
 class FifoReader:
     """Reads one sensor that `driver` has set up.
 
-    now_ns: the host's clock. Counters: `samples` delivered, `overruns` (sampling instants that passed without
-    one), `restarts` of the FIFO by cause. `losses` are those to be reported.
+    `now_ns`: the host's clock. `samples`: number of samples delivered. `overruns`: number of sampling
+    instants without a sample. `restarts`: number of restarts of the FIFO, by cause. `losses`: losses to be
+    reported.
     """
 
     def __init__(self, driver: Driver, now_ns: Callable[[], int]) -> None:
@@ -61,25 +62,25 @@ class FifoReader:
 
     @property
     def hurry(self) -> bool:
-        """Whether to poll at once: when the first sample comes after a restart tells how many were lost."""
+        """Whether to poll at once: the time of the first sample after a restart tells how many were lost."""
         return self._restart_due or self._empty_ns is not None
 
     def begin(self) -> None:
         """Begin with a sensor that was set up, and whose FIFO begins to fill."""
         chip = self._driver.chip
         last = max(0, self._clock.next - 1)
-        self._origin = (last, self._device_us(last))  # another chip may have another rate; time goes on
+        self._origin = (last, self._device_us(last))  # time continues at the chip's own rate
         self._period_us = 1e6 / chip.rate_hz
         self._clock.begin(chip.rate_hz, chip.clock_error)
         self._last, self._equal = (), 0
         self._restarted("")
 
     def poll(self) -> list[RawSample]:
-        """Read what has come since the last time.
+        """Return the samples that came since the last call.
 
         Raises:
             SensorFault: the sensor has to be set up again.
-            TransferFailed: the bus is disturbed; the FIFO goes on holding what comes.
+            TransferFailed: the bus is disturbed; the FIFO still holds the samples.
         """
         driver = self._driver
         if self._restart_due:
@@ -96,7 +97,7 @@ class FifoReader:
                 self._resume(waiting, self._empty_ns, level.after_ns)
             timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
             numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
-        self.overruns += len(rows)  # until they are believed
+        self.overruns += len(rows)  # until the settings are checked
         if cause := doubt or cut_off:
             self._cause, self._restart_due = cause, True
         else:
@@ -112,12 +113,12 @@ class FifoReader:
         return samples
 
     def _level(self) -> tuple[Level, str | None]:
-        """Return how full the FIFO is, and why it cannot be read as it is, or None if it can."""
+        """Return the FIFO's fill level, and why its contents cannot be read, or None if they can."""
         level = self._driver.level()
         doubt = self._doubt(level)
         if doubt is None or level.overflowed:
             return level, doubt
-        # A bit may have flipped on the wires, or a sample was just being written: ask once more.
+        # A bit may have flipped on the wires, or a sample was being written: ask once more.
         level = self._driver.level()
         doubt = self._doubt(level)
         self._driver.i2c_errors += doubt is None
@@ -134,14 +135,14 @@ class FifoReader:
         return None
 
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
-        """Return how many samples can be trusted: those that a full FIFO took before may be whole."""
+        """Return how many samples are whole; those that a full FIFO took before its overflow may be."""
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
             return min(level.bytes, chip.fifo_bytes) // chip.sample.size
         return 0
 
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
-        """Read n samples; return those that came, and why others may be lost, or None."""
+        """Read `n` samples; return those that came, and why others may be lost, or None."""
         rows: list[Row] = []
         burst = BURST_BYTES // self._driver.chip.sample.size
         try:
@@ -160,7 +161,7 @@ class FifoReader:
             self.losses.append(Loss(self._cause, missing, doubt))
 
     def _watch_overflow(self, level: Level, read: int) -> None:
-        """Ask for a restart if the FIFO ran over while the program was held up since `level`."""
+        """Demand a restart if the FIFO overflowed while the program was delayed since `level`."""
         chip = self._driver.chip
         room = chip.fifo_bytes // chip.sample.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
@@ -178,13 +179,13 @@ class FifoReader:
         accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
             flags |= SampleFlags.SATURATED
-        # A count is made a moment before it is known, so that the next sample may seem to be the earlier one.
+        # A count is made just before its time is noted, so the next sample could seem to arrive earlier.
         self._latest_ns = max(self._latest_ns, arrived_ns)
         sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
 
     def _device_us(self, number: int) -> float:
-        """Return the nominal time of a sample: its number in periods."""
+        """Return the nominal time of a sample, computed from its number and the period."""
         first, first_us = self._origin
         return first_us + (number - first) * self._period_us
 

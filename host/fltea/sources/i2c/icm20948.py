@@ -1,10 +1,10 @@
-"""The ICM-20948: registers and settings, by its data sheet DS-000189 (revision 1.3).
+"""Registers and settings of the ICM-20948, from its data sheet DS-000189 (revision 1.3).
 
-Numbers in brackets: section of the data sheet. Numbers and bits of the registers agree with two drivers in
-wide use, those of PX4 and of W. Ewald (ICM20948_WE). The chip has banks of registers; 127 selects one in any
-of them [8.65].
+Numbers in brackets are sections of the data sheet. Numbers and bits of the registers agree with two widely
+used drivers, those of PX4 and of W. Ewald (ICM20948_WE). The chip has banks of registers; register 127 of
+each bank selects the bank [8.65].
 
-The FIFO takes acceleration and rate only: in which place the temperature would come is not documented.
+The FIFO holds only acceleration and rate, since the position of the temperature in it is not documented.
 """
 
 from struct import Struct
@@ -13,7 +13,7 @@ from typing import Final
 from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 BANK_2: Final = 0x200
-"""What stands above a register's number for bank 2."""
+"""Added to a register's number for bank 2."""
 
 WHO_AM_I: Final = 0x00
 """[8.1]"""
@@ -22,25 +22,25 @@ USER_CTRL: Final = 0x03
 PWR_MGMT_1: Final = 0x06
 """[8.4] Reset, sleep, clock; reset value 0x41, asleep."""
 PWR_MGMT_2: Final = 0x07
-"""[8.5] Axes that are off."""
+"""[8.5] Switches axes off."""
 INT_ENABLE_2: Final = 0x12
-"""[8.9] Overflow of the FIFO."""
+"""[8.9] Interrupt for an overflow of the FIFO."""
 INT_STATUS_2: Final = 0x1B
-"""[8.14] The same; reading it clears it."""
+"""[8.14] Overflow of the FIFO; reading clears it."""
 TEMP_OUT_H: Final = 0x39
-"""[8.30] First of 2."""
+"""[8.30] First of two registers."""
 FIFO_EN_1: Final = 0x66
-"""[8.56] What of the auxiliary bus goes into the FIFO."""
+"""[8.56] Selects data of the auxiliary bus for the FIFO."""
 FIFO_EN_2: Final = 0x67
-"""[8.57] What of the chip's own sensors does: bit 4 acceleration, 3 to 1 rate z, y, x, 0 temperature."""
+"""[8.57] Selects the chip's data for the FIFO: bit 4 acceleration, 3 to 1 rate z, y, x, 0 temperature."""
 FIFO_RST: Final = 0x68
-"""[8.58] Set and cleared, it empties the FIFO; it does not clear itself."""
+"""[8.58] Setting and clearing its bits empties the FIFO; they do not clear themselves."""
 FIFO_MODE: Final = 0x69
-"""[8.59] Bit 0: a full FIFO takes nothing more."""
+"""[8.59] Bit 0: a full FIFO takes no more data."""
 FIFO_COUNT_H: Final = 0x70
-"""[8.60] First of 2: bytes in the FIFO; reading it latches both."""
+"""[8.60] First of two registers with the number of bytes in the FIFO; reading it latches both."""
 FIFO_R_W: Final = 0x72
-"""[8.62] The FIFO's oldest byte, taken out by reading it; the address stays here within a transfer."""
+"""[8.62] The FIFO's oldest byte, which reading removes; the address stays the same within a transfer."""
 BANK_SELECT: Final = 0x7F
 """[8.65] Bits 5:4."""
 GYRO_SMPLRT_DIV: Final = BANK_2 | 0x00
@@ -78,7 +78,7 @@ SETTINGS = (
 
 ICM20948 = Chip(
     rate_hz=1125 / (1 + DIVIDER),
-    clock_error=0.1,  # the PLL's deviation is within what TIMEBASE_CORRECTION_PLL can express [4.14]
+    clock_error=0.1,  # the PLL's deviation is within the range of TIMEBASE_CORRECTION_PLL [4.14]
     gyro_range_dps=2000.0,  # [3.1, 3.2]
     gyro_lsb_per_dps=16.4,
     gyro_dlpf_hz=196.6,
@@ -86,7 +86,7 @@ ICM20948 = Chip(
     accel_lsb_per_g=16384.0,
     reset=(PWR_MGMT_1, 0x80),
     reset_s=0.1,
-    settle_s=0.05,  # the gyroscope needs 35 ms from sleep, where the chip is after its reset [3.1]
+    settle_s=0.05,  # the gyroscope needs 35 ms from sleep, the chip's state after its reset [3.1]
     settings=SETTINGS,
     checked=(
         (PWR_MGMT_1, 2),
@@ -96,7 +96,7 @@ ICM20948 = Chip(
     restart=((USER_CTRL, 0), (FIFO_RST, ALL_FIFOS), (FIFO_RST, 0), (USER_CTRL, FIFO_EN)),
     running=Setting(USER_CTRL, FIFO_EN, 0xF0),
     sample=Struct(">6h"),
-    fifo_bytes=512,  # [4.16]; chips were seen that hold 4,096, of which no more than this is used
+    fifo_bytes=512,  # [4.16]; some chips hold 4,096, but no more than this is used
     keeps_oldest=True,
     fifo_count=FIFO_COUNT_H,
     fifo_data=FIFO_R_W,

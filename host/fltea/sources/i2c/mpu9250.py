@@ -7,14 +7,14 @@ from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 RATE_HZ = 100.0
 SAMPLE = Struct(">7h")
-"""Acceleration, temperature, rate, as in the output registers [4.22 to 4.24]."""
+"""A sample: acceleration, temperature and rate, as in the output registers [4.22 to 4.24]."""
 
 
 def mpu9250(who_am_i: int) -> Chip:
-    """Return the chip with this WHO_AM_I; a clone is taken for an MPU-9250.
+    """Return the chip with this WHO_AM_I; a clone is treated as an MPU-9250.
 
-    FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. Clock: three times the ±1 % of PS-MPU-9250A-01, 4.15.
-    Without FIFO_MODE the overflow of an MPU-6050 tears a sample.
+    FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. `clock_error` is three times the ±1 % of
+    PS-MPU-9250A-01, 4.15. Since an MPU-6050 has no FIFO_MODE, an overflow of its FIFO tears a sample apart.
     """
     old = who_am_i == 0x68
     stop = 0 if old else reg.FIFO_MODE_STOP
@@ -39,10 +39,10 @@ def mpu9250(who_am_i: int) -> Chip:
         accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
         reset_s=0.1,  # PS-MPU-9250A-01, start-up time
-        settle_s=0.05,  # it needs 35 ms from sleep [PS-MPU-9250A-01, 3.1], where an MPU-6050 is after a reset
+        settle_s=0.05,  # 35 ms from sleep [PS-MPU-9250A-01, 3.1], the state of an MPU-6050 after a reset
         settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
         checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),
-        # An MPU-6050 resets its FIFO only while it is off.
+        # An MPU-6050 resets its FIFO only while the FIFO is off.
         restart=tuple((reg.USER_CTRL, value) for value in (0, reg.USER_FIFO_RST, reg.USER_FIFO_EN)),
         running=Setting(reg.USER_CTRL, reg.USER_FIFO_EN, 0x70),
         sample=SAMPLE,

@@ -1,8 +1,8 @@
-"""Reads one of `chips.CHIPS` on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
+"""Read one of `chips.CHIPS` on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
 
-The sensor's FIFO holds samples for `Chip.fifo_s`, so this program may be held up for as long without a loss.
-It is read every 20 to 30 ms, at random: at a multiple of the sensor's own period each reading would come
-equally late after a sample, and how late would look like the drift of a clock.
+The sensor's FIFO holds samples for `Chip.fifo_s`, so the program may be delayed by that without a loss.
+The FIFO is read every 20 to 30 ms, at random times. At a multiple of the sensor's period, each read would
+come equally late after a sample, and slow changes of that delay would look like a drift of the clock.
 """
 
 import hashlib
@@ -37,7 +37,7 @@ POLL_S = (0.02, 0.03)
 FRESH_POLL_S = 0.001
 SLICE_S = 0.05
 SET_UP_S = 1.0
-"""A chip that fails its set-up needs no haste."""
+"""Time between two attempts to set a chip up [s]."""
 PROBE_S = 0.1
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 TICK_NS = 500_000_000
@@ -45,7 +45,7 @@ STATUS_NS = 1_000_000_000
 
 
 class SystemClock:
-    """The clock of this machine, and waiting by it; tests have another one."""
+    """This machine's clock, and waiting by it; tests use another one."""
 
     host_ns = staticmethod(clock.host_ns)
     unix_offset_ns = staticmethod(clock.unix_offset_ns)
@@ -57,7 +57,7 @@ class _Closed(Exception):
 
 
 class Place(NamedTuple):
-    """The path of the bus, the address of the sensor, and its family if the user gives it."""
+    """Path of the bus, address of the sensor, and its family if the user gives it."""
 
     path: str
     address: int
@@ -65,10 +65,10 @@ class Place(NamedTuple):
 
 
 def parse_url(rest: str) -> Place:
-    """Return where the sensor is, by the part of the URL behind `i2c:`.
+    """Return where the sensor is, from the part of the URL after `i2c:`.
 
     Raises:
-        UsageError: names what is wrong.
+        UsageError: the URL is wrong; the text says where.
     """
     usual = "Give for instance 'i2c:///dev/i2c-1?addr=0x68' (in quotes, for the shell knows '?' too)"
     parts = urlsplit(rest)
@@ -93,7 +93,7 @@ def parse_url(rest: str) -> Place:
 
 
 def lost_polls(chip: Chip) -> int:
-    """Return how many polls in a row, if they fail, take longer than the FIFO lasts."""
+    """Return how many failed polls in a row take longer than the FIFO lasts."""
     return math.ceil(chip.fifo_s / (sum(POLL_S) / 2))
 
 
@@ -107,10 +107,10 @@ def device_id(path: str, address: int) -> str:
 
 
 class I2cSource:
-    """Reads the samples of one sensor; every failure is a `Trouble`, and reading goes on.
+    """Reads the samples of one sensor; every failure becomes a `Trouble`, and reading continues.
 
-    rest: what stands behind `i2c:`. open_bus, host: other than this machine's, for tests.
-    unix_offset_ns: as of the last event.
+    `rest`: the part of the URL after `i2c:`. `open_bus`, `host`: replacements for tests.
+    `unix_offset_ns`: offset to Unix time at the last event.
     """
 
     live = prompt = True
@@ -139,9 +139,9 @@ class I2cSource:
         self.unix_offset_ns = self._host.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield what the sensor gives until `close`."""
+        """Yield the sensor's events until `close`."""
         for event in self._events():
-            self.unix_offset_ns = self._host.unix_offset_ns()  # one for the recording and for the records
+            self.unix_offset_ns = self._host.unix_offset_ns()  # the same for the recording and the records
             yield event
 
     def _events(self) -> Iterator[Event]:
@@ -156,7 +156,7 @@ class I2cSource:
             return
 
     def link_stats(self) -> LinkStats:
-        """Count what was read; a frame is a sample, and a bad one a restart of the FIFO, by its cause."""
+        """Return the counts: a frame is a sample, and a bad frame is a restart of the FIFO, by its cause."""
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,
             frames=self._reader.samples,
@@ -165,11 +165,11 @@ class I2cSource:
         )
 
     def close(self) -> None:
-        """End the iteration, which releases the bus."""
+        """End the iteration of `events`, which releases the bus."""
         self._closed = True
 
     def _use_bus(self) -> Iterator[Event]:
-        """Open the bus and read the sensor until the bus is lost."""
+        """Open the bus, and read the sensor until the bus is lost."""
         try:
             bus = self._open_bus(self.path, self.address)
         except OSError as error:
@@ -199,7 +199,7 @@ class I2cSource:
             return False
         except TransferFailed as failed:
             code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
-            if self._unanswered:  # the sensor may get its supply with this machine, and be up later
+            if self._unanswered:  # not at once, since the sensor may start later than this machine
                 yield from self._report_fault(code, self.address, fatal=True)
             self._unanswered = True
             yield from self._wait(PROBE_S)
@@ -298,13 +298,13 @@ class I2cSource:
         yield from self._report("device_fault", name, text, fatal=fatal)
 
     def _report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Pass a trouble on unless its topic was reported within a minute and since the sensor was set up."""
+        """Report a trouble unless its topic was reported within a minute and since the sensor's set-up."""
         now_ns = self._host.host_ns()
         if self._reported.is_due(topic, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
 
     def _wait(self, seconds: float) -> Iterator[Event]:
-        """Wait, in slices since `close` may come from any thread; meanwhile let statistics go out."""
+        """Wait, with ticks and statuses meanwhile; in slices, since any thread may call `close`."""
         end_ns = self._host.host_ns() + round(seconds * 1e9)
         while True:
             if self._closed:

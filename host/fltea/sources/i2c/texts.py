@@ -1,4 +1,4 @@
-"""Texts about failures on a Linux I²C bus for the person who mends it: what, why, what to do."""
+"""Explain failures on a Linux I²C bus to the person who repairs it: what, why, what to do."""
 
 from fltea.sources.i2c.bus import detect_command
 from fltea.sources.i2c.chips import ADDRESSES, with_banks
@@ -13,7 +13,7 @@ _WIRES = (
 
 
 def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
-    """Return the text of a fault of the sensor; detail is as in protocol/README.md."""
+    """Return the text about a fault of the sensor; `detail` is as in protocol/README.md."""
     match code:
         case FaultCode.SENSOR_MISSING:
             return (
@@ -39,7 +39,7 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
 
 
 def bus_lost_text(path: str, error: OSError) -> str:
-    """Return the text for a bus that itself failed."""
+    """Return the text about a bus that failed itself."""
     return (
         f"the I²C bus {path} was lost ({error}): its adapter was unplugged, its driver was unloaded, or it "
         "cannot do plain I²C transfers. It is opened again."
@@ -47,9 +47,9 @@ def bus_lost_text(path: str, error: OSError) -> str:
 
 
 def loss_text(cause: str, missing: int, doubt: int, fifo_s: float) -> tuple[str, str]:
-    """Return kind and text for samples lost in the sensor's FIFO, which holds `fifo_s` [s].
+    """Return kind and text about samples lost in the sensor's FIFO, which holds `fifo_s` [s].
 
-    missing: how many; the true number is within ±`doubt`.
+    `missing`: their number; the true number is within ±`doubt`.
     """
     lost = f"{missing} samples are lost"
     if doubt:

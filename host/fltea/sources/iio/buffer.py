@@ -1,4 +1,4 @@
-"""Sets up and opens a device's triggered buffer, and leaves it as it was found."""
+"""Set up and open a device's triggered buffer, and restore its settings at the end."""
 
 import contextlib
 import errno
@@ -11,10 +11,11 @@ from fltea.sources.iio.scan import Element, ScanLayout, parse_element
 from fltea.sources.iio.sysfs import Attributes, choose_trigger, triggers
 
 KEPT_S, LATENCY_S = 2.0, 0.02
-"""So long the kernel keeps samples for us; so long it may wait before it hands them over."""
+"""`KEPT_S`: time for which the kernel keeps samples [s]. `LATENCY_S`: longest wait until it delivers them
+[s]."""
 
 CLOCK = "monotonic"
-"""Of the time stamps, where the driver lets one choose: the usual one jumps when the clock is set."""
+"""Clock of the time stamps, if the driver offers a choice: the usual clock jumps when the date is set."""
 
 HRTIMER = (
     "make one that ticks by itself: 'sudo modprobe iio-trig-hrtimer; sudo mkdir "
@@ -29,7 +30,7 @@ OWN_TRIGGER = (
 
 
 class Unusable(Exception):
-    """The buffer cannot be used. kind: of the `error` record. Its text says why, and what to do."""
+    """The buffer cannot be used. `kind`: of the `error` record. The text says why, and what to do."""
 
     def __init__(self, kind: str, text: str) -> None:
         super().__init__(text)
@@ -37,7 +38,7 @@ class Unusable(Exception):
 
 
 class Wishes(NamedTuple):
-    """The settings that the user asks for; None leaves one as it is."""
+    """The settings that the user asks for; None leaves a setting unchanged."""
 
     rate_hz: float | None = None
     trigger: str | None = None
@@ -46,10 +47,11 @@ class Wishes(NamedTuple):
 class Buffer:
     """An open triggered buffer of some channels.
 
-    layout: of its scans. has_time: whether the scans hold time stamps, in ns. fd: to read them from.
+    `layout`: layout of its scans. `has_time`: whether the scans contain time stamps, in ns. `fd`: descriptor
+    to read scans from.
 
     Raises:
-        Unusable: it cannot be set up, or a program has it.
+        Unusable: the buffer cannot be set up, or another program uses it.
     """
 
     def __init__(self, root: Path, device: Attributes, channels: Sequence[str], wishes: Wishes) -> None:
@@ -63,7 +65,7 @@ class Buffer:
             raise
 
     def close(self) -> None:
-        """Switch the buffer off, and give back every setting that was changed."""
+        """Switch the buffer off, and restore every setting that was changed."""
         for path, before in reversed(self._undo):
             with contextlib.suppress(OSError):  # the device may be gone
                 path.write_text(before + "\n", encoding="utf-8")
@@ -79,7 +81,7 @@ class Buffer:
         except OSError as error:
             raise _explain_open(device, error) from error
         enable = f"{device.buffer}/enable"
-        # Nobody has it open, so it was left on, and nothing can be set before it is off.
+        # No program has the node open, so a buffer that is on was left on; settings need it off.
         self._set(enable, "0", undo=False)
         self._set_trigger(wishes)
         self._set_rate(wishes)
@@ -88,7 +90,7 @@ class Buffer:
         if self.has_time:
             elements.append(self._element("timestamp"))
             if device.has("current_timestamp_clock"):
-                with contextlib.suppress(Unusable):  # any clock will do
+                with contextlib.suppress(Unusable):  # not necessary: any clock is good enough
                     self._set("current_timestamp_clock", CLOCK)
         wanted = {element.name for element in elements}
         for path in sorted((device.folder / device.elements).glob("in_*_en")):
@@ -111,7 +113,7 @@ class Buffer:
     def _set_trigger(self, wishes: Wishes) -> None:
         device, file = self._device, "trigger/current_trigger"
         if not device.has(file):
-            return  # the chip's own FIFO fills the buffer
+            return  # the chip's own FIFO fills the buffer, without a trigger
         wanted, known = choose_trigger(self._root, device, wishes.trigger)
         if not wanted or (wishes.trigger is not None and wanted not in known):
             there = f"Triggers that exist: {', '.join(known)}" if known else "This machine has no trigger"
@@ -149,11 +151,11 @@ class Buffer:
         length = max(2, round(rate_hz * KEPT_S), int(device.number(f"{device.buffer}/length") or 0))
         self._set(f"{device.buffer}/length", str(length))
         if device.has(f"{device.buffer}/watermark"):
-            with contextlib.suppress(Unusable):  # it only makes samples come sooner
+            with contextlib.suppress(Unusable):  # not necessary: it only makes samples come sooner
                 self._set(f"{device.buffer}/watermark", str(max(1, round(rate_hz * LATENCY_S))))
 
     def _set(self, name: str, value: str, *, undo: bool = True, after: str | None = None) -> None:
-        """Write a setting if it differs; after: the value to leave in the end, if not the one before."""
+        """Write a setting if it differs; `after`: the value to leave at the end, if not the previous one."""
         if after is None and self._device.text(name) == value:
             return
         self._write(self._device.folder / name, value, undo=undo, after=after)
@@ -169,7 +171,7 @@ class Buffer:
 
 
 def rate_path(root: Path, device: Attributes) -> Path | None:
-    """Return the file that holds the rate of samples, which is the device's or its trigger's."""
+    """Return the file with the sampling rate, which belongs to the device or to its trigger."""
     name = device.rate_file()
     if name is not None:
         return device.folder / name
@@ -181,7 +183,7 @@ def rate_path(root: Path, device: Attributes) -> Path | None:
 
 
 def rate_of(root: Path, device: Attributes) -> float | None:
-    """Return samples per second by the driver; None if it does not state them."""
+    """Return the sampling rate that the driver states [Hz]; None if it states none."""
     path = rate_path(root, device)
     rate_hz = None if path is None else Attributes(path.parent, path).number(path.name)
     return rate_hz if rate_hz is not None and rate_hz > 0 else None

@@ -1,4 +1,4 @@
-"""Converts the counts of IIO channels by scale, offset and mount matrix (pure)."""
+"""Convert the counts of IIO channels by scale, offset and mount matrix."""
 
 import math
 from collections.abc import Sequence
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 
 class Conversion(NamedTuple):
-    """Converts the counts of a sensor's axes, (n, axes), to what records hold.
+    """Converts the counts of a sensor's axes, (n, axes), to the values of records.
 
-    Whole counts stay counts, and `lsb` is how many of them a unit has, as long as the mount matrix only swaps
-    and turns axes; otherwise `lsb` is None and the values are in the unit.
+    Whole counts stay counts, and `lsb` is the number of counts per unit, if the mount matrix only swaps axes
+    or changes their sign. Otherwise `lsb` is None, and the values are in the unit.
 
-    matrix: (axes, axes), holds the scale where `lsb` is None. offset: (axes,) to be added to the counts.
+    `matrix`: (axes, axes), which contains the scale if `lsb` is None. `offset`: (axes,), added to the counts.
     """
 
     lsb: float | None
@@ -32,7 +32,8 @@ def conversion(
 ) -> Conversion:
     """Return the conversion for axes with these scales, in units per count.
 
-    mount: (3, 3), turns the sensor's axes into those of the machine that it sits in; not for fewer axes.
+    `mount`: rotation from the sensor's axes to the axes of the machine that contains it, (3, 3); ignored for
+    fewer than three axes.
 
     Raises:
         ValueError: a scale is 0 or not finite, or the mount matrix is no rotation.
@@ -56,10 +57,10 @@ def conversion(
 
 
 def parse_mount(text: str) -> NDArray[np.float64] | None:
-    """Return a mount matrix from a text such as `1, 0, 0; 0, 1, 0; 0, 0, 1`; None if it is empty.
+    """Return a mount matrix from a text such as `1, 0, 0; 0, 1, 0; 0, 0, 1`; None for an empty text.
 
     Raises:
-        ValueError: it is no such matrix.
+        ValueError: the text is no such matrix.
     """
     if text.strip() in ("", "(null)"):
         return None

@@ -1,6 +1,6 @@
-"""Decodes the scans of a triggered buffer: the place of each channel, and its numbers (pure).
+"""Decode the scans of a triggered buffer: the position of each channel, and its numbers.
 
-The kernel's rules are those of Documentation/driver-api/iio/buffers.rst and of the sysfs ABI
+The kernel's rules are in Documentation/driver-api/iio/buffers.rst and in the sysfs ABI
 (Documentation/ABI/testing/sysfs-bus-iio, `scan_elements`).
 """
 
@@ -15,14 +15,14 @@ from fltea.records.events import Ints
 
 TYPE = re.compile(r"(be|le):([su])(\d{1,3})/(\d{1,3})(?:X(\d{1,3}))?>>(\d{1,3})")
 STORAGE_BITS = (8, 16, 32, 64)
-"""The kernel aligns a channel to its own size, which has to be a power of 2."""
+"""Possible sizes of a channel: the kernel aligns a channel to its own size, which must be a power of 2."""
 
 
 class Element(NamedTuple):
     """One channel of a scan.
 
-    name: such as `anglvel_x`. place: its number among the channels. bits: of the number, after a shift to the
-    right by `shift`, in `storage_bits`. repeat: so many numbers, one after the other.
+    `name`: such as `anglvel_x`. `place`: index among the channels. `bits`: size of the number, after a right
+    shift by `shift`, in `storage_bits`. `repeat`: number of numbers, one after the other.
     """
 
     name: str
@@ -36,7 +36,7 @@ class Element(NamedTuple):
 
     @property
     def size(self) -> int:
-        """The bytes that it takes in a scan."""
+        """Number of bytes of the channel in a scan."""
         return self.storage_bits // 8 * self.repeat
 
 
@@ -44,7 +44,7 @@ def parse_element(name: str, index: str, text: str) -> Element:
     """Return a channel from the content of its files `…_index` and `…_type`, such as `le:s16/16>>0`.
 
     Raises:
-        ValueError: they are not what the kernel's documentation says.
+        ValueError: the content does not agree with the kernel's documentation.
     """
     found = TYPE.fullmatch(text.strip())
     if found is None or not index.strip().isdecimal():
@@ -58,9 +58,9 @@ def parse_element(name: str, index: str, text: str) -> Element:
 
 
 class ScanLayout:
-    """The places of the channels in a scan. size: bytes of a scan.
+    """The positions of the channels in a scan. `size`: bytes of a scan.
 
-    Each channel is aligned to its own size, and the scan to the largest of them.
+    Each channel is aligned to its own size, and the scan to the size of its largest channel.
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
@@ -74,7 +74,7 @@ class ScanLayout:
         self.size = -(-end // largest) * largest
 
     def decode(self, data: bytes | memoryview) -> dict[str, Ints]:
-        """Return the first number of each channel of whole scans, each (scans,).
+        """Return the first number of each channel in whole scans, each (scans,).
 
         Raises:
             ValueError: the bytes are no whole number of scans.

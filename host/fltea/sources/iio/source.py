@@ -1,7 +1,7 @@
-"""Reads a gyroscope or IMU that the Linux kernel has a driver for: `iio:NAME_OR_PATH`.
+"""Read a gyroscope or IMU that has a driver in the Linux kernel: `iio:NAME_OR_PATH`.
 
-Samples come from the triggered buffer with the driver's time stamps, which number them: where these run
-ahead of the rate, samples were lost, and are counted as missing. The rate is found from them too.
+Samples come from the triggered buffer, and the driver's time stamps number them: where the time stamps run
+ahead of the rate, samples were lost, and are counted as missing. The rate follows from the time stamps, too.
 """
 
 import math
@@ -33,11 +33,12 @@ READ_BYTES = 1 << 16
 PATIENCE_NS = 5 * 10**9
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 RATE_TOLERANCE = 0.05
-"""A chip's own oscillator is within some percent of what its driver says."""
+"""Relative difference of the measured from the stated rate above which it is reported: a chip's own
+oscillator is accurate to some percent."""
 
 
 class Place(NamedTuple):
-    """The parts of the URL: the device, the settings asked for, and whether its mount matrix is applied."""
+    """Parts of the URL: the device, the settings asked for, and whether its mount matrix is applied."""
 
     device: str
     wishes: Wishes
@@ -45,7 +46,7 @@ class Place(NamedTuple):
 
 
 def parse_url(rest: str) -> Place:
-    """Return the parts of the URL behind `iio:`.
+    """Return the parts of the URL after `iio:`.
 
     Raises:
         UsageError: no device, an unknown key, or no rate.
@@ -75,12 +76,12 @@ def parse_url(rest: str) -> Place:
 
 
 class IioSource:
-    """Reads the samples of one device; after every failure, a `Trouble`, the device is tried again.
+    """Reads the samples of one device; every failure becomes a `Trouble`, and then the device is tried again.
 
-    rest: what stands behind `iio:`. unix_offset_ns: as of the last event.
+    `rest`: the part of the URL after `iio:`. `unix_offset_ns`: offset to Unix time at the last event.
 
     Raises:
-        UsageError: see `parse_url`.
+        UsageError: as in `parse_url`.
     """
 
     live = prompt = True
@@ -97,7 +98,7 @@ class IioSource:
         self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield samples until `close`."""
+        """Yield the device's events until `close`."""
         failures = 0
         while not self._closed:
             before = self._samples
@@ -118,7 +119,7 @@ class IioSource:
             yield from self._pause(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
 
     def link_stats(self) -> LinkStats:
-        """Count what was read; a frame is a sample. Lost ones show in the numbers of the samples."""
+        """Return the counts; a frame is a sample. Lost samples show in the samples' numbers."""
         counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
         return LinkStats(
             bytes=self._bytes,
@@ -128,13 +129,13 @@ class IioSource:
         )
 
     def close(self) -> None:
-        """End the iteration, which gives the device back its settings."""
+        """End the iteration of `events`, which restores the device's settings."""
         if not self._closed:
             self._closed = True
             os.write(self._closed_write, b"\0")
 
     def _use(self) -> Iterator[Event]:
-        """Open the device and read it until it is lost."""
+        """Open the device, and read it until it is lost."""
         device = self._find()
         channels = {kind: device.channels(kind) for kind in (GYRO, ACCEL)}
         if not channels[GYRO]:
@@ -237,7 +238,7 @@ class IioSource:
 
 
 class _Reader:
-    """Turns the scans of one opening of a device into blocks of samples."""
+    """Turns the scans read from one opening of a device into blocks of samples."""
 
     def __init__(
         self,
@@ -305,7 +306,7 @@ class _Reader:
         )
 
     def why_silent(self) -> str:
-        """Return what to look at if no samples come."""
+        """Return what the user should check if no samples come."""
         trigger = self._device.text("trigger/current_trigger")
         if trigger:
             return (
@@ -316,12 +317,12 @@ class _Reader:
 
 
 def conversion_of(device: Attributes, kind: str, channels: list[str], mounted: bool) -> Conversion:
-    """Return the conversion of a sensor's channels by its driver's files.
+    """Return the conversion of a sensor's channels from its driver's files.
 
-    mounted: with its mount matrix.
+    `mounted`: apply the mount matrix.
 
     Raises:
-        Unusable: it has no scale, or one of its files cannot be.
+        Unusable: the sensor has no scale, or one of its files has an impossible value.
     """
     unit = math.pi / 180 if kind == GYRO else 1.0  # scales are in rad/s and m/s²
     scales = [device.of_channel(channel, "scale") for channel in channels]
