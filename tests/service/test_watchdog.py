@@ -15,7 +15,7 @@ def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:
     stop = StopOnSignal()
     left, right = (SimpleNamespace(moved_s=now_s[0]) for _ in range(2))
     run = _Run([], stop)
-    run._walks = [left, right]  # type: ignore[list-item]
+    run._streams = [left, right]  # type: ignore[list-item]
     fed: list[float] = []
     monkeypatch.setattr(run._manager, "alive", lambda: fed.append(now_s[0]))
 
@@ -39,7 +39,7 @@ def test_a_signal_ends_the_waiting() -> None:
     with StopOnSignal() as stop:
         stop.armed = True
         run = _Run([], stop)
-        run._walks = [SimpleNamespace(moved_s=math.inf)]  # type: ignore[list-item]
+        run._streams = [SimpleNamespace(moved_s=math.inf)]  # type: ignore[list-item]
         looks: list[int] = []
 
         def done() -> bool:

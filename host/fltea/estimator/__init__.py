@@ -1,1 +1,1 @@
-"""FLTEA on blocks of samples: the start-up window, the filters, and the supervisor that judges them."""
+"""Run FLTEA on blocks of samples: start-up window, filters, and the supervisor that checks them."""

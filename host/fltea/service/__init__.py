@@ -1,1 +1,1 @@
-"""A running program: ports, pipelines, outputs, an orderly end."""
+"""The running program: ports, pipelines, outputs, and an orderly end."""

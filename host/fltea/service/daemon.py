@@ -114,7 +114,7 @@ class _Run:
         self._manager = ServiceManager()
         self._date = DateWatch(self._hub.report())
         self._fit_worker = FitThread(sum(not is_shared(config.source) for config in configs))
-        self._walks: list[DeviceStream] = []
+        self._streams: list[DeviceStream] = []
         self._ingests: list[Ingest] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
@@ -146,21 +146,21 @@ class _Run:
             self._stop.ask()
             ending.wait([*_closing(sources), *self._hub.close()])
             raise
-        self._walks = [
+        self._streams = [
             DeviceStream(source, config, self._hub, state, self._fit_worker, number)
             for number, (source, config) in enumerate(zip(sources, configs, strict=True))
         ]
         live = bool(shared) or any(source.live for source in sources)
-        on_lines = [walk for walk in self._walks if has_port(walk)]
+        on_ports = [stream for stream in self._streams if has_port(stream)]
         pressure = Pressure(self._fit_worker, self._hub.report())
-        lines = PortLoop(on_lines, self._end, self._hub, pressure) if on_lines else None
+        port_loop = PortLoop(on_ports, self._end, self._hub, pressure) if on_ports else None
         threads = [
-            threading.Thread(target=self._pump, args=(walk,), name=f"walk {walk.name}")
-            for walk in self._walks
-            if not has_port(walk)
+            threading.Thread(target=self._pump, args=(stream,), name=f"device {stream.name}")
+            for stream in self._streams
+            if not has_port(stream)
         ]
-        if lines is not None:
-            threads.append(threading.Thread(target=lines.run, name="lines"))
+        if port_loop is not None:
+            threads.append(threading.Thread(target=port_loop.run, name="ports"))
         threads += [threading.Thread(target=one.run, name=f"ingest {one.name}") for one in self._ingests]
         for thread in threads:
             thread.daemon = True
@@ -170,8 +170,8 @@ class _Run:
         if self._failure is None and not (live or self._configs[0].once or self._stop.asked):
             self._stay()
         self._manager.stopping()
-        if lines is not None:
-            lines.close()
+        if port_loop is not None:
+            port_loop.close()
         if self._is_asked():
             self._hub.release()
         ending.wait(
@@ -197,7 +197,7 @@ class _Run:
         return self._stop.asked or self._failure is not None
 
     def _wait(self, done: Callable[[], bool]) -> None:
-        moving: list[DeviceStream | Ingest] = [*self._walks, *self._ingests]
+        moving: list[DeviceStream | Ingest] = [*self._streams, *self._ingests]
         while not (done() or self._stop.asked):
             self._date.look()
             self._stop.wake_up.wait(LOOK_S)
@@ -211,20 +211,20 @@ class _Run:
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
 
-    def _pump(self, walk: DeviceStream) -> None:
+    def _pump(self, stream: DeviceStream) -> None:
         """Take all events of one source, in a thread of its own."""
         try:
-            for event in walk.source.events():
-                walk.take(event)
-                if walk.failure is not None:
+            for event in stream.source.events():
+                stream.take(event)
+                if stream.failure is not None:
                     break
-            walk.finish(whole=walk.failure is None and not self._is_asked())
+            stream.finish(whole=stream.failure is None and not self._is_asked())
         except Exception as error:
-            self._end(walk, error)
+            self._end(stream, error)
             if not isinstance(error, FlteaError):
                 raise
         else:
-            self._end(walk, None)
+            self._end(stream, None)
 
     def _ingest(self, config: Config) -> "Ingest":
         from fltea.service.ingest.loop import Ingest  # imported late, since few programs use a broker
@@ -232,15 +232,15 @@ class _Run:
 
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
-    def _end(self, walk: "DeviceStream | Ingest", error: Exception | None) -> None:
+    def _end(self, stream: "DeviceStream | Ingest", error: Exception | None) -> None:
         """Note that a source has ended; a fault ends the program, so that it does not look alive."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error
         elif error is not None:
-            failure = FlteaError(f"{walk.name}: internal fault: {type(error).__name__}: {error}")
-        elif isinstance(walk, DeviceStream) and walk.failure is not None:
-            failure = SourceFailed(walk.failure.message)
+            failure = FlteaError(f"{stream.name}: internal fault: {type(error).__name__}: {error}")
+        elif isinstance(stream, DeviceStream) and stream.failure is not None:
+            failure = SourceFailed(stream.failure.message)
         with self._lock:
             self._running -= 1
             self._failure = self._failure or failure

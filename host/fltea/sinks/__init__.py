@@ -1,1 +1,1 @@
-"""Where records go."""
+"""The outputs that records go to."""

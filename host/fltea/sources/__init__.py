@@ -1,1 +1,1 @@
-"""Where events come from."""
+"""The sources that events come from."""

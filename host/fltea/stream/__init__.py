@@ -1,1 +1,1 @@
-"""The walk of a block: place, time, units, estimates, records."""
+"""One device's samples: their time and units, estimates, fits, and the records of them."""

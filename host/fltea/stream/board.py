@@ -44,8 +44,8 @@ class BoardEstimates:
     """
 
     def __init__(self, config: Config, fits: LiveFits | None = None) -> None:
-        self._settled = accepted_by(fits)
-        self._fits = BoardFits(config.name, self._settled)
+        self._accepted = accepted_by(fits)
+        self._fits = BoardFits(config.name, self._accepted)
         self._notices = BoardNotices(config.estimator)
         self.alone = config.estimator.estimate_on == "device"
         self.stated: DeviceEstimator | None = None
@@ -193,7 +193,7 @@ class BoardEstimates:
         ordered = [axis for axis in self._axes if axis in group]
         if self.alone:
             known = sample.estimates()
-            found = {axis: estimate_of(group[axis], self._settled(axis), known[axis]) for axis in ordered}
+            found = {axis: estimate_of(group[axis], self._accepted(axis), known[axis]) for axis in ordered}
             yield Estimate(*sample.moment(), variant, found, device=self._config.name)
             return
         same = self._settings is not None and self._settings == self._in_use

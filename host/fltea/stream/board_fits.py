@@ -50,7 +50,7 @@ class BoardFits:
     """
 
     def __init__(self, device: str | None, accepted: Callable[[str], AcceptedFit]) -> None:
-        self._device, self._settled = device, accepted
+        self._device, self._accepted = device, accepted
         self._newest: dict[str, DeviceAxisFit] = {}
         self._bins: dict[str, list[DeviceBins]] = {}
         self._checked_ns: dict[str, int] = {}
@@ -69,7 +69,7 @@ class BoardFits:
     def on_fit(self, fit: DeviceFit, axes: Collection[str], moment: Moment | None) -> Iterator[DeviceFits]:
         """Take a fit, and yield its record."""
         self.came += 1
-        found = _axis_fit(fit, self._settled(fit.axis).fit) if fit.axis in axes else None
+        found = _axis_fit(fit, self._accepted(fit.axis).fit) if fit.axis in axes else None
         if moment is None or found is None:
             self.refused += fit.axis in axes
             return

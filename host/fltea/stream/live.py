@@ -83,7 +83,7 @@ class _Begun(NamedTuple):
     moment: Moment
     samples: int
     look: Look
-    looks: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
+    refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
     """For each axis, a function that returns its fit and the accepted fit from then on."""
     refilters: int
     """Number of the sample after which the remembered samples are filtered anew."""
@@ -121,7 +121,7 @@ class LiveFits:
         self._times = LookTimes(1.0, grows=False, every=False)
         self._noticed = 0
         self._before_first = 0
-        self._settled: dict[str, AcceptedFit] = {}
+        self._accepted: dict[str, AcceptedFit] = {}
         self._drawn_samples = 0
         self._last: Moment | None = None
 
@@ -135,7 +135,7 @@ class LiveFits:
         """
         hello, saved = beginning.hello, beginning.saved or Saved()
         gyro, accel = beginning.axes(self._config.channels)
-        identity = (_sensor_of(hello), tuple(gyro), tuple(accel))
+        identity = (_identity_of(hello), tuple(gyro), tuple(accel))
         if beginning.saved is None and identity == self._of:
             self.bridge(beginning.missing)
         else:
@@ -148,7 +148,7 @@ class LiveFits:
                 )
                 if axes
             }
-            self._settled, self._begun, self._of = {}, None, identity
+            self._accepted, self._begun, self._of = {}, None, identity
             self._rate_hz = hello.rate_hz
             grows = self._config.live.period_s is None
             self._times = LookTimes(hello.rate_hz, grows=grows, every=self._watched)
@@ -196,13 +196,15 @@ class LiveFits:
         if look is None:
             return
         self._noticed = noticed
-        looks = {}
+        refits = {}
         for sums in self._sums.values():
             for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items():
                 learner = tracks(axis).learner(axis) if look.settles else None
-                looks[axis] = self._fit_worker.begin(partial(_looked, make, self.accepted(axis), learner))
+                refits[axis] = self._fit_worker.begin(
+                    partial(_with_accepted, make, self.accepted(axis), learner)
+                )
         refilters = max(number, look.counts - REFILTERED) if look.settles else NEVER
-        self._begun = _Begun(moment, samples, look, looks, refilters)
+        self._begun = _Begun(moment, samples, look, refits, refilters)
         self._refilter(number, tracks)
         if look.curves:
             self._drawn_samples = samples
@@ -216,7 +218,7 @@ class LiveFits:
             self._fit_worker.begin(
                 partial(_refiltered, look, self.accepted(axis), tracks(axis).remembered(axis), to_come)
             )
-            for axis, look in begun.looks.items()
+            for axis, look in begun.refits.items()
         )
         self._begun = begun._replace(refilters=NEVER, refiltered=refiltered)
 
@@ -226,11 +228,11 @@ class LiveFits:
         if begun is None:
             return
         # Ask for the last axis first, since the worker's thread began with the first axis.
-        looked = {axis: begun.looks[axis]() for axis in reversed(begun.looks)}
+        looked = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()
-        self._settled = {axis: accepted for axis, (_, accepted) in looked.items()}
-        found = {axis: self._with_stability(axis, looked[axis][0]) for axis in begun.looks}
+        self._accepted = {axis: accepted for axis, (_, accepted) in looked.items()}
+        found = {axis: self._with_stability(axis, looked[axis][0]) for axis in begun.refits}
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def last(self, moment: Moment | None) -> Iterator[Fit]:
@@ -257,7 +259,7 @@ class LiveFits:
 
     def accepted(self, axis: str) -> AcceptedFit:
         """Return the fit that the next estimates of an axis use."""
-        return self._settled.get(axis, NO_FIT)
+        return self._accepted.get(axis, NO_FIT)
 
     def period_s(self) -> float | None:
         """Return the shortest time between two refits [s]; None where there is nothing to fit."""
@@ -282,7 +284,7 @@ class LiveFits:
 NO_FIT = AcceptedFit()
 
 
-def _looked(
+def _with_accepted(
     make: Callable[[], Looked], accepted: AcceptedFit, learner: Learner | None
 ) -> tuple[AxisFit, AcceptedFit]:
     looked = make()
@@ -302,7 +304,7 @@ def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:
     return (lambda axis: NO_FIT) if fits is None else fits.accepted
 
 
-def _sensor_of(hello: Hello) -> tuple[object, ...]:
+def _identity_of(hello: Hello) -> tuple[object, ...]:
     """Return all that has to be the same for the sensor's noise to be the same."""
     scales = hello.gyro_lsb_per_dps, hello.gyro_range_dps, hello.accel_lsb_per_g
     return hello.device_id, hello.who_am_i, hello.sensor, *scales, hello.gyro_dlpf_hz, hello.rate_hz

@@ -172,7 +172,7 @@ class Pipeline:
         yield from self._records(notices)
         if self._fits is not None:
             self._fits.begin_numbers(first.seq)
-            self._set_looks()
+            self._set_fit_times()
         epoch = self._decoder.epoch
         if missing:
             yield Gap(first.seq - missing, missing, epoch - 1, unix_ns, device=name)
@@ -203,7 +203,7 @@ class Pipeline:
         assert self._fits is not None
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
-        self._set_looks()
+        self._set_fit_times()
         yield from found  # last, since an output that prints reads what the next samples' records will hold
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
@@ -212,14 +212,14 @@ class Pipeline:
         assert self._fits is not None
         assert moment is not None
         self._fits.look(moment, self._sensors.tracks)
-        self._set_looks()
+        self._set_fit_times()
         return iter(())
 
     def _on_rate_differs(self, details: Any) -> Iterator[Output]:
         """The device's clock contradicts its HELLO."""
         yield self._error("rate_differs", explain_rate(self._decoder.source, *details))
 
-    def _set_looks(self) -> None:
+    def _set_fit_times(self) -> None:
         assert self._fits is not None
         self._device.fit_due, self._device.fit_counts = self._fits.due, self._fits.counts
 

@@ -31,7 +31,7 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     `in_use`: the variances handed over before, if any; None is returned if both are unchanged.
     """
     s2, R = fit.s2.value, fit.R.value
-    belief = _belief(fit)
+    belief = _filter_model(fit)
     if belief is None or s2 is None or R is None:
         return None
     if not (1 / LARGEST < LEAST_R * s2 < LEAST_R * LARGEST and 0 <= R < LARGEST):
@@ -41,7 +41,7 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     return HandedOver(Variances(_rounded(s2), _rounded(max(R, LEAST_R * s2))), belief)
 
 
-def _belief(fit: AxisFit) -> FilterModel | None:
+def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
         return None  # a filter before the samples: the figures describe its input, but we see its output

@@ -1,1 +1,1 @@
-"""Many devices behind one source: who is let in, what waits, and whose turn it is."""
+"""Many devices behind one source: which are admitted, what waits, and which worker serves them."""

@@ -1,1 +1,1 @@
-"""Records as Prometheus metrics."""
+"""Serve records as Prometheus metrics."""

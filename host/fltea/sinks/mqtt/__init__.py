@@ -1,1 +1,1 @@
-"""Records to an MQTT broker."""
+"""Publish records to an MQTT broker."""

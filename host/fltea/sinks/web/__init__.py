@@ -1,1 +1,1 @@
-"""What the pages of one sensor and of a fleet have in common: server, limits, and files for the browser."""
+"""Shared by the pages of one sensor and of a fleet: server, limits, and files for the browser."""

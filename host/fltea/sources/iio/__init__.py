@@ -1,1 +1,1 @@
-"""Reads gyroscopes and IMUs by their drivers of the Linux kernel (IIO, industrial input and output)."""
+"""Read gyroscopes and IMUs by their drivers in the Linux kernel (IIO, industrial I/O)."""
