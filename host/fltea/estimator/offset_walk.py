@@ -207,8 +207,7 @@ def system_of(
     The offset may walk in addition to a fractional order. By measurement, this is as good as a constant
     offset where the offset is constant, and better where a fit has missed slow noise. The spectrum may also
     have mistaken a walk for a slow relaxation; if there is one, both are tried. `remembered`: the same
-    samples.
-    `every`: only one in `every` values of a step, a bound and a slope is tried.
+    samples. `every`: only one in `every` values of a step, a bound and a slope is tried.
     """
     found = _followed(parts, h, samples, remembered, every)
     walking = _as_walk(parts, h, samples)

@@ -75,11 +75,10 @@ class TrackerRules(NamedTuple):
 
     `ahead`: number of coming samples for which the bias is meant; 0: only the newest sample. `checked`:
     lengths over which the bias is checked. `largest_step`: a larger change within a second is motion, not a
-    step.
-    `largest_gravity_step`: the same for the accelerometer. `still`: number of samples at rest at another
-    value after which that value is the new offset, if `settles`, if the caller says that the sensor is at
-    rest, or if the value is nearer to 0. `patience`: number of samples after which it is the new offset in
-    any case.
+    step. `largest_gravity_step`: the same for the accelerometer. `still`: number of samples at rest at
+    another value after which that value is the new offset, if `settles`, if the caller says that the sensor
+    is at rest, or if the value is nearer to 0. `patience`: number of samples after which it is the new offset
+    in any case.
     """
 
     ahead: int = 0

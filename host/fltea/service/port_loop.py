@@ -42,9 +42,9 @@ class PortStop(IntEnum):
     """Data cannot be used, and nothing more is read."""
 
 
-def has_port(walk: DeviceStream) -> bool:
+def has_port(stream: DeviceStream) -> bool:
     """Return whether the operating system can report that this stream's source has something to read."""
-    return isinstance(walk.source, SerialSource) and walk.source.port.has_descriptor
+    return isinstance(stream.source, SerialSource) and stream.source.port.has_descriptor
 
 
 class PortLoop:
@@ -67,11 +67,11 @@ class PortLoop:
         self._looked_ns = 0
         self._changes = -1
         self._closed = False
-        self._sources = [walk.source for walk in walks if isinstance(walk.source, SerialSource)]
+        self._sources = [stream.source for stream in walks if isinstance(stream.source, SerialSource)]
         self._texts = list(hub.printing(""))
         self._round = _native.Round(QUEUE_BYTES, TICK_NS, len(self._texts))
-        for walk, source in zip(self.walks, self._sources, strict=True):
-            self._round.add(source.line, walk.device, round(source.port.latency_s * 1e9))
+        for stream, source in zip(self.walks, self._sources, strict=True):
+            self._round.add(source.line, stream.device, round(source.port.latency_s * 1e9))
         ports = [source.port for source in self._sources]
         self._openings = Openings(ports, self._round.open, self._round.wake)
 
@@ -81,11 +81,11 @@ class PortLoop:
             while self._going and not self._closed:
                 self._take_round()
             self._hand_on(self._going)
-            for place in list(self._going):
-                self._finish(place)
+            for index in list(self._going):
+                self._finish(index)
         except Exception as error:  # of the loop itself: the program must not look alive then
-            for place in self._going:
-                self._on_end(self.walks[place], error)
+            for index in self._going:
+                self._on_end(self.walks[index], error)
             raise
         finally:
             self._round.close()
@@ -103,14 +103,14 @@ class PortLoop:
             self._look(now_ns)
         next_ns = self._openings.next_ns
         self._run(WAIT_S if next_ns is None else min(WAIT_S, max(0.0, (next_ns - now_ns) * 1e-9)))
-        for place, event in self._openings.opened():
-            self._round.touch(place, event.host_ns)
-            self._happened(place, PortLoop._on_port, event)
-        failed = {place for place in self._going if self.walks[place].failure is not None}
+        for index, event in self._openings.opened():
+            self._round.touch(index, event.host_ns)
+            self._happened(index, PortLoop._on_port, event)
+        failed = {index for index in self._going if self.walks[index].failure is not None}
         if failed:
             self._hand_on(failed)
-            for place in failed & self._going:
-                self._finish(place)
+            for index in failed & self._going:
+                self._finish(index)
 
     def _run(self, wait_s: float) -> None:
         """Wait up to `wait_s` for data, and handle all events of the ports."""
@@ -118,93 +118,93 @@ class PortLoop:
         for text, (data, parts) in zip(self._texts, printed, strict=True):
             if data:
                 self._hub.print(text, Printed(data, sum(records for _, records in parts), parts))
-        for place, kind, details in happened:
-            self._happened(place, HANDLERS[kind], details)
+        for index, kind, details in happened:
+            self._happened(index, HANDLERS[kind], details)
 
-    def _hand_on(self, places: Iterable[int]) -> None:
+    def _hand_on(self, indices: Iterable[int]) -> None:
         """Take all that has come from these ports without waiting for more, since their streams end."""
-        waiting = set(places)
-        for place in waiting:
-            self._round.wants(place, *self.walks[place].wants(), 0)
-        while waiting := {place for place in waiting & self._going if self._round.is_waiting(place)}:
+        waiting = set(indices)
+        for index in waiting:
+            self._round.wants(index, *self.walks[index].wants(), 0)
+        while waiting := {index for index in waiting & self._going if self._round.is_waiting(index)}:
             self._run(0.0)
 
     def _look(self, now_ns: int) -> None:
         """Update what the outputs want, save due snapshots, and check whether this machine keeps up."""
         self._changes = self._hub.changes
         many = len(self.walks) if len(self.walks) > DEVICES_A_SECOND else 0
-        for place in self._going:
-            walk = self.walks[place]
-            self._round.wants(place, *walk.wants(), many * PATIENCE_NS)
-            self._sources[place].port.overflow_bytes = self._round.overflow_bytes(place)
-            walk.look()
-            walk.moved_s = time.monotonic()
+        for index in self._going:
+            stream = self.walks[index]
+            self._round.wants(index, *stream.wants(), many * PATIENCE_NS)
+            self._sources[index].port.overflow_bytes = self._round.overflow_bytes(index)
+            stream.look()
+            stream.moved_s = time.monotonic()
         if now_ns - self._looked_ns >= LOOK_NS:
             self._looked_ns = now_ns
             self._pressure.waited(self._round.waited_ns())
             self._pressure.look(now_ns)
 
-    def _happened(self, place: int, handle: "Callable[[PortLoop, int, Any], None]", details: Any) -> None:
+    def _happened(self, index: int, handle: "Callable[[PortLoop, int, Any], None]", details: Any) -> None:
         """Handle an event of one port; a failure ends only that device stream."""
-        if place not in self._going:
+        if index not in self._going:
             return
-        walk = self.walks[place]
+        stream = self.walks[index]
         try:
-            handle(self, place, details)
+            handle(self, index, details)
         except Exception as error:
-            self._end(place)
-            self._on_end(walk, error)
+            self._end(index)
+            self._on_end(stream, error)
 
-    def _on_item(self, place: int, item: Any) -> None:
-        self._take(place, self._sources[place].events_of(item))
+    def _on_item(self, index: int, item: Any) -> None:
+        self._take(index, self._sources[index].events_of(item))
 
-    def _on_stop(self, place: int, details: Any) -> None:
+    def _on_stop(self, index: int, details: Any) -> None:
         stop, now_ns, of_stop = details
-        self.walks[place].stopped(Stop(stop), now_ns, of_stop)
+        self.walks[index].stopped(Stop(stop), now_ns, of_stop)
 
-    def _on_rows(self, place: int, details: Any) -> None:
+    def _on_rows(self, index: int, details: Any) -> None:
         unprinted, (arrived_ns, rows) = details
-        self.walks[place].took(arrived_ns, rows, unprinted=unprinted)
+        self.walks[index].took(arrived_ns, rows, unprinted=unprinted)
 
-    def _on_reads(self, place: int, reads: Any) -> None:
-        tap = self._sources[place].tap
+    def _on_reads(self, index: int, reads: Any) -> None:
+        tap = self._sources[index].tap
         if tap is not None:
             tap(Reads._make(reads))
 
-    def _on_lost(self, place: int, details: Any) -> None:
+    def _on_lost(self, index: int, details: Any) -> None:
         number, host_ns, offset_ns, worked = details
-        failed = self._openings.lost(place, number, host_ns, offset_ns, worked=worked)
-        self._round.touch(place, failed.host_ns)
-        self._on_port(place, failed)
+        failed = self._openings.lost(index, number, host_ns, offset_ns, worked=worked)
+        self._round.touch(index, failed.host_ns)
+        self._on_port(index, failed)
 
-    def _on_fault(self, place: int, text: str) -> None:
+    def _on_fault(self, index: int, text: str) -> None:
         raise ValueError(text)
 
-    def _on_port(self, place: int, event: Any) -> None:
-        self._take(place, self._sources[place].take(event))
+    def _on_port(self, index: int, event: Any) -> None:
+        self._take(index, self._sources[index].take(event))
 
-    def _take(self, place: int, events: "Sequence[Event] | Any") -> None:
-        walk = self.walks[place]
+    def _take(self, index: int, events: "Sequence[Event] | Any") -> None:
+        stream = self.walks[index]
         for event in events:
-            walk.take(event)
-            if walk.failure is not None:
+            stream.take(event)
+            if stream.failure is not None:
                 break
 
-    def _end(self, place: int) -> None:
-        self._going.discard(place)
-        self._round.end(place)
+    def _end(self, index: int) -> None:
+        self._going.discard(index)
+        self._round.end(index)
 
-    def _finish(self, place: int) -> None:
-        walk = self.walks[place]
-        now_ns = self._round.now_ns(place)
-        self._sources[place].port.overflow_bytes = self._round.overflow_bytes(place)
-        self._end(place)
+    def _finish(self, index: int) -> None:
+        stream = self.walks[index]
+        now_ns = self._round.now_ns(index)
+        self._sources[index].port.overflow_bytes = self._round.overflow_bytes(index)
+        self._end(index)
         try:
-            walk.finish(now_ns=now_ns)
+            stream.finish(now_ns=now_ns)
         except Exception as error:
-            self._on_end(walk, error)
+            self._on_end(stream, error)
         else:
-            self._on_end(walk, None)
+            self._on_end(stream, None)
 
 
 HANDLERS: dict[int, Callable[[PortLoop, int, Any], None]] = {

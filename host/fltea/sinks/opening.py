@@ -14,8 +14,7 @@ class Opening(NamedTuple):
     `device`: name of the device that the output is for; "" if it is for all.
     `apart`: names of sources of one device. `shared`: names of sources of many devices.
     `report`: reports a trouble to all outputs. `sink_queues`: returns all outputs, each with its device or
-    None.
-    `recorder`: begins and ends recordings. `say`: writes to the terminal.
+    None. `recorder`: begins and ends recordings. `say`: writes to the terminal.
     """
 
     configs: Sequence[Config]

@@ -44,10 +44,8 @@ class OpenPart:
     """A file that is being written.
 
     `began_ns`: when it was begun, on the source's clock. `flushed_ns`: when it was flushed, on the host's
-    clock.
-    `unflushed`: what is lost if the file fails now. `flushed`: what is lost in addition if the file is
-    deleted.
-    `gaps`: the gaps that the file states.
+    clock. `unflushed`: what is lost if the file fails now. `flushed`: what is lost in addition if the file is
+    deleted. `gaps`: the gaps that the file states.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:

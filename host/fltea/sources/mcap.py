@@ -160,10 +160,8 @@ class McapRecording:
     `name`: the source that HELLO states. The counts are those of the events so far. `breaks`: number of
     places where something was not recorded. `torn`: number of files that were not finished. `open`: number of
     files that a program still writes. `unread`: why files cannot be read, or not completely.
-    `unrecorded_items`,
-    `unrecorded_bytes`: what the recorder counted as lost. `damaged_bytes`: size of the unreadable parts of
-    files.
-    `changes`: steps and motions.
+    `unrecorded_items`, `unrecorded_bytes`: what the recorder counted as lost. `damaged_bytes`: size of the
+    unreadable parts of files. `changes`: steps and motions.
     """
 
     live = prompt = False

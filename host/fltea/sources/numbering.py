@@ -36,8 +36,7 @@ class Arrived(NamedTuple):
 
     `values`: (n, columns) in deg/s, counts or the source's unit. `time`: (n,), in the sender's unit; None
     without such a column. `ordinal`: (n,), number of each sample among all samples, lost ones included, from
-    0.
-    `begins`: the sender began again with the first of these samples.
+    0. `begins`: the sender began again with the first of these samples.
     """
 
     values: Floats

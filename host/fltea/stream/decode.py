@@ -153,10 +153,10 @@ class Decoder:
 
         The caller handles a stop before it asks for the next one; for `EPOCH` it calls `begin`.
         """
-        stop, place = -1, 0
+        stop, index = -1, 0
         while stop != Stop.END:
-            stop, place, rows, details = self.native.advance(raw, place)
-            yield stop, place, rows, details  # type: ignore[misc]
+            stop, index, rows, details = self.native.advance(raw, index)
+            yield stop, index, rows, details  # type: ignore[misc]
 
     def begin(self, sensors: list[Any]) -> None:
         """Begin an epoch. `sensors`: as `_native.Device.begin` takes them."""

@@ -36,7 +36,7 @@ REFILTERED = 32
 the new noise model. The device stream then filters only these last samples (about 5 µs per axis), and the
 test for steps looks back as far as it does without a refit."""
 BREAK = 9
-"""Number of lost samples that the sums count at least at a break, since the true number may be unknown."""
+"""Smallest number of lost samples that the sums count at a break, since the true number may be unknown."""
 
 
 class AcceptedFit(NamedTuple):
@@ -45,8 +45,7 @@ class AcceptedFit(NamedTuple):
     `null_p`: p-value of white noise, rounded to three digits, since the last digits of a fit depend on the
     kind of processor; None before the first fit.
     `stands`: the newest fit whose verdict is stable, which means that two accepted fits in a row agreed on
-    it.
-    `learned`: the noise model that the bias tracker uses.
+    it. `learned`: the noise model that the bias tracker uses.
     """
 
     null_p: float | None = None

@@ -52,13 +52,11 @@ class Pipeline:
 
     `outputs`: returns the counts of the outputs for `stats`. They are published only for sources with a pace
     of their own: for other sources they would only show how fast this machine is.
-    `state`: a snapshot of an earlier run.
-    `refuse`: called if the snapshot is not valid.
-    `fit_worker`: what the live fits of all devices of this program share.
-    `number`: index of this device among the devices of the program, from 0.
-    `stats_s`: seconds between two statistics; the devices publish them at different times.
-    `watched`: some output takes every result. Otherwise only the last statistics and the records that other
-    results depend on are made.
+    `state`: a snapshot of an earlier run. `refuse`: called if the snapshot is not valid. `fit_worker`: what
+    the live fits of all devices of this program share. `number`: index of this device among the devices of
+    the program, from 0. `stats_s`: seconds between two statistics; the devices publish them at different
+    times. `watched`: some output takes every result. Otherwise only the last statistics and the records that
+    other results depend on are made.
     """
 
     def __init__(

@@ -43,8 +43,8 @@ class Sensor(NamedTuple):
         if fits is None:
             return
         accepted = [fits.accepted(axis) for axis in self.tracks.names]
-        for axis, one in zip(self.tracks.names, accepted, strict=True):
-            self.tracks.go_by(axis, one)
+        for axis, fit in zip(self.tracks.names, accepted, strict=True):
+            self.tracks.go_by(axis, fit)
         if self.channels is not None:
             self.channels.go_by(accepted)
 
@@ -98,23 +98,23 @@ class Sensors:
         sums = {} if self._fits is None else self._fits.begin(beginning)
         channels = {"gyro": of_gyro, "accel": of_accel}
         self._all = [
-            Sensor(name, one.unit, one, sums.get(name), channels[name]) for name, one in tracks.items()
+            Sensor(name, track.unit, track, sums.get(name), channels[name]) for name, track in tracks.items()
         ]
-        for one in self._all:
-            one.go_by(self._fits)
-        return [one.native() for one in self._all]
+        for sensor in self._all:
+            sensor.go_by(self._fits)
+        return [sensor.native() for sensor in self._all]
 
     def go_by_fits(self, device: Any) -> None:
         """Use the accepted fits from the next sample on. `device`: the native device."""
-        for number, one in enumerate(self._all):
-            one.go_by(self._fits)
-            if one.channels is not None:
-                device.set_waits(number, one.channels.waiting)
+        for number, sensor in enumerate(self._all):
+            sensor.go_by(self._fits)
+            if sensor.channels is not None:
+                device.set_waits(number, sensor.channels.waiting)
 
     def fill(self, device: Any) -> Iterator[Channels]:
         """Let the filters of sensors whose start-up window is full begin to estimate, and yield them."""
-        for number, one in enumerate(self._all):
-            channels = one.channels
+        for number, sensor in enumerate(self._all):
+            channels = sensor.channels
             if channels is not None and channels.bank.startup_remaining and not device.window_left(number):
                 channels.fill()
                 device.set_waits(number, channels.waiting)
@@ -124,20 +124,20 @@ class Sensors:
         """Predict over the time in which the program did not run."""
         if self._fits is not None:
             self._fits.bridge(count)
-        for one in self._all:
-            one.bridge(count)
+        for sensor in self._all:
+            sensor.bridge(count)
 
     def block(self, block: Block, of_sensors: OfSensors) -> Block:
         """Return the samples together with the sensors' results."""
         tracked, estimates, variant = [], [], ""
-        for one, found in zip(self._all, of_sensors, strict=True):
+        for sensor, found in zip(self._all, of_sensors, strict=True):
             if found is None:
                 continue
             of_tracker, of_bank = found
-            tracked.append(one.tracks.columns(of_tracker))
-            if of_bank is not None and one.channels is not None:
-                estimates.append(one.channels.columns(of_bank))
-                variant = variant or one.channels.config.variant
+            tracked.append(sensor.tracks.columns(of_tracker))
+            if of_bank is not None and sensor.channels is not None:
+                estimates.append(sensor.channels.columns(of_bank))
+                variant = variant or sensor.channels.config.variant
         return block.but(tracked=tuple(tracked), estimates=tuple(estimates), variant=variant)
 
     def lost(self, number: int, losses: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
@@ -154,35 +154,38 @@ class Sensors:
     @property
     def words(self) -> object:
         """Values that stay the same in all records of samples until a fit changes them."""
-        return [(one.tracks.words, None if one.channels is None else one.channels.words) for one in self._all]
+        return [
+            (sensor.tracks.words, None if sensor.channels is None else sensor.channels.words)
+            for sensor in self._all
+        ]
 
     def tracks(self, axis: str) -> SensorTracks:
         """Return the tracker of the sensor that has the axis."""
-        return next(one.tracks for one in self._all if axis in one.tracks.names)
+        return next(sensor.tracks for sensor in self._all if axis in sensor.tracks.names)
 
     def standing(self, device: Any) -> Standing:
         """Return the state of the estimators. `device`: the native device."""
         standing = Standing(fit_period_s=self._fits.period_s() if self._fits is not None else None)
-        for number, one in enumerate(self._all):
-            standing.tracker |= dict(one.tracks.stats())
-            if one.channels is None:
+        for number, sensor in enumerate(self._all):
+            standing.tracker |= dict(sensor.tracks.stats())
+            if sensor.channels is None:
                 continue
             left = device.window_left(number)
             standing.startup_remaining = max(standing.startup_remaining, left)
-            standing.axes |= dict(one.channels.stats())
-            if one.name == "gyro":
-                standing.gyro = one.channels.info
+            standing.axes |= dict(sensor.channels.stats())
+            if sensor.name == "gyro":
+                standing.gyro = sensor.channels.info
             else:
-                standing.accel = one.channels.info
+                standing.accel = sensor.channels.info
         return standing
 
     def save(self) -> dict[str, Any]:
         """Return what a later run needs to continue, as fields of `Saved`; empty while a window fills."""
-        filters = {one.name: one.channels.save() for one in self._all if one.channels is not None}
+        filters = {sensor.name: sensor.channels.save() for sensor in self._all if sensor.channels is not None}
         if not filters or not all(filters.values()):
             return {}
-        tracks = {f"{one.name}_track": one.tracks.save() for one in self._all}
-        sums = {f"{one.name}_fit": one.sums.save() for one in self._all if one.sums is not None}
+        tracks = {f"{sensor.name}_track": sensor.tracks.save() for sensor in self._all}
+        sums = {f"{sensor.name}_fit": sensor.sums.save() for sensor in self._all if sensor.sums is not None}
         return filters | tracks | sums
 
 

@@ -81,9 +81,9 @@ class SensorTracks:
     def _words(self) -> tuple[tuple[Any, ...], ...]:
         stands = [self._known[axis].stands if axis in self._known else None for axis in self.names]
         return (
-            tuple(one.verdict if one else None for one in stands),
-            tuple(one.alpha if one else UNDEFINED for one in stands),
-            tuple(one.f if one else UNDEFINED for one in stands),
+            tuple(fit.verdict if fit else None for fit in stands),
+            tuple(fit.alpha if fit else UNDEFINED for fit in stands),
+            tuple(fit.f if fit else UNDEFINED for fit in stands),
         )
 
     def knows(self, axis: str, accepted: AcceptedFit) -> bool:
@@ -125,8 +125,8 @@ class SensorTracks:
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         """Yield the statistics of each axis's tracker."""
-        for axis, one in zip(self.names, self.tracker.figures(), strict=True):
-            holds = None if one.ljung_box is None else describes(one.innovations, one.ljung_box)
+        for axis, figures in zip(self.names, self.tracker.figures(), strict=True):
+            holds = None if figures.ljung_box is None else describes(figures.innovations, figures.ljung_box)
             words, K, headings = "walks", UNDEFINED, dict[int, float]()
             if (learned := self._learned.get(axis)) is not None:
                 words, K, headings = learned.model, learned.K, learned.headings
@@ -134,18 +134,18 @@ class SensorTracks:
                 axis,
                 TrackerStats(
                     words,
-                    one.nis,
-                    one.lag1,
+                    figures.nis,
+                    figures.lag1,
                     holds,
-                    one.moved,
-                    one.begun,
+                    figures.moved,
+                    figures.begun,
                     K,
                     headings,
-                    one.bias,
-                    one.bias_std,
-                    one.steps,
+                    figures.bias,
+                    figures.bias_std,
+                    figures.steps,
                     self.tracker.moving,
-                    _checks(one.checked),
+                    _checks(figures.checked),
                     self._bias_s,
                 ),
             )

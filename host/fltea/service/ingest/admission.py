@@ -35,9 +35,8 @@ class Admission(Generic[M]):
     """Admits devices by name, at most `limit` at a time, each with its second message.
 
     So a name that is made up for one message costs only an entry in a bounded list, and takes no device's
-    entry.
-    `reserved`: a name that no device may have. `turned_away`: number of messages that were not taken, or not
-    yet, by the reason.
+    entry. `reserved`: a name that no device may have. `turned_away`: number of messages that were not taken,
+    or not yet, by the reason.
     """
 
     def __init__(self, limit: int, reserved: str = "") -> None:

@@ -20,9 +20,8 @@ class Row(NamedTuple):
     """A metric made from a field of a record.
 
     `of`: the field, if its name differs from the metric's, or a function that gives the value from the
-    record.
-    `factor`: factor from the field's unit to the base unit. `key`: label of the keys if the field is a
-    mapping; a field that is a word counts as a mapping of that word to 1.
+    record. `factor`: factor from the field's unit to the base unit. `key`: label of the keys if the field is
+    a mapping; a field that is a word counts as a mapping of that word to 1.
     """
 
     make: type[CounterMetricFamily] | type[GaugeMetricFamily]

@@ -33,9 +33,8 @@ class FifoClock:
     """Numbers samples from 0, and relates the numbers to the host's time.
 
     `rate_hz`: the sensor's nominal rate. `clock_error`: its largest relative error before anything is
-    measured.
-    `next`: number of the next sample. A sample always arrives after its time, usually late by a varying
-    amount, so only the earliest arrival of every second counts.
+    measured. `next`: number of the next sample. A sample always arrives after its time, usually late by a
+    varying amount, so only the earliest arrival of every second counts.
     """
 
     def __init__(self, rate_hz: float, clock_error: float) -> None:
