@@ -182,7 +182,7 @@ def test_what_was_not_valid_stays_empty(tmp_path: Path, monkeypatch: pytest.Monk
         for one in block.estimates:
             there = (block.seq == 40)[:, np.newaxis] & [axis == "gyro_x" for axis in one.axes]
             numbers = [np.where(there, np.nan, column) for column in one[4:10]]
-            changed.append(one._make((*one[:4], *numbers, one.valid & ~there, one.accepted & ~there)))
+            changed.append(one._make((*one[:4], *numbers, one.valid & ~there, one.settled & ~there)))
         return of_block(lines, dataclasses.replace(block, estimates=tuple(changed)), wanted, rows)
 
     monkeypatch.setattr(BlockLines, "of", invalid)

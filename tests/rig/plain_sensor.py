@@ -130,9 +130,9 @@ class Sensor:
             self._white[axis] = whiteness(rows).is_white is True
         accepted = self._white[axis] and self.config.tuned_by != "live"
         if columns is None:
-            return FlteaEstimate(accepted=accepted)
+            return FlteaEstimate(settled=accepted)
         numbers = (one if math.isfinite(one) else None for one in columns[:6])
-        return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, accepted=accepted)
+        return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, settled=accepted)
 
     def miss(self, count: int) -> list[Loss]:
         """Predict over lost samples; return axes lost meanwhile.

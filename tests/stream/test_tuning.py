@@ -126,7 +126,7 @@ def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_
 ) -> None:
     items, pipeline = walk([hello(), raw(range(900))], estimator__tuning=tuning)
     columns = [one.estimates[0] for one in items if isinstance(one, Block) and one.estimates]
-    accepted = np.concatenate([one.accepted for one in columns])
+    accepted = np.concatenate([one.settled for one in columns])
     assert not accepted[:199].any()
     tuned = [one.tuned for one in pipeline.stats().axes.values()]
     bank = Bank(("gyro_x", "gyro_y", "gyro_z"), pipeline._config.estimator, 0.01, 1 / 16.4)

@@ -72,7 +72,7 @@ class AxisColumns(NamedTuple):
     state: Array
     innovation: Array
     valid: Bools
-    accepted: Bools
+    settled: Bools
 
     def rows(self, begin: int, end: int) -> "AxisColumns":
         """Return the block of some of its rows."""

@@ -153,7 +153,7 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Sample minus its prediction [`unit`]."""
     valid: bool = False
     """False: the estimate ran away, the axis was constant, or a device sent a number that is not finite."""
-    accepted: bool = False
+    settled: bool = False
     """False: settling, so the figures say little of the noise. Of a device: it goes on with the variances of
     its own fit."""
 

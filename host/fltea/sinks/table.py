@@ -241,7 +241,7 @@ class DeviceView:
                 plus_minus(own.f, own.f_std),
                 _rate(own.state),
                 _rate(own.innovation),
-                "" if own.accepted else "settling",
+                "" if own.settled else "settling",
                 *bars,
             )
         return table

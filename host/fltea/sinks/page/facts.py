@@ -167,7 +167,7 @@ def _running(history: DeviceHistory, name: str) -> list[list[str]]:
         ["model of the bias", tracker.model if tracker else "–"],
         ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
         *_of_tracker(tracker),
-        ["FLTEA (paper)", "–" if e is None else "settled" if e.accepted else "settling"],
+        ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"],
         ["α, 95 %", plus_minus(e.alpha, e.alpha_std) if e else "–"],
         ["f, 95 %", f"{plus_minus(e.f, e.f_std)} s^-α" if e else "–"],
         *(
