@@ -1,1 +1,1 @@
-"""What walks through the program: events, records, and the interfaces of both ends."""
+"""The program's common data types: events, records, and the interfaces of sources and sinks."""

@@ -1,6 +1,6 @@
-"""What walks from the pipeline to the outputs: samples of one device without a gap, and their estimates.
+"""Blocks: consecutive samples of one device and their estimates, passed from the pipeline to the outputs.
 
-An output makes records of a block only as far as it prints them.
+An output converts to records only those rows of a block that it writes.
 """
 
 import math
@@ -33,18 +33,18 @@ T = TypeVar("T")
 
 
 class Values:
-    """What the records of the chosen rows hold of columns: the rows after one another."""
+    """Converts the chosen rows of columns to flat lists of Python values, row after row."""
 
     def __init__(self, chosen: slice = slice(None)) -> None:
         self._chosen = chosen
 
     def of(self, column: NDArray[Any]) -> Sequence[Any]:
-        """Return all numbers or flags of a column."""
+        """Return the numbers or flags of a column in the chosen rows."""
         values: list[Any] = column[self._chosen].ravel().tolist()
         return values
 
     def nullable(self, column: Array) -> Sequence[float | None]:
-        """Return all numbers of a column, None for those that are not finite."""
+        """Return the numbers of a column in the chosen rows, with None for those that are not finite."""
         values = self.of(column)
         if math.isfinite(sum(values)):
             return values
@@ -55,10 +55,11 @@ ALL = Values()
 
 
 class AxisColumns(NamedTuple):
-    """Estimates of the axes of one sensor after n samples, (n, axes); NaN where there is no number.
+    """Estimates of the axes of one sensor after n samples; arrays are (n, axes), with NaN for no number.
 
-    null_p, whiteness: of the newest fit, one an axis. state, innovation: in `unit`. settled: the innovations
-    are white, and if the fit is to tune it has.
+    `null_p`, `whiteness`: results of the newest fit, one for each axis.
+    `state`, `innovation`: in `unit`.
+    `accepted`: the innovations are white, and if the live fit tunes the filters, it has done so.
     """
 
     axes: tuple[str, ...]
@@ -75,14 +76,14 @@ class AxisColumns(NamedTuple):
     settled: Bools
 
     def rows(self, begin: int, end: int) -> "AxisColumns":
-        """Return the block of some of its rows."""
+        """Return the rows from `begin` to before `end`."""
         return AxisColumns._make((*self[:4], *(column[begin:end] for column in self[4:])))
 
     def of_rows(
         self, values: Values, tracked: "TrackedColumns | None" = None
     ) -> Iterator[dict[str, AxisEstimate]]:
-        """Return the estimates after each of the chosen samples, by axis; tracked: of the same axes."""
-        # All axes of a column at once: of a block of one row most of the cost is that of the calls.
+        """Yield the estimates by axis for each of the chosen rows. `tracked`: columns of the same axes."""
+        # A column is converted for all axes in one call: in a block of one row, calls are most of the cost.
         of_paper = list(map(FlteaEstimate, *map(values.nullable, self[4:10]), *map(values.of, self[10:])))
         rows = len(of_paper) // len(self.axes)
         known = _tracked(tracked, values, rows, len(self.axes))
@@ -92,9 +93,10 @@ class AxisColumns(NamedTuple):
 
 
 class TrackedColumns(NamedTuple):
-    """What the biases of one sensor's axes are after n samples, (n, axes), in `unit`; NaN: not known yet.
+    """Tracker results of one sensor's axes after n samples, (n, axes), in `unit`; NaN where not known yet.
 
-    bias: offset and state. verdict, alpha, f: of the newest fit that stands, one an axis.
+    `bias`: offset plus state.
+    `verdict`, `alpha`, `f`: results of the newest accepted fit, one for each axis.
     """
 
     axes: tuple[str, ...]
@@ -110,28 +112,28 @@ class TrackedColumns(NamedTuple):
     f: tuple[Interval, ...]
 
     def rows(self, begin: int, end: int) -> "TrackedColumns":
-        """Return the block of some of its rows."""
+        """Return the rows from `begin` to before `end`."""
         return TrackedColumns._make((*self[:2], *(column[begin:end] for column in self[2:8]), *self[8:]))
 
 
 Tracked = tuple[TrackedColumns, ...]
-"""Of each sensor."""
+"""Tracker results of each sensor."""
 
 C = TypeVar("C", AxisColumns, TrackedColumns)
 
 
 def _in_unit(sensors: Sequence[C], unit: str) -> C | None:
     """Return the columns of the sensor that measures in this unit."""
-    return next((one for one in sensors if one.unit == unit), None)
+    return next((columns for columns in sensors if columns.unit == unit), None)
 
 
-def _by_axis(axes: tuple[str, ...], found: Iterator[T]) -> Iterator[dict[str, T]]:
-    """Yield the axes of each row together."""
-    return (dict(zip(axes, row, strict=True)) for row in zip(*[found] * len(axes), strict=True))
+def _by_axis(axes: tuple[str, ...], values: Iterator[T]) -> Iterator[dict[str, T]]:
+    """Yield one dictionary by axis for each row, from a flat iterator of values."""
+    return (dict(zip(axes, row, strict=True)) for row in zip(*[values] * len(axes), strict=True))
 
 
 def _tracked(tracked: TrackedColumns | None, values: Values, rows: int, axes: int) -> list[Sequence[Any]]:
-    """Return the columns verdict to moving of `AxisEstimate`, all axes of a row after one another."""
+    """Return the fields `verdict` to `moving` of `AxisEstimate` as flat columns, row after row."""
     if tracked is None:
         nothing = (None, Interval(), Interval(), *[None] * 5, False)
         return [[one] * (rows * axes) for one in nothing]
@@ -141,17 +143,22 @@ def _tracked(tracked: TrackedColumns | None, values: Values, rows: int, axes: in
 
 
 COLUMNS = ("seq", "device_us", "host_ns", "gyro_dps", "accel_ms2", "temperature_c", "flags")
-"""Fields of a block that have a row a sample."""
+"""Fields of a block that have one row for each sample."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """n samples, rows of all columns, of one epoch.
+    """n consecutive samples of one epoch; each column has n rows.
 
-    seq, device_us: unwrapped; host_ns: Unix time. gyro_dps (n, axes); accel_ms2 (n, 3), temperature_c (n,)
-    and flags (n,) are None where there are none. estimates: of each sensor that has any; empty while the
-    start-up window fills. tracked: the biases of each sensor. variant: that of the estimates. every: there
-    are records of samples whose number is a multiple of it. corrected: there are records of corrected rates.
+    `seq`, `device_us`: sample numbers and device times, both unwrapped (n,).
+    `host_ns`: Unix times (n,).
+    `gyro_dps`: rates (n, axes).
+    `accel_ms2` (n, 3), `temperature_c` (n,), `flags` (n,): None where the device sends none.
+    `variant`: variant of the estimator.
+    `estimates`: estimates of each sensor that has any; empty while the start-up window fills.
+    `every`: records are written for samples whose number is a multiple of `every`.
+    `corrected`: records of corrected rates are written too.
+    `tracked`: tracker results of each sensor.
     """
 
     device: str | None
@@ -174,21 +181,21 @@ class Block:
 
     @cached_property
     def weight(self) -> int:
-        """The number of records that it stands for."""
+        """Number of records that the block stands for."""
         return len(self.due_rows) * self.weight_of_row
 
     @property
     def weight_of_row(self) -> int:
-        """The number of records of each sample that is due."""
+        """Number of records for each sample that is due."""
         return 1 + bool(self.estimates) + (self.corrected_dps is not None)
 
     @property
     def due_rows(self) -> range:
-        """The rows of which there are records."""
+        """Indices of the rows for which records are written."""
         return range(len(self))[self.due(self.every)]
 
     def but(self, **fields: Any) -> "Block":
-        """Return the block with other values in some fields; dataclasses.replace takes ten times as long."""
+        """Return a copy with other values in some fields; `dataclasses.replace` takes ten times as long."""
         other = object.__new__(Block)
         other.__dict__.update(self.__dict__, **fields)
         for cached in ("weight", "corrected_dps"):
@@ -196,22 +203,19 @@ class Block:
         return other
 
     def rows(self, begin: int, end: int) -> "Block":
-        """Return the block of some of its rows."""
+        """Return a block of the rows from `begin` to before `end`."""
         columns = {name: getattr(self, name) for name in COLUMNS}
         cut = {name: column[begin:end] for name, column in columns.items() if column is not None}
-        estimates = tuple(one.rows(begin, end) for one in self.estimates)
-        tracked = tuple(one.rows(begin, end) for one in self.tracked)
+        estimates = tuple(columns.rows(begin, end) for columns in self.estimates)
+        tracked = tuple(columns.rows(begin, end) for columns in self.tracked)
         return self.but(**cut, estimates=estimates, tracked=tracked)
 
     def due(self, every: int) -> slice:
-        """Return the rows whose number is a multiple of `every`.
-
-        The numbers of a block follow one another.
-        """
+        """Return the rows whose sample number is a multiple of `every`."""
         return slice(-int(self.seq[0]) % every, None, every)
 
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
-        """Return what is known of the axes in this unit after one sample, with or without the filters."""
+        """Return the estimates of the axes in `unit` after one sample, even where only the tracker runs."""
         values = Values(slice(row, row + 1))
         tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)
         if own is not None:
@@ -225,7 +229,7 @@ class Block:
         }
 
     def last_estimate(self) -> Estimate | None:
-        """Return the newest of which there is a record; None where there is none."""
+        """Return the newest estimate that is due; None where there is none."""
         rows = self.due_rows
         return next(self.estimate_records(Values(slice(rows[-1], rows[-1] + 1))), None) if rows else None
 
@@ -237,7 +241,10 @@ class Block:
         corrected: bool = True,
         values: Values | None = None,
     ) -> Iterator[Sample | Estimate | Corrected]:
-        """Yield the records of the rows that are due, or of others, in the order of the samples."""
+        """Yield the records of the rows that are due, in the order of the samples.
+
+        `values`: other rows to write records for.
+        """
         values = values or Values(self.due(self.every))
         kinds: list[Iterator[Sample | Estimate | Corrected]] = []
         if samples:
@@ -250,7 +257,7 @@ class Block:
 
     @cached_property
     def corrected_dps(self) -> Array | None:
-        """The rates of the tracked axes less their biases, where there are records of them."""
+        """Rates of the tracked axes minus their biases; None where no corrected rates are written."""
         if not self.corrected:
             return None
         tracked = _in_unit(self.tracked, GYRO_UNIT)
@@ -259,21 +266,21 @@ class Block:
         return self.gyro_dps[:, [AXES.index(axis) for axis in tracked.axes]] - tracked.bias
 
     def corrected_records(self, values: Values) -> Iterator[Corrected]:
-        """Yield a record for each of the chosen rows: the gyroscope's rates less their biases."""
+        """Yield a record of the gyroscope's rates minus their biases for each of the chosen rows."""
         tracked = _in_unit(self.tracked, GYRO_UNIT)
         assert tracked is not None
         assert self.corrected_dps is not None
         numbers = map(values.nullable, (self.corrected_dps, tracked.bias_std))
         rows = _by_axis(tracked.axes, map(CorrectedAxis, *numbers, values.of(tracked.moving)))
-        for seq, device_us, host_ns, axes in zip(*self._places(values), rows, strict=True):
+        for seq, device_us, host_ns, axes in zip(*self._numbers_and_times(values), rows, strict=True):
             yield Corrected(seq, self.epoch, device_us, host_ns, axes, device=self.device)
 
     def samples(self, values: Values = ALL) -> Iterator[Sample]:
-        """Yield a record for each of the chosen rows."""
-        places, epoch, device = self._places(values), self.epoch, self.device
-        n = len(places[0])
+        """Yield a record of the sample for each of the chosen rows."""
+        numbers_and_times, epoch, device = self._numbers_and_times(values), self.epoch, self.device
+        n = len(numbers_and_times[0])
         columns = zip(
-            *places,
+            *numbers_and_times,
             _rows(values, self.gyro_dps),
             [None] * n if self.accel_ms2 is None else _rows(values, self.accel_ms2),
             [None] * n if self.temperature_c is None else values.of(self.temperature_c),
@@ -284,21 +291,21 @@ class Block:
             yield Sample(seq, epoch, *columns_of_one, device=device)
 
     def estimate_records(self, values: Values = ALL) -> Iterator[Estimate]:
-        """Yield a record for each of the chosen rows; none while the start-up window fills."""
+        """Yield a record of estimates for each of the chosen rows; none while the start-up window fills."""
         if not self.estimates:
             return
         epoch, variant, device = self.epoch, self.variant, self.device
-        tracked = {one.unit: one for one in self.tracked}
-        first, *others = (one.of_rows(values, tracked.get(one.unit)) for one in self.estimates)
-        axes = first if not others else (a | b for a, b in zip(first, *others, strict=True))
-        for seq, device_us, host_ns, found in zip(*self._places(values), axes, strict=True):
-            yield Estimate(seq, epoch, device_us, host_ns, variant, found, device=device)
+        tracked = {columns.unit: columns for columns in self.tracked}
+        first, *others = (own.of_rows(values, tracked.get(own.unit)) for own in self.estimates)
+        by_axis = first if not others else (a | b for a, b in zip(first, *others, strict=True))
+        for seq, device_us, host_ns, axes in zip(*self._numbers_and_times(values), by_axis, strict=True):
+            yield Estimate(seq, epoch, device_us, host_ns, variant, axes, device=device)
 
-    def _places(self, values: Values) -> list[Sequence[int]]:
-        """Numbers and times of the chosen rows."""
+    def _numbers_and_times(self, values: Values) -> list[Sequence[int]]:
+        """Return the sample numbers, device times and host times of the chosen rows."""
         return [values.of(column) for column in (self.seq, self.device_us, self.host_ns)]
 
 
 def _rows(values: Values, column: Array) -> Iterator[tuple[float, ...]]:
-    """Return the chosen rows of a column, each by itself."""
+    """Yield the chosen rows of a column as tuples."""
     return zip(*[iter(values.of(column))] * column.shape[1], strict=True)

@@ -1,4 +1,4 @@
-"""What a device's own maximum-likelihood fit says of one axis: a part of the record `device_fit`."""
+"""The result of a device's own maximum-likelihood fit of one axis: a part of the record `device_fit`."""
 
 from typing import Literal
 
@@ -7,8 +7,7 @@ import msgspec
 from fltea.records.fit import Interval, VerdictKind
 
 DeviceVerdict = Literal["none", "white", "fractional", "relaxation"]
-"""There is no spectrum; or white noise is not rejected; or it is, and the fractional model alone fits, or a
-relaxation as well."""
+"""Verdicts of a device's fit; `DeviceAxisFit.verdict` explains each."""
 
 
 class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -17,53 +16,54 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hz: list[float]
     """Frequencies [Hz]."""
     density: list[float]
-    """Noise density there, one-sided [(deg/s)/√Hz]."""
+    """One-sided noise density at these frequencies [(deg/s)/√Hz]."""
     ordinates: list[float]
-    """Effective ordinates that the bin is made of."""
+    """Effective number of periodogram ordinates in each bin."""
 
 
 class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The fit of one axis by the device; its verdict knows two models only."""
+    """The fit of one axis by the device, which compares white noise with two models only."""
 
     verdict: DeviceVerdict
     """`none`: the axis is constant or has too many gaps; `white`: white noise is not rejected at 5 %;
-    `fractional`: it is, and a relaxation is worse by more than 6 in 2 log L; `relaxation`: a relaxation
-    describes the noise as well."""
+    `fractional`: white noise is rejected, and a relaxation is worse by more than 6 in 2 log L; `relaxation`:
+    white noise is rejected, and a relaxation describes the noise no worse than the fractional model."""
     number: int
-    """Fits of the axis since the device's start-up window, modulo 65,536."""
+    """Number of fits of the axis since the device's start-up window, modulo 65,536."""
     age: int
-    """Samples since that window, lost ones included, when the spectrum was read, modulo 2^32."""
+    """Number of samples from the start-up window to this fit's spectrum, lost samples included, modulo
+    2^32."""
     samples: int
-    """Those of them that went into the spectrum, modulo 2^32."""
+    """Number of samples in the spectrum, modulo 2^32."""
     ordinates: float
-    """Effective independent ordinates of the spectrum."""
+    """Effective number of independent ordinates of the spectrum."""
     evaluations: int
     """How often the likelihood was evaluated."""
     searched: bool
-    """Fitted on a grid, without an earlier answer."""
+    """The fit searched a grid of orders, since there was no earlier fit to start from."""
     tuned: bool
-    """The device's filters go on with `s2` and `R` as Q and R (a build with `FLTEA_TUNED=true`)."""
+    """The device's filters now use `s2` and `R` as Q and R (a build with `FLTEA_TUNED=true`)."""
     bins_left_out: bool
     """Some of the lowest frequencies are missing, for lack of room."""
     ratio_white: float
-    """2 log L of orders up to 1 above white noise."""
+    """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
     ratio_relaxation: float
-    """2 log L of the fractional model above a relaxation."""
+    """2 log L of the fractional model minus 2 log L of a relaxation."""
     alpha: Interval = Interval()
-    """Order α; value is null for `none` and `white`, an end where the data do not define it."""
+    """Order α; its value is null for `none` and `white`; an end is null where the data do not define it."""
     f: Interval = Interval()
-    """Parameter f, without ends, as the device sends none [s^-α]."""
+    """Parameter f, without an interval, since the device sends none [s^-α]."""
     s2: Interval = Interval()
-    """Variance of the state's innovations, without ends [(deg/s)²]."""
+    """Variance of the state's innovations, without an interval [(deg/s)²]."""
     R: Interval = Interval()
-    """Variance of the white noise, without ends: of an axis that is `white`, its power [(deg/s)²]."""
+    """Variance of the white noise, without an interval; for `white`, the power of the axis [(deg/s)²]."""
     alpha_difference: float | None = None
-    """α minus that of the newest `fit`; null where one of them has none."""
+    """α minus the α of the newest `fit`; null where either has no α."""
     half_widths: float | None = None
-    """The same in half-widths of that fit's interval."""
+    """`alpha_difference` in half-widths of the interval of the newest `fit`."""
     host_verdict: VerdictKind | None = None
     """Verdict of the newest `fit`; null before the first."""
     spectrum: DeviceSpectrum | None = None
-    """The bins that were fitted, with the first fit and every tenth, in a second record."""
+    """The bins that were fitted; the first fit and every tenth come again with them, in a second record."""
     alpha_of_bins: float | None = None
-    """With `spectrum`: order by this computer's fit of the same bins, in double precision."""
+    """Order by this computer's fit of the same bins, in double precision; null without `spectrum`."""

@@ -2,16 +2,16 @@
 
 FlteaError                     exit 1  something failed while running
 ├── UsageError                 exit 2  the command line, the configuration or an input file is wrong
-│   └── NoNumbers              exit 2  a recording, or a piece of one, has rows, and no number in any of them
-├── Incomplete                 exit 1  some of a recording cannot be read; the rest was used
-└── SourceFailed               exit 1  the source gave up, and `--once` says not to wait for it
+│   └── NoNumbers              exit 2  a recording, or a piece of one, has rows, but none with all numbers
+├── Incomplete                 exit 1  part of a recording cannot be read; the rest was used
+└── SourceFailed               exit 1  the source failed, and with `--once` the program does not wait for it
 """
 
 import errno
 from collections.abc import Sequence
 
 MOST_SHOWN = 300
-"""Characters of a library's own text that a sentence repeats."""
+"""Number of characters that an error message quotes at most from a library's own text."""
 
 OF_NAMES = frozenset(
     (
@@ -19,11 +19,11 @@ OF_NAMES = frozenset(
         *(errno.ENOTDIR, errno.EINVAL, errno.ENXIO, errno.ENODEV, errno.EEXIST, errno.EROFS),
     )
 )
-"""What the system says of a name that cannot be used; all else came while something ran."""
+"""Error numbers that mean an unusable file name; all other errors happen while the program runs."""
 
 
 class FlteaError(Exception):
-    """What happened, the likely cause and what to do, in one text for a person."""
+    """An error whose text tells a person what happened, the likely cause and what to do."""
 
     exit_code = 1
 
@@ -35,11 +35,14 @@ class UsageError(FlteaError):
 
 
 class Implausible(UsageError):
-    """A column that was taken for a gyroscope's holds what none gives."""
+    """A column that was read as gyroscope rates holds values that no gyroscope gives."""
 
 
 class NoNumbers(UsageError):
-    """No row of a recording, or of a piece of one, has all numbers of a sample. rows: how many there are."""
+    """No row of a recording, or of a piece of one, has all numbers of a sample.
+
+    `rows`: number of rows in the recording or piece.
+    """
 
     def __init__(self, text: str, rows: int) -> None:
         super().__init__(text)
@@ -47,20 +50,24 @@ class NoNumbers(UsageError):
 
 
 class Incomplete(FlteaError):
-    """Files of a recording, or pieces of them, cannot be read, and the rest was used. why: of each file."""
+    """Files of a recording, or parts of files, cannot be read; the rest was used.
+
+    `why`: the reason for each unreadable file.
+    """
 
     def __init__(self, why: Sequence[str]) -> None:
         super().__init__(f"not all of the recording was read, the rest is used: {' '.join(why)}")
 
 
 class SourceFailed(FlteaError):
-    """A live source failed and was not to be waited for."""
+    """A live source failed, and the user asked not to wait for it (`--once`)."""
 
 
 def of_input(error: BaseException) -> FlteaError | None:
-    """Return the sentence on an error that words or files of a user's cause and that nothing named better.
+    """Return a `FlteaError` for an error that the user's command line or files cause.
 
-    None of all others, which are faults of the program: they keep their traceback.
+    It is for errors that no other code has explained. Return None for all other errors: they are faults of
+    the program and keep their traceback.
     """
     kind: type[FlteaError] = UsageError
     happened = "the command line, or a file that it names, cannot be used"

@@ -1,4 +1,4 @@
-"""What comes out of a port or a source, before it becomes records."""
+"""The events of ports and sources, from which the pipeline makes records."""
 
 from collections.abc import Iterator, Sequence
 from itertools import accumulate
@@ -15,14 +15,14 @@ Values = NDArray[np.float64] | NDArray[np.int16]
 
 
 class Opened(NamedTuple):
-    """The port is open; unix_offset_ns was then to be added to host_ns to get Unix time."""
+    """The port was opened. `unix_offset_ns`: offset from `host_ns` to Unix time at that moment [ns]."""
 
     host_ns: int
     unix_offset_ns: int = 0
 
 
 class Chunk(NamedTuple):
-    """Bytes that arrived, with the monotonic time of their arrival."""
+    """Bytes that arrived, with `host_ns`, the monotonic time of their arrival [ns]."""
 
     data: bytes
     host_ns: int
@@ -30,9 +30,11 @@ class Chunk(NamedTuple):
 
 
 class Reads(NamedTuple):
-    """Bytes of successive reads of a port: where each ends in them, and when it came.
+    """The bytes of successive reads of a port, with the time of each read.
 
-    All others (reads,); host_ns does not fall.
+    `end`: where the bytes of each read end in `data` (reads,).
+    `host_ns`: monotonic time of each read; it never decreases [ns] (reads,).
+    `unix_offset_ns`: offset from `host_ns` to Unix time [ns] (reads,).
     """
 
     data: bytes
@@ -42,19 +44,19 @@ class Reads(NamedTuple):
 
     @classmethod
     def of(cls, *chunks: Chunk) -> "Reads":
-        """Return those of chunks, of which there is at least one."""
+        """Return the reads of one or more chunks."""
         datas, *times = zip(*chunks, strict=True)
         return cls(b"".join(datas), np.array([*accumulate(map(len, datas))]), *map(np.array, times))
 
     def rows(self, begin: int, end: int) -> "Reads":
-        """Return some of them."""
+        """Return the reads from `begin` to before `end`."""
         first = int(self.end[begin - 1]) if begin else 0
         rows = slice(begin, end)
         data = self.data[first : int(self.end[end - 1])]
         return Reads(data, self.end[rows] - first, self.host_ns[rows], self.unix_offset_ns[rows])
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yield them one by one."""
+        """Yield the reads as chunks, one by one."""
         begin = 0
         for end, *times in zip(*(column.tolist() for column in self[1:]), strict=True):
             yield Chunk(self.data[begin:end], *times)
@@ -79,10 +81,10 @@ TIME_WRAP_US = 1 << 32
 
 
 class RawSample(NamedTuple):
-    """One sample as the source has it: counts, and a sequence and a time that may still wrap.
+    """One sample as the source sends it: raw counts, and a sequence number and a device time that may wrap.
 
-    gyro is in LSB, or in deg/s where `Hello.gyro_lsb_per_dps` is null. host_ns is the arrival on
-    the source's monotonic clock.
+    `gyro`: rates in LSB, or in deg/s where `Hello.gyro_lsb_per_dps` is null.
+    `host_ns`: arrival time by the source's monotonic clock [ns].
     """
 
     sequence: int
@@ -95,9 +97,10 @@ class RawSample(NamedTuple):
 
 
 class RawBlock(NamedTuple):
-    """Successive samples as columns of n rows; what each means, `RawSample` says.
+    """Successive samples as columns of n rows, with the fields of `RawSample`.
 
-    gyro (n, axes), accel (n, 3), all others (n,); accel, temperature and flags are None where there are none.
+    `gyro` is (n, axes), `accel` (n, 3), all others (n,). `accel`, `temperature` and `flags` are None where
+    the source sends none.
     """
 
     sequence: Ints
@@ -109,7 +112,7 @@ class RawBlock(NamedTuple):
     flags: Ints | None = None
 
     def rows(self, begin: int, end: int) -> "RawBlock":
-        """Return the block of some of its rows."""
+        """Return a block of the rows from `begin` to before `end`."""
         return RawBlock._make(None if column is None else column[begin:end] for column in self)
 
     def samples(self) -> Iterator[RawSample]:
@@ -129,7 +132,7 @@ class RawBlock(NamedTuple):
 
 
 def block_of(samples: Sequence[RawSample]) -> RawBlock:
-    """Return samples as columns; there is at least one, and all have the same shape."""
+    """Return one or more samples, all of the same shape, as columns."""
     sequence, device_us, host_ns, gyro, accel, temperature, flags = zip(*samples, strict=True)
     first = samples[0]
     return RawBlock(
@@ -144,7 +147,7 @@ def block_of(samples: Sequence[RawSample]) -> RawBlock:
 
 
 class DeviceTracker(NamedTuple):
-    """What the device tracks of one axis by the filter of its own fit, as it is, finite or not."""
+    """Bias and state of one axis by the device's tracker, as the device sends them, finite or not."""
 
     bias_dps: float
     bias_std_dps: float
@@ -153,11 +156,14 @@ class DeviceTracker(NamedTuple):
 
 
 class DeviceAxis(NamedTuple):
-    """What the device itself makes of one axis after one sample.
+    """The device's own estimate of one axis after one sample.
 
-    sequence: of the message; sample: of the sample, both may wrap. age: steps since the start-up window, the
-    first one is 1. The numbers are the device's as they are: meaningless where not valid, finite or not.
-    tracker: None before the device's first fit of the axis.
+    The numbers are as the device sends them, finite or not; they mean nothing where `valid` is false.
+
+    `sequence`: number of the message; it may wrap.
+    `sample`: number of the sample; it may wrap.
+    `age`: number of filter steps since the start-up window; the first is 1.
+    `tracker`: None before the device's first fit of the axis.
     """
 
     sequence: int
@@ -183,8 +189,8 @@ class DeviceAxis(NamedTuple):
 class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and its own counters.
 
-    Sequences have one entry for each of `AXES`; variances and states are in powers of deg/s. order and
-    parameter are of the joint filter with variant "joint": parameter0 is then h^α f, else f.
+    Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². With variant
+    "joint", `parameter0` and the other settings of the parameter are those of h^α f, else of f.
     """
 
     host_ns: int
@@ -218,7 +224,7 @@ class DeviceEstimator(NamedTuple):
 
 
 class DeviceFit(NamedTuple):
-    """What the device's maximum-likelihood fit says of one axis, as it is: finite or not, of any verdict."""
+    """The device's maximum-likelihood fit of one axis, as the device sends its numbers, finite or not."""
 
     host_ns: int
     axis: str
@@ -242,7 +248,7 @@ class DeviceFit(NamedTuple):
 
 
 class DeviceBins(NamedTuple):
-    """Some bins of the spectrum of fit `number`, from bin `first` of `total`; density in (deg/s)²/Hz."""
+    """Some bins of the spectrum of the device's fit `number`, from bin `first` on, of `total` bins."""
 
     host_ns: int
     axis: str
@@ -255,9 +261,10 @@ class DeviceBins(NamedTuple):
 
 
 class Trouble(NamedTuple):
-    """Something is wrong with the source; kind is one of the `error` kinds of host/docs/reference/errors.md.
+    """Something is wrong with the source.
 
-    fatal: under `--once` this ends the command.
+    `kind`: one of the `error` kinds of host/docs/reference/errors.md.
+    `fatal`: with `--once`, this trouble ends the command.
     """
 
     kind: str
@@ -267,7 +274,7 @@ class Trouble(NamedTuple):
 
 
 class LinkDown(NamedTuple):
-    """What follows may come from another device, so its HELLO has to be heard first."""
+    """The link was lost. Later samples may come from another device, so they need a new HELLO first."""
 
     host_ns: int
 
@@ -280,20 +287,23 @@ class Break(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """Nothing arrived for a while; lets statistics go out on time."""
+    """Nothing arrived for a while; this event lets the pipeline publish statistics on time."""
 
     host_ns: int
 
 
 DeviceSays = DeviceAxis | DeviceEstimator | DeviceFit | DeviceBins
-"""The events of a device that estimates by itself."""
+"""The events of a device that runs its own estimator."""
 
 Event = Hello | RawBlock | DeviceStatus | DeviceSays | Trouble | LinkDown | Break | Tick
 """The events of a source."""
 
 
 def host_ns_of(event: Event) -> int | None:
-    """Return when an event happened by the source's monotonic clock (its last sample), or None."""
+    """Return the time of an event by the source's monotonic clock [ns]; None if it has no time.
+
+    The time of a block is that of its last sample.
+    """
     if isinstance(event, RawBlock):
         return int(event.host_ns[-1])
     return None if isinstance(event, DeviceStatus) else event.host_ns

@@ -23,7 +23,7 @@ VerdictKind = Literal[
     "constant",
     "too few samples",
 ]
-"""What the noise is, in a word or two."""
+"""Kind of the noise, in a word or two."""
 
 
 class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -41,22 +41,25 @@ class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """N, in the unit of the samples over √Hz, and K, in that unit over √s; null where they are not known."""
+    """White-noise level N and bias random walk K of an axis.
+
+    N is in the unit of the samples per √Hz, K in that unit per √s; null where they are not known.
+    """
 
     N: Interval = Interval()
-    """Of the model that stands for the noise."""
+    """White-noise density of the accepted noise model."""
     K: Interval = Interval()
-    """As the tracker has it, which knows also what is too slow for the spectrum."""
+    """Random walk of the bias by the tracker, which also sees drift that is too slow for the spectrum."""
     knee_hz: float | None = None
-    """Where N is not known: the corner of the fastest relaxation, at half the rate at most."""
+    """Where N is not known: corner frequency of the fastest relaxation, at most half the rate [Hz]."""
     knee_density: float | None = None
-    """The density there, as N."""
+    """Noise density at `knee_hz`, in the unit of N."""
     K_at_most: float | None = None
-    """Where K is not known: it is smaller with 95 % probability; null where there is no bound."""
+    """Where K is not known: its upper bound with 95 % probability; null where there is no bound."""
 
     @property
     def reason(self) -> str:
-        """Why N is not known, and what is; nothing where it is known."""
+        """Text that says why N is not known, and what is known instead; empty where N is known."""
         if self.N.value is not None:
             return ""
         if self.knee_hz is None:
@@ -68,16 +71,16 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How long yet."""
+    """Time until α is known well enough."""
 
     target: float
-    """Half the width of α's interval that is asked for, `live.target`."""
+    """Half-width of α's interval that is asked for, the setting `live.target`."""
     seconds: float | None = None
-    """Seconds of samples until then; 0 if it is so; null if nobody knows."""
+    """Seconds of samples until `target` is reached; 0 if it is reached; null if that cannot be predicted."""
 
 
 class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Overlapping Allan deviation, and that of the fitted model."""
+    """Overlapping Allan deviation of the samples, and Allan deviation of the fitted model."""
 
     tau_s: list[float]
     """Averaging times [s]."""
@@ -90,17 +93,17 @@ class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     model: list[float]
     """Allan deviation of the fitted model [`unit`]."""
     N: float | None = None
-    """Random walk of the angle, of the fitted model; null where its white noise is not known [`unit`·√s]."""
+    """Angle random walk (ARW) of the fitted model; null where its white noise is not known [`unit`·√s]."""
     B: float | None = None
-    """Bias instability: the amplitude of 1/f noise, or a flat stretch of the curve over 0.664; null where the
-    record cannot tell [`unit`]."""
+    """Bias instability: the amplitude of 1/f noise, or the height of a flat stretch of the curve divided by
+    0.664; null where the samples do not determine it [`unit`]."""
     K: float | None = None
-    """Random walk of the rate: live as the curve has it, of a recording as the tracker has it; null where
-    there may be none [`unit`/√s]."""
+    """Rate random walk: live from the Allan curve, for a recording from the tracker; null where there may be
+    none [`unit`/√s]."""
 
 
 class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Noise density, and that of the fitted model."""
+    """Noise density of the samples, and noise density of the fitted model."""
 
     hz: list[float]
     """Frequencies [Hz]."""
@@ -111,79 +114,80 @@ class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class FitLowPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A low-pass that all of the noise has gone through."""
+    """A low-pass filter that all of the noise has passed."""
 
     corner_hz: float
-    """Where it lets half of the power through; may be above half the sample rate [Hz]."""
+    """Frequency at which the filter passes half of the power; may be above half the sampling rate [Hz]."""
     poles: float
-    """How steep it is: 20 dB a decade each."""
+    """Number of poles: each adds a slope of 20 dB per decade."""
 
 
 class FitHighPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A high-pass that all of the noise has gone through: AC coupling, or an auto-zero."""
+    """A high-pass filter that all of the noise has passed: AC coupling, or an auto-zero."""
 
     corner_hz: float
-    """Where it lets half of the power through [Hz]."""
+    """Frequency at which the filter passes half of the power [Hz]."""
     poles: float
-    """How steep it is: 20 dB a decade each."""
+    """Number of poles: each adds a slope of 20 dB per decade."""
 
 
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
-    """The curves of an axis; None where the record is too short for them, or they are not asked for."""
+    """The curves of an axis; None where there are too few samples for them, or they are not asked for."""
 
     allan: FitAllan | None = None
-    """The Allan deviation; null between times (every 10 s, or four `stats.fit_period_s` if that is longer,
-    and in the last fit)."""
+    """The Allan deviation. It comes with the last fit and every 10 s, or every four `stats.fit_period_s` if
+    that is longer; null in the other fits."""
     spectrum: FitSpectrum | None = None
-    """The noise density; null between times."""
+    """The noise density; it comes as often as `allan`, else null."""
 
 
 class FittedAxis(Curves, frozen=True):
-    """What the noise of one axis is, and what it was fitted with."""
+    """The verdict on the noise of one axis, and the fitted parameters."""
 
     verdict: VerdictKind
-    """What the noise is: `white`, `drift`, `line`, `resonance`, `line or resonance`, `comb`, `low-pass`,
+    """Kind of the noise: `white`, `drift`, `line`, `resonance`, `line or resonance`, `comb`, `low-pass`,
     `high-pass`, `notch`, `relaxations`, `fractional`, `fractional or relaxations`, `anti-persistent`,
-    `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a level
-    that holds for all looks."""
+    `undecided`, `not stationary`, `constant`, `too few samples`; by the rules of `fltea identify`, at a
+    significance level that holds for all repeated fits together."""
     text: str
     """The verdict in sentences: what the noise is, how sure that is, what to do."""
     unit: str
-    """`deg/s`, or `m/s^2` for axes of the accelerometer; s2 and R are in its square."""
+    """`deg/s`, or `m/s^2` for axes of the accelerometer; s2 and R are in the square of this unit."""
     null_p: float | None = None
-    """How often white noise would look at least as unlike white, at this moment."""
+    """p-value of the test for white noise with all samples so far."""
     alpha: Interval = Interval()
     """The order α; null where undefined."""
     f: Interval = Interval()
     """The parameter f; null where undefined [s^-α]."""
     F: Interval = Interval()
-    """F = h^α f + α, which the data say most about."""
+    """F = h^α f + α, the combination of parameters that the data determine best."""
     s2: Interval = Interval()
     """Variance of the state's innovations, h^2α Q [`unit` squared]."""
     R: Interval = Interval()
     """Variance of the white noise [`unit` squared]."""
     odds: float | None = None
-    """The odds that the noise has an order, against none; null where it is as good as white, or nothing looks
-    like an order."""
+    """Odds that the noise is fractional (has an order) against that it is not; null where it is
+    indistinguishable from white, or no fractional model fits."""
 
 
 class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     """The fit of one axis to all its samples so far."""
 
     rate_left_out: list[tuple[float, float]] = []
-    """Bands of lines and resonances, which are not fitted [Hz]."""
+    """Frequency bands of spectral lines and resonances, which are left out of the fit [Hz]."""
     left_out: dict[str, int] = {}
-    """Samples that are not used (`lost`, `knocked`, `moved`, …), and `bridged` and `limited` ones; a restart
-    counts as nine lost."""
+    """Number of samples that are not used, by cause (`lost`, `knocked`, `moved`, …), and of `bridged` and
+    `limited` samples; a restart counts as nine lost samples."""
     breaks: dict[str, int] = {}
-    """How often the stretch of samples was broken: `gaps`, `knocks` (each 128 samples), `motions`, `steps` of
-    the offset, lasting `changes` of the power."""
+    """How often the sequence of samples was interrupted: `gaps`, `knocks` (each 128 samples), `motions`,
+    `steps` of the offset, lasting `changes` of the power."""
     low_pass: FitLowPass | None = None
-    """A low-pass filter that the noise has gone through; the parameters are those of the noise before it."""
+    """A low-pass filter that the noise has passed; the fitted parameters are those of the noise before it."""
     high_pass: FitHighPass | None = None
-    """A high-pass that it has gone through: nothing is known of drift, and the bias is the filter's."""
+    """A high-pass filter that the noise has passed. It removes drift, so nothing is known of drift, and the
+    bias is that of the filter."""
     until_s: Until | None = None
-    """How long it takes until α is known well enough."""
+    """Time until α is known well enough."""
     stable: bool = True
     """Whether two fits agreed on the verdict, the later one with a tenth more samples, or it is that of a
     whole recording."""

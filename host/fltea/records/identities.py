@@ -1,4 +1,4 @@
-"""A limit on identities: a board that says another name in every HELLO must not fill any memory."""
+"""A limit on device identities, so that a board that sends a new name in every HELLO cannot fill memory."""
 
 from collections.abc import Hashable
 
@@ -7,10 +7,11 @@ PERIOD_NS = 3600 * 10**9
 
 
 class FewIdentities:
-    """Admits at most `MOST` different identities within `PERIOD_NS`: boards that are exchanged by hand.
+    """Admits at most `MOST` different identities within `PERIOD_NS`, enough for boards exchanged by hand.
 
-    One that was admitted goes on being so for as long as it is heard once within the period. turned_away
-    counts the others.
+    An admitted identity stays admitted as long as it is heard once within each period.
+
+    `turned_away`: how often an identity was refused.
     """
 
     def __init__(self) -> None:
@@ -19,9 +20,9 @@ class FewIdentities:
         self._sent_ns: int | None = None
 
     def admits(self, identity: Hashable, now_ns: int) -> bool:
-        """Return whether to believe this identity now, on a monotonic clock in ns."""
+        """Return whether this identity is admitted. `now_ns`: current time of a monotonic clock [ns]."""
         if identity not in self._heard_ns:
-            self._heard_ns = {one: ns for one, ns in self._heard_ns.items() if now_ns - ns < PERIOD_NS}
+            self._heard_ns = {other: ns for other, ns in self._heard_ns.items() if now_ns - ns < PERIOD_NS}
             if len(self._heard_ns) >= MOST:
                 self.turned_away += 1
                 return False
@@ -29,7 +30,7 @@ class FewIdentities:
         return True
 
     def is_to_tell(self, now_ns: int) -> bool:
-        """Return whether to report that one was refused; if so, it counts as reported for a period."""
+        """Return whether to report a refusal now; if so, further refusals are not reported for a period."""
         if self._sent_ns is not None and now_ns - self._sent_ns < PERIOD_NS:
             return False
         self._sent_ns = now_ns

@@ -1,13 +1,13 @@
-"""Every kind of `error` record: what it means, and what a person does about it.
+"""The list of all kinds of `error` records: what each means, and what to do about it.
 
-host/docs/reference/errors.md on the site shows this list.
+The documentation shows this list in host/docs/reference/errors.md.
 """
 
 from typing import NamedTuple
 
 
 class ErrorKind(NamedTuple):
-    """A sentence each, without what only the text of the record can say."""
+    """General meaning and remedy of a kind of error, one sentence each; the record's text has the details."""
 
     meaning: str
     remedy: str
@@ -84,7 +84,7 @@ ERROR_KINDS = {
         "Nothing to do; read it again when that program has ended.",
     ),
     "cut_recording": ErrorKind(
-        "A recording ends amid a line or message, without its index, or has a wrong length; what is there "
+        "A recording ends within a line or message, without its index, or has a wrong length; what is there "
         "was read.",
         "Nothing to do; `fltea recover` gives an MCAP file its index again.",
     ),
@@ -97,7 +97,7 @@ ERROR_KINDS = {
         "Record ten minutes at rest, or shorten the window (`--startup`).",
     ),
     "recording_gap": ErrorKind(
-        "A replay came to a place that was not recorded, or is damaged; the text says why.",
+        "A replay reached a part that was not recorded, or is damaged; the text says why.",
         "Nothing to do; samples are missing there.",
     ),
     "missing_numbers": ErrorKind(
@@ -109,8 +109,8 @@ ERROR_KINDS = {
         "Check `--rate`; name the column of the device's own clock (`--time-column`).",
     ),
     "reading": ErrorKind(
-        "A reading of a file is doubtful or was changed by an option; the text says what and why.",
-        "Compare it with the logger's settings; `fltea info FILE` shows what each reading stands on.",
+        "The interpretation of a file is doubtful, or an option changed it; the text says what and why.",
+        "Compare it with the logger's settings; `fltea info FILE` shows the reason for each interpretation.",
     ),
     "bag_stamps": ErrorKind(
         "Header stamps of a bag are missing, uneven or run backwards; the text counts them.",
@@ -313,7 +313,7 @@ ERROR_KINDS = {
         "Nothing to do.",
     ),
 }
-"""All kinds by their names, in the order of the way from the port to the outputs."""
+"""All kinds of errors by name, in the order of processing, from the port to the outputs."""
 
 FILE_TROUBLES = ("recording_open", "cut_recording", "unread_file", "recording_gap")
-"""Kinds that say that not all of a file could be read: then there may be more samples than were found."""
+"""Kinds of errors after which part of a file is unread, so the file may hold more samples."""

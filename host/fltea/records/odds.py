@@ -1,11 +1,11 @@
-"""Odds in words (pure)."""
+"""Odds as text for a person."""
 
 MOST = 50.0
-"""Odds beyond are told as these: so few noises have them that the calibration was not checked there."""
+"""Larger odds are shown as "more than 50 : 1", since the calibration was not checked beyond this value."""
 
 
 def odds(value: float) -> str:
-    """Return odds of 1 or more, which are told up to MOST; below 1 as those of the contrary."""
+    """Return the odds as "N : 1", with N at most MOST; odds below 1 are shown as "1 : N"."""
     if value < 1:
         return f"1 : {odds(1 / value).split(' : ')[0]}" if value > 0 else "none"
     if value >= MOST:

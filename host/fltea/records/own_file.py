@@ -1,4 +1,4 @@
-"""Files that the program keeps for itself and writes to again: locks and journals."""
+"""Open the program's own files that it writes to repeatedly: locks and journals."""
 
 import errno
 import os
@@ -6,25 +6,26 @@ import stat
 from pathlib import Path
 
 FLAGS = os.O_CREAT | os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-"""A link is not followed, lest what it leads to is emptied; a pipe is not waited for."""
+"""Flags for opening: links are not followed, to protect their target, and opening a pipe does not block."""
 
 
 def open_own(path: Path, mode: int, *, append: bool = False) -> int:
-    """Return the descriptor of a file to read and write, which is made if it is not there.
+    """Open a file to read and write, create it if it does not exist, and return its descriptor.
 
-    mode: of a new one, less the umask. append: what is written goes to its end.
+    `mode`: permissions of a new file, before the umask is applied.
+    `append`: writes append to the file.
 
     Raises:
-        OSError: it cannot be opened, or it is a link, a pipe or anything else that is no file.
-        ValueError: its name has a NUL.
+        OSError: the file cannot be opened, or it is a link, a pipe or anything else that is no file.
+        ValueError: the name holds a NUL.
     """
     try:
-        found = os.open(path, FLAGS | (os.O_APPEND if append else 0), mode)
+        descriptor = os.open(path, FLAGS | (os.O_APPEND if append else 0), mode)
     except OSError as error:
         if error.errno == errno.ELOOP:
             raise OSError(errno.ELOOP, "it is a link, and has to be a file") from error
         raise
-    if stat.S_ISREG(os.fstat(found).st_mode):
-        return found
-    os.close(found)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return descriptor
+    os.close(descriptor)
     raise OSError(errno.EINVAL, "it is a pipe or a device, and has to be a file")

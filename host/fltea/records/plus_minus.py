@@ -1,7 +1,7 @@
-"""The only place that writes "±" before a deviation: what stands behind it is half of a 95 % interval.
+"""Write a value with "±" and the half-width of its 95 % interval; all texts for people use these functions.
 
 Fields of records, and parameters, whose names end in `_std` are standard deviations, σ. People read "±" as
-"it is within": so wherever text is for people, 1.96 σ stands behind it.
+"the value is within these limits", so the number after "±" is 1.96 σ in all texts for people.
 """
 
 import math
@@ -9,16 +9,17 @@ import math
 from fltea.records.units import MOST_DEG
 
 NORMAL_95 = 1.96
-"""Half of a 95 % interval of a normal variable, in standard deviations; boards have the same."""
+"""Half-width of a 95 % interval of a normal variable, in standard deviations; the firmware uses it too."""
 LARGE = 1e6
-"""From here on, powers of ten: what a diverging filter can give."""
+"""From this value on, numbers are written with a power of ten; a diverging filter can give such values."""
 MOST_PLACES = 9
 
 
 def plus_minus(value: float | None, std: float | None) -> str:
-    """Return a value ± half of its 95 % interval, to two digits of that; a dash for none.
+    """Return "value ± half-width", with two digits of the half-width of the 95 % interval.
 
-    std: the standard deviation of the value; None if it is not known.
+    `value`: the value; None gives a dash.
+    `std`: standard deviation of the value; None if it is not known.
     """
     if value is None:
         return "–"
@@ -32,12 +33,15 @@ def plus_minus(value: float | None, std: float | None) -> str:
 
 
 def angle_within(std: float) -> str:
-    """Return within what an angle in deg is, with a probability of 95 %, if it is known at all."""
+    """Return "±" with the half-width of the 95 % interval of an angle, or that no heading is left.
+
+    `std`: standard deviation of the angle [deg].
+    """
     return "no heading left" if std > MOST_DEG else within(std, "°")
 
 
 def within(std: float, unit: str = "") -> str:
-    """Return ± half of a 95 % interval, to two digits. unit: what follows it."""
+    """Return "±" with the half-width of a 95 % interval, to two digits, followed by `unit`."""
     return f"± {float(f'{NORMAL_95 * std:.2g}'):g}{unit}"
 
 

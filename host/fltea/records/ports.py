@@ -1,4 +1,4 @@
-"""The two ends of the walk: what a source gives, and what a sink takes."""
+"""The interfaces of sources, which yield events, and of sinks, which write records."""
 
 import bisect
 from collections.abc import Callable, Iterator, Sequence
@@ -11,11 +11,10 @@ from fltea.records.stats import LinkStats, OutputStats
 
 
 class Source(Protocol):
-    """What the daemon asks of a source.
+    """The interface that the daemon needs from a source.
 
-    live: it may fall silent and come back.
-    prompt: its samples come at their own pace, so records must go out at once.
-    unix_offset_ns: what to add to its events' host_ns to get Unix time.
+    `live`: the source may fall silent and come back.
+    `prompt`: its samples arrive in real time, so records must be written at once.
     """
 
     live: bool
@@ -23,23 +22,23 @@ class Source(Protocol):
 
     @property
     def unix_offset_ns(self) -> int:
-        """Return the nanoseconds from the source's monotonic clock to Unix time, as of now."""
+        """Return the current offset from `host_ns` of the source's events to Unix time [ns]."""
 
     def events(self) -> Iterator[Event]:
         """Yield events until the source ends or is closed."""
 
     def link_stats(self) -> LinkStats:
-        """Count what arrived and what was lost on the way."""
+        """Return the counts of what arrived and what was lost in transit."""
 
     def close(self) -> None:
-        """Release everything; may be called from a signal handler's thread and twice."""
+        """Release all resources; may be called twice, and from a signal handler's thread."""
 
 
 LATENCY_BOUNDS_MS = (0.25, 0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0, 50.0, 100.0, 250.0, 1000.0)
 
 
 class Latency:
-    """Histogram of the time from a sample's arrival to its way out, in ms."""
+    """Histogram of the time from a sample's arrival until its record is written [ms]."""
 
     def __init__(self) -> None:
         self.counts = [0] * (len(LATENCY_BOUNDS_MS) + 1)
@@ -52,27 +51,27 @@ class Latency:
 
 
 class OutputView(Protocol):
-    """What a running output shows of itself."""
+    """The name, latency and counts of a running output."""
 
     latency: Latency
 
     @property
     def name(self) -> str:
-        """The key of its counts in `stats.outputs`."""
+        """The key of the output's counts in `stats.outputs`."""
 
     def stats(self) -> OutputStats:
-        """Count what was written and what was lost."""
+        """Return the counts of written and lost records."""
 
 
 class Departed(NamedTuple):
-    """Nothing more comes from a device here; if `moved`, another program goes on with it."""
+    """This program gets no more samples from `device`; if `moved`, another program continues with it."""
 
     device: str
     moved: bool
 
 
 class Wanted(NamedTuple):
-    """Which records of a block are printed. nulls: else what is null is left out."""
+    """Which records of a block are printed. `nulls`: print null fields too, instead of leaving them out."""
 
     samples: bool = False
     estimates: bool = False
@@ -81,10 +80,11 @@ class Wanted(NamedTuple):
 
 
 class Printed(NamedTuple):
-    """Records of samples as lines, for sinks whose `prints` says what is in them.
+    """Records of samples as lines of text, for sinks that set `prints`.
 
-    records: the number that they stand for, as of `Block.weight`. parts: of each device when its newest
-    arrived [ns, monotonic] and how many are its, for the latency.
+    `records`: number of records in `data`, counted as in `Block.weight`.
+    `parts`: for each device, the arrival time of its newest sample [ns, monotonic] and its number of records,
+    for the latency.
     """
 
     data: bytes
@@ -93,29 +93,31 @@ class Printed(NamedTuple):
 
 
 Item = AnyRecord | Block | Printed | TransportEvent | Reads
-"""What a sink may be given; what came over the wire, uninterpreted, only where `takes_wire`."""
+"""What a sink may be given. Transport events and `Reads` are given only to sinks with `takes_wire`."""
 
 Report = Callable[[str, str], None]
-"""Reports a trouble to all outputs by kind and text. It returns at once, from any thread."""
+"""Function that reports an error to all outputs, by kind and text. Any thread may call it; it returns at
+once."""
 
 
 class SinkClosed(Exception):
-    """The reader of the output is gone, or it can never work again; nothing more is written to it."""
+    """The reader of the output is gone, or the output has failed for good; nothing more is written to it."""
 
 
 class Sink:
-    """What an output has to do; all but `write` may be left out.
+    """Base of all outputs; a subclass must define `write`, and may define the other methods.
 
-    Every method is called from one thread. A record that `write` cannot place is the sink's own loss: it
-    counts in `lost`, tells it through the `Report` that it was made with, once per trouble, and goes on.
+    Every method is called from one thread. When `write` cannot store a record, the sink counts it in `lost`,
+    reports the cause once through its `Report`, and continues.
 
-    name: key of the output's counts in `stats.outputs`.
-    lossless: a recording that is replayed faster than it was made waits for this sink.
-    takes_wire: it is also given `Opened`, `Chunk`, `Reads` and `Failed`, before anything interprets them.
-    together: one thread writes to all of its name, and not one each; so none may wait for long.
-    prints: which records of samples it takes as `Printed`, in place of blocks; None: it takes blocks alone.
-    capacity: items that may wait in the queue before newer ones are dropped. rest_s: between two batches, so
-    that records of many devices go out together, not with a change of threads each.
+    `name`: key of the output's counts in `stats.outputs`.
+    `lossless`: a replay that is faster than real time waits for this sink instead of dropping records.
+    `takes_wire`: the sink is also given `Opened`, `Chunk`, `Reads` and `Failed`, before they are decoded.
+    `together`: one thread serves all sinks of this name, so none of them may block for long.
+    `prints`: which records of samples the sink takes as `Printed` instead of blocks; None: it takes blocks.
+    `capacity`: number of items that may wait in the queue; when it is full, newer items are dropped.
+    `rest_s`: pause between two batches [s], so that records of many devices are written together, without a
+    thread switch for each.
     """
 
     name: str = "output"
@@ -128,32 +130,36 @@ class Sink:
     lost: int = 0
 
     def write(self, item: Item) -> None:
-        """Take one item.
+        """Write one item.
 
         Raises:
-            SinkClosed: nobody reads any more.
+            SinkClosed: nobody reads this output any more.
         """
         raise NotImplementedError
 
     def flush(self) -> None:
-        """Hand on what `write` has gathered; called whenever the queue is empty, and twice a second."""
+        """Write out what `write` has buffered; called whenever the queue is empty, and twice a second."""
 
     def depart(self, departed: Departed) -> None:
-        """Forget what is kept of a device; of many that come and go it would grow for ever."""
+        """Release the data kept for a device; with many devices that come and go it would grow for ever."""
 
     def on_overflow(self, count: int) -> None:
-        """Take note that `count` items were dropped before the next one, since this sink was too slow."""
+        """Handle the loss of `count` items, dropped before the next one because this sink was too slow."""
 
     def close(self) -> None:
-        """Write what is pending and release everything, within half a second."""
+        """Write pending items and release all resources, within half a second."""
 
 
 class RecordingView(NamedTuple):
     """The state of the recording of one device.
 
-    fixed: it runs as long as the program. file: the newest; size_bytes: of all of the session's, for seconds
-    of time. lost: items that no file took. trouble: why nothing is recorded though it is on.
-    free_bytes: room in the folder, None if nobody knows. why_not: why there can be none, or "".
+    `fixed`: the recording runs as long as the program; nobody can stop it from the page.
+    `file`: name of the newest file.
+    `size_bytes`, `seconds`: size and duration of all files of this session.
+    `lost`: number of items that were written to no file.
+    `trouble`: why nothing is recorded although the recording is on.
+    `free_bytes`: free space of the folder; None if it is not known.
+    `why_not`: why a recording is impossible; empty if it is possible.
     """
 
     on: bool
@@ -172,18 +178,20 @@ class Recorder(Protocol):
     """Records devices while the program runs. All but `view` may take seconds."""
 
     def view(self, device: str) -> RecordingView:
-        """Return how the recording of a device is."""
+        """Return the state of the recording of a device."""
 
     def start(self, device: str, hello: Hello | None) -> None:
-        """Begin to record, if nobody did. hello: what the device said of itself.
+        """Start to record a device, unless it is being recorded.
+
+        `hello`: the newest HELLO of the device.
 
         Raises:
-            FlteaError: it cannot be recorded; says why and what to do.
+            FlteaError: the device cannot be recorded; the text says why and what to do.
         """
 
     def stop(self, device: str) -> None:
         """End a recording that `start` began, and finish its file.
 
         Raises:
-            FlteaError: it runs as long as the program, or its file cannot be finished in time.
+            FlteaError: the recording runs as long as the program, or its file cannot be finished in time.
         """

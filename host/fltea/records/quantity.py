@@ -1,7 +1,7 @@
-"""A figure of a sensor's noise with its 95 % interval, in any unit that data sheets and filters have it in.
+"""A noise parameter of a sensor with its 95 % interval, convertible to the units of data sheets and filters.
 
-This is the one list of these units: N (white noise, or angle and velocity random walk), B (bias instability,
-and the bias itself) and K (random walk of the bias).
+The program has one list of these units, here: units of N (white noise, or angle and velocity random walk),
+of B (bias instability, and the bias itself) and of K (random walk of the bias).
 """
 
 import math
@@ -25,11 +25,11 @@ _ACCEL = {
     "mg": 1e3 / STANDARD_GRAVITY_MS2,
     "µg": 1e6 / STANDARD_GRAVITY_MS2,
 }
-"""How many of each unit one deg/s, or one m/s², is."""
+"""The value of 1 deg/s, or of 1 m/s², in each unit."""
 
 
 class _Kind(NamedTuple):
-    """What is measured, and how many of each of its units are one of the first."""
+    """A measured quantity: its name, and the value of one of its first unit in each of its units."""
 
     what: str
     units: dict[str, float]
@@ -80,25 +80,25 @@ _WORDS = (("sqrt", "√"), ("rt", "√"), ("hour", "h"), ("hr", "h"), ("dps", "d
 
 
 def _plain(unit: str) -> str:
-    """Return a unit in the one spelling by which units are compared."""
-    mega = "M" * unit.startswith("M")  # which is no milli
-    found = mega + unit[len(mega) :].casefold().translate(_SIGNS)
+    """Return a unit in the normalised spelling by which units are compared."""
+    mega = "M" * unit.startswith("M")  # kept, since casefold would make milli of mega
+    plain = mega + unit[len(mega) :].casefold().translate(_SIGNS)
     for word, meaning in _WORDS:
-        found = found.replace(word, meaning)
-    return found
+        plain = plain.replace(word, meaning)
+    return plain
 
 
 _FACTORS = [{_plain(unit): factor for unit, factor in kind.units.items()} for kind in _KINDS]
 
 
 def factor(unit: str, other: str) -> float:
-    """Return how many of `other` one of `unit` is; both are units of the same thing.
+    """Return the factor that converts a value in `unit` to `other`, a unit of the same quantity.
 
-    Capitals (but M, which is mega), blanks and brackets make no difference, and sqrt and rt are √:
-    deg/sqrt(h), deg/rt(h), deg/√h.
+    Upper and lower case (except M, which is mega), blanks and brackets make no difference, and sqrt and rt
+    mean √: deg/sqrt(h), deg/rt(h), deg/√h.
 
     Raises:
-        ValueError: `unit` is none, or `other` is none of the same thing; the text lists those that are.
+        ValueError: `unit` is unknown, or `other` is no unit of the same quantity; the text lists the units.
     """
     for kind, factors in zip(_KINDS, _FACTORS, strict=True):
         one = factors.get(_plain(unit))
@@ -112,24 +112,24 @@ def factor(unit: str, other: str) -> float:
 
 
 class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A figure in `unit`, with the ends of its 95 % interval; `print` shows all of it."""
+    """A value in `unit`, with the ends of its 95 % interval; `print` shows value, interval and unit."""
 
     value: float | None
-    """None where it is not known."""
+    """The value; None where it is not known."""
     low: float | None
-    """Lower end of the interval; None where the data do not tell."""
+    """Lower end of the interval; None where the data do not determine it."""
     high: float | None
-    """Upper end of the interval; None where the data do not tell."""
+    """Upper end of the interval; None where the data do not determine it."""
     at_most: float | None
-    """Where the value is not known: it is smaller with 95 % probability; None where there is no bound."""
+    """Where the value is not known: its upper bound with 95 % probability; None where there is no bound."""
     unit: str
-    """The unit of all these."""
+    """Unit of `value`, `low`, `high` and `at_most`."""
 
     def to(self, unit: str) -> "Quantity":
-        """Return the same in another unit: `axis.N.to("rad/s/√Hz")`, or in letters, "rad/s/sqrt(Hz)".
+        """Return the quantity in another unit: `axis.N.to("rad/s/√Hz")`, or in letters, "rad/s/sqrt(Hz)".
 
         Raises:
-            ValueError: it is no unit of this figure; the text lists those that are.
+            ValueError: `unit` is no unit of this quantity; the text lists its units.
         """
         if unit == self.unit:
             return self
@@ -159,14 +159,14 @@ POWERS_OF_TEN_FROM = 1e6
 
 
 def _number(value: float, digits: int) -> str:
-    """Return a value with so many significant digits, without a power of ten for thousands."""
+    """Return a value with `digits` significant digits; below a million without a power of ten."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < POWERS_OF_TEN_FROM else text
 
 
 def _digits(value: float, half: float) -> int:
-    """Return how many digits of a value are shown, so that half of its interval has two."""
+    """Return the number of significant digits with which the half-width `half` shows two digits."""
     if value == 0 or half <= 0:
         return FEWEST_DIGITS
-    found = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
-    return min(max(found, FEWEST_DIGITS), MOST_DIGITS)
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(half)) + 2
+    return min(max(digits, FEWEST_DIGITS), MOST_DIGITS)

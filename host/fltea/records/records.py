@@ -1,6 +1,7 @@
-"""The records that the program publishes, units in their names.
+"""The records that the program publishes; names of fields end in their units.
 
-As JSON each is one object whose first key is `class`. The site shows every field with the text below it.
+As JSON, each record is one object whose first key is `class`. The documentation shows the text below each
+field.
 """
 
 from typing import Literal
@@ -28,31 +29,31 @@ ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
 GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s^2"
 
 Whiteness = Literal["not rejected", "rejected"]
-"""What the newest fit says of white noise. While it is not rejected, an order is undefined."""
+"""Result of the newest fit's test for white noise. While white noise is not rejected, α is undefined."""
 
 WhyNot = Literal["device_not_valid", "host_not_valid", "other_start", "device_skipped", "other_settings"]
-"""Why a device's estimate cannot be compared with the host's; `why_not` has the words."""
+"""Why a device's estimate cannot be compared with the host's; the module `why_not` has the texts."""
 
 EpochReason = Literal["start", "restart", "sensor_restart", "discontinuity", "gap", "silence", "resumed"]
 
 
 class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="class", kw_only=True):
-    """Base of what a sink writes."""
+    """Base class of all records that sinks write."""
 
     device: str | None = None
     """Name of the source in this program."""
 
 
 class Hello(Record, frozen=True, tag="hello"):
-    """The device or recording introduces itself.
+    """The identity and settings of a device or recording.
 
-    At the start, and after each restart of the device or of its sensor.
+    It comes at the start, and after each restart of the device or of its sensor.
     """
 
     source: str
-    """Where it comes from."""
+    """Address of the source."""
     host_ns: int
-    """When it was heard [ns]."""
+    """When it arrived [ns]."""
     rate_hz: float
     """Nominal sampling rate [Hz]."""
     sampling_mode: str
@@ -60,76 +61,74 @@ class Hello(Record, frozen=True, tag="hello"):
     protocol: str | None = None
     """Version of the wire protocol."""
     schema_hash: str | None = None
-    """Hash of its layout."""
+    """Hash of the layout of the protocol's messages."""
     boot_id: int | None = None
-    """Differs from boot to boot."""
+    """Identifier of the device's boot, another one after each restart."""
     device_id: str | None = None
     """Unique identifier of the microcontroller, hexadecimal."""
     firmware_version: str | None = None
-    """Version and build."""
+    """Version and build of the firmware."""
     who_am_i: int | None = None
     """The sensor's WHO_AM_I register; 0 while no sensor has answered."""
     sensor: str | None = None
-    """The chip that this number means; `no sensor` for 0."""
+    """Name of the chip that has this WHO_AM_I; `no sensor` for 0."""
     sensor_starts: int | None = None
-    """Times that the device has set up its sensor since boot; 0: not yet."""
+    """How often the device has set up its sensor since boot; 0: not yet."""
     gyro_range_dps: float | None = None
-    """Full scale, plus and minus [deg/s]."""
+    """Full scale of the gyroscope, plus and minus [deg/s]."""
     gyro_lsb_per_dps: float | None = None
-    """Sensitivity [LSB per deg/s]."""
+    """Sensitivity of the gyroscope [LSB per deg/s]."""
     accel_range_g: float | None = None
-    """Full scale, plus and minus [g]."""
+    """Full scale of the accelerometer, plus and minus [g]."""
     accel_lsb_per_g: float | None = None
-    """Sensitivity; null where the source gives m/s² [LSB per g]."""
+    """Sensitivity of the accelerometer; null where the source gives m/s² [LSB per g]."""
     gyro_dlpf_hz: float | None = None
     """Bandwidth of the sensor's low-pass filter [Hz]."""
 
 
 class Placed(Record, frozen=True):
-    """Base of what belongs to the sample `seq`."""
+    """Base class of records that belong to the sample `seq`."""
 
     seq: int
     """Number of the sample, unwrapped."""
     epoch: int
-    """Epoch that it belongs to."""
+    """Number of the epoch that the sample belongs to."""
     device_us: int
     """Device time, unwrapped [µs]."""
     host_ns: int
-    """Host time of sampling, by regression: Unix time as of the beginning of the epoch (of recordings: since
-    their beginning, or the host time that they hold) [ns]."""
+    """Host time of sampling, by regression on arrival times. It is Unix time by the machine's date at the
+    beginning of the epoch; of recordings, the time since their beginning, or the host time in them [ns]."""
 
 
 class Sample(Placed, frozen=True, tag="sample"):
-    """One sample in physical units, before its estimate.
-
-    Only with `--samples`.
-    """
+    """One sample in physical units; it comes before its estimate, and only with `--samples`."""
 
     gyro_dps: tuple[float, ...]
-    """Rates about x, y, z, bias not removed [deg/s]."""
+    """Angular rates about x, y, z, with their bias [deg/s]."""
     accel_ms2: tuple[float, ...] | None = None
     """Specific force along x, y, z [m/s²]."""
     temperature_c: float | None = None
     """Die temperature [°C]."""
     flags: int = 0
-    """The device's doubts (protocol/README.md, sample flags)."""
+    """Flags with which the device marks a doubtful sample (protocol/README.md, sample flags)."""
 
 
 class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The rate of one axis less its bias."""
+    """The angular rate of one axis minus its bias."""
 
     rate: float | None
-    """Sample less the bias that `estimate` has of it; null for the first samples [deg/s]."""
+    """Sample minus the bias in `estimate`; null for the first samples [deg/s]."""
     rate_std: float | None
     """Standard deviation of that bias [deg/s]."""
     moving: bool
-    """The sensor is moved, so the bias is predicted and its σ grows."""
+    """The sensor is moving, so the bias is predicted and its σ grows."""
 
 
 class Corrected(Placed, frozen=True, tag="corrected"):
-    """The gyroscope's rates less their biases, for those who integrate them.
+    """The gyroscope's rates minus their biases, for programs that integrate them.
 
-    Only with `--corrected`. `output.every` thins them like samples; MQTT sends one with every estimate.
+    It comes only with `--corrected`. `output.every` thins these records like samples; MQTT sends one with
+    every estimate.
     """
 
     axes: dict[str, CorrectedAxis]
@@ -137,18 +136,18 @@ class Corrected(Placed, frozen=True, tag="corrected"):
 
 
 class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the paper's filters make of one axis after one sample; null where not valid."""
+    """The estimates of the paper's filters for one axis after one sample; null where they are not valid."""
 
     alpha: float | None = None
     """Order α."""
     alpha_std: float | None = None
-    """Standard deviation of α; once tuned, with what the live fit leaves open."""
+    """Standard deviation of α; once the live fit tunes the filters, it includes the fit's uncertainty."""
     f: float | None = None
     """Parameter f [s^-α]."""
     f_std: float | None = None
-    """Standard deviation of f, as that of α [s^-α]."""
+    """Standard deviation of f, like that of α [s^-α]."""
     state: float | None = None
-    """State x̂ after the sample, without the bias of the start-up window [`unit`]."""
+    """State x̂ after the sample; it excludes the bias of the start-up window [`unit`]."""
     innovation: float | None = None
     """Sample minus its prediction [`unit`]."""
     valid: bool = False
@@ -159,43 +158,43 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is known of one axis after one sample; null where nothing is."""
+    """The estimates of one axis after one sample; null where nothing is known."""
 
     verdict: VerdictKind | None
-    """What the noise is, of the newest fit whose verdict is stable; null before the first."""
+    """Kind of the noise by the newest fit whose verdict is stable; null before the first such fit."""
     alpha: Interval
     """Order α of that fit; null where undefined."""
     f: Interval
     """Parameter f of that fit; null where undefined [s^-α]."""
     bias: float | None
-    """What to subtract from the sample: the sensor's offset and the state of its noise; null for the first
+    """Bias to subtract from the sample: the sensor's offset plus the state of its noise; null for the first
     samples [`unit`]."""
     bias_std: float | None
     """Standard deviation of the bias [`unit`]."""
     state: float | None
-    """The state of the noise, without the offset; 0 of white noise; the whole bias of a random walk
+    """State of the noise, without the offset; for white noise 0, for a random walk the whole bias
     [`unit`]."""
     state_std: float | None
     """Standard deviation of the state [`unit`]."""
     innovation: float | None
     """Sample minus its prediction [`unit`]."""
     moving: bool
-    """The sensor is moved, so the bias is predicted and its σ grows."""
+    """The sensor is moving, so the bias is predicted and its σ grows."""
     null_p: float | None
-    """How often white noise would look at least as unlike white, by the newest `fit`."""
+    """p-value of the newest `fit` for white noise."""
     whiteness: Whiteness | None
-    """`not rejected`: there is no order; `rejected`: `null_p` is below the level that holds for all looks;
-    null with `null_p`."""
+    """`not rejected`: α is undefined; `rejected`: `null_p` is below the significance level for all repeated
+    fits together; null where `null_p` is null."""
     unit: str
     """`deg/s`, or `m/s^2` for the axes `accel_x`, … that `--channels` names."""
     fltea: FlteaEstimate
-    """What the paper's filters make of the sample."""
+    """The estimates of the paper's filters after the sample."""
 
 
 class Estimate(Placed, frozen=True, tag="estimate"):
-    """What is known of each axis after one sample, from the end of the start-up window on.
+    """The estimates of each axis after one sample, from the end of the start-up window on.
 
-    Axes of the accelerometer are in it only where `--channels` names them.
+    It includes axes of the accelerometer only where `--channels` names them.
     """
 
     variant: str
@@ -208,40 +207,42 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """The device's own estimate of one axis after one sample."""
 
     fltea: FlteaEstimate
-    """What the paper's filters on the device make of the sample."""
+    """The estimates of the paper's filters on the device after the sample."""
     unit: str = GYRO_UNIT
     """`deg/s`."""
     age: int
-    """Steps of the axis since the device's start-up window, missing samples included; the first is 1."""
+    """Number of the axis's filter step since the device's start-up window, missing samples included; the
+    first is 1."""
     tracker_bias: float | None = None
-    """Offset and state by the filter of the device's own fit; null before its first fit of the axis
+    """Offset plus state, by the tracker that uses the device's own fit; null before its first fit of the axis
     [deg/s]."""
     tracker_bias_std: float | None = None
     """Standard deviation of that bias [deg/s]."""
     tracker_state: float | None = None
-    """The coloured part of the noise alone; 0 of white noise [deg/s]."""
+    """State of the coloured part of the noise, without the offset; 0 for white noise [deg/s]."""
     tracker_state_std: float | None = None
     """Standard deviation of that state [deg/s]."""
     tracker_bias_difference: float | None = None
-    """That bias minus `bias` of `estimate` after the same sample; each goes by a fit of its own [deg/s]."""
+    """`tracker_bias` minus `bias` of `estimate` after the same sample; the two come from different fits
+    [deg/s]."""
     alpha_difference: float | None = None
-    """α: the device's minus this computer's after the same sample; null where they cannot be compared."""
+    """The device's α minus this computer's after the same sample; null where they cannot be compared."""
     f_difference: float | None = None
-    """f: the same [s^-α]."""
+    """The device's f minus this computer's, likewise [s^-α]."""
     state_difference: float | None = None
-    """State: the same [deg/s]."""
+    """The device's state minus this computer's, likewise [deg/s]."""
     why_not: WhyNot | None = None
     """Why there are no differences: `device_not_valid`, `host_not_valid`: that estimate is not valid;
-    `other_start`: the device began at another sample; `device_skipped`: it skipped samples since;
-    `other_settings`: settings differ, or the device goes on with those of its own fit."""
+    `other_start`: the device began at another sample; `device_skipped`: it has skipped samples;
+    `other_settings`: settings differ, or the device uses the variances of its own fit."""
 
 
 class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
-    """What the device itself makes of a sample, beside `estimate`, which is this computer's.
+    """The device's own estimates after a sample; those of this computer are in `estimate`.
 
-    Only with `--estimate-on both`; with `--estimate-on device` the device's are the records `estimate`. It
-    comes after its sample by as much as the device is behind. An axis whose message was lost on the line is
-    left out.
+    It comes only with `--estimate-on both`; with `--estimate-on device`, the records `estimate` hold the
+    device's estimates. It arrives later than its sample, by the delay of the device. An axis whose message
+    was lost in transit is left out.
     """
 
     variant: str
@@ -249,14 +250,14 @@ class DeviceEstimates(Placed, frozen=True, tag="device_estimate"):
     axes: dict[str, DeviceAxisEstimate]
     """Each axis."""
     comparable: bool
-    """Whether any axis has differences."""
+    """Whether at least one axis has differences."""
 
 
 class DeviceFits(Placed, frozen=True, tag="device_fit"):
     """The device's own maximum-likelihood fit of one axis, every three seconds or later.
 
-    Only with `--estimate-on device` or `both`. It stands at the newest sample when it came. A fit whose bins
-    the device sends comes twice: at once, and with `spectrum`.
+    It comes only with `--estimate-on device` or `both`. Its `seq` is that of the newest sample when it
+    arrived. A fit for which the device also sends the spectrum comes twice: at once, and with `spectrum`.
     """
 
     axes: dict[str, DeviceAxisFit]
@@ -264,17 +265,18 @@ class DeviceFits(Placed, frozen=True, tag="device_fit"):
 
 
 class Fit(Placed, frozen=True, tag="fit"):
-    """What the noise of every axis is, by maximum likelihood over all samples so far.
+    """The noise of every axis, by maximum likelihood over all samples so far.
 
-    It comes whenever the record has grown by a hundredth, once a second at most and once a minute at least,
-    and within a second after a step or a change of power (`live.period_s` given: that often); once more,
-    with curves, at the end of a recording or of `--once`. A fit is of the samples up to `seq` and comes a
-    little later; estimates go by it from the next sample on. A replay gives the live run's records.
+    It comes whenever the number of samples has grown by a hundredth, once a second at most and once a minute
+    at least, and within a second after a step or a change of power; if `live.period_s` is given, it comes
+    once in that time. It comes once more, with curves, at the end of a recording or of `--once`. A fit uses
+    the samples up to `seq` and is published a little later; estimates use it from the next sample on. A
+    replay gives the same records as the live run.
     """
 
     samples: int
-    """Samples taken, those left out included, of all epochs of the same sensor, and of the earlier run with
-    `--state`."""
+    """Number of samples received, those left out included, of all epochs of the same sensor, and of the
+    earlier run with `--state`."""
     axes: dict[str, AxisFit]
     """Each axis."""
 
@@ -285,17 +287,18 @@ class Gap(Record, frozen=True, tag="gap"):
     seq: int
     """Number of the first sample that is missing."""
     missing: int
-    """How many are."""
+    """Number of missing samples."""
     epoch: int
     """Epoch in which they are missing."""
     host_ns: int
-    """Host time of the sample after them [ns]."""
+    """Host time of the first sample after the gap [ns]."""
 
 
 class Step(Placed, frozen=True, tag="step"):
     """The bias of an axis has stepped.
 
-    It stands at the first sample after the step, and comes as soon as the samples since then have shown it.
+    Its `seq` is that of the first sample after the step. It is published later, as soon as enough samples
+    have shown the step.
     """
 
     axis: str
@@ -303,37 +306,38 @@ class Step(Placed, frozen=True, tag="step"):
     unit: str
     """`deg/s`, or `m/s^2` for axes of the accelerometer."""
     size: float
-    """Bias after the step less the bias before it [`unit`]."""
+    """Bias after the step minus the bias before it [`unit`]."""
     size_std: float
-    """Standard deviation of that size [`unit`]."""
+    """Standard deviation of `size` [`unit`]."""
     found_after: int
-    """Samples from the step to the one with which it was found."""
+    """Number of samples from the step to its detection."""
 
 
 class Motion(Placed, frozen=True, tag="motion"):
     """The sensor has begun to move, or is at rest again.
 
-    It stands at the first sample in motion, or at the first at rest. While the sensor moves, the bias of
-    every axis is predicted; at rest it is learnt.
+    Its `seq` is that of the first sample in motion, or of the first at rest. While the sensor moves, the bias
+    of every axis is predicted; at rest it is estimated from the samples.
     """
 
     begins: bool
-    """Whether a motion begins here; false where it has ended."""
+    """True where a motion begins; false where it has ended."""
     by: str
-    """What showed it: a sensor or an axis, such as `accel` or `gyro_z`, or `caller`, who said so."""
+    """What showed the motion: a sensor or an axis, such as `accel` or `gyro_z`, or `caller` for the program
+    that passed the samples."""
     samples: int | None
-    """How long the sensor moved, in samples; null where the motion begins."""
+    """Duration of the motion in samples; null where the motion begins."""
     largest: float | None
-    """Largest rate less its bias of any axis while it moved; null where the motion begins [deg/s]."""
+    """Largest rate minus its bias, of any axis, during the motion; null where the motion begins [deg/s]."""
 
 
 class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an epoch is estimated with, and by whom."""
+    """The settings of the estimator of an epoch."""
 
     variant: str
     """`triple`: the published algorithm; `joint`: one filter on α and h^α f."""
     estimate_on: str
-    """Who estimates: `host` (this computer), `device` (by itself) or `both`."""
+    """Which computer estimates: `host` (this one), `device` (the board) or `both`."""
     memory: str
     """`compressed` or `direct` (the exact window)."""
     guard: str
@@ -343,82 +347,83 @@ class EstimatorInfo(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     startup_samples: int
     """Length of the start-up window; 0 if none is needed."""
     bias: tuple[float, ...]
-    """What is subtracted from each axis, or one number for all; empty: the mean of the start-up window
+    """Bias that is subtracted from each axis, or one number for all; empty: the mean of the start-up window
     [deg/s, of the accelerometer m/s²]."""
     R: tuple[float, ...]
-    """Measurement variance of each axis, or one for all; empty: the variance of the start-up window [the
-    square of that]."""
+    """Measurement variance of each axis, or one for all; empty: the variance of the start-up window
+    [(deg/s)², of the accelerometer (m/s²)²]."""
     tuning: str = "startup"
-    """`startup`: Q and R stay as at the start; `live`: they are those of the live fit as soon as it knows
+    """`startup`: Q and R stay as at the start; `live`: Q and R come from the live fit as soon as it knows
     them."""
 
 
 class Epoch(Record, frozen=True, tag="epoch"):
-    """A new stretch of unbroken time begins, and the estimators start again."""
+    """A new epoch, a period of samples without a long gap, begins, and the estimators start again."""
 
     epoch: int
-    """Its number: 1, 2, …"""
+    """Number of the epoch: 1, 2, …"""
     reason: EpochReason
     """`start`; `restart` (another boot); `sensor_restart` (the device has set up its sensor again);
     `discontinuity` (sequence and time disagreed); `gap` (longer than `max_gap`); `silence` (longer than 30
     minutes); `resumed` (goes on from the snapshot of an earlier run)."""
     seq: int
-    """Number of its first sample."""
+    """Number of the epoch's first sample."""
     device_us: int
-    """Device time of its first sample [µs]."""
+    """Device time of the epoch's first sample [µs]."""
     host_ns: int
-    """Host time of its first sample [ns]."""
+    """Host time of the epoch's first sample [ns]."""
     boot_id: int | None
-    """Boot that it belongs to."""
+    """Boot of the device that the epoch belongs to."""
     estimator: EstimatorInfo | None = None
-    """What the gyroscope is estimated with."""
+    """Settings of the gyroscope's estimator."""
     accel_estimator: EstimatorInfo | None = None
-    """The same for the accelerometer, which is always estimated here."""
+    """Settings of the accelerometer's estimator, which always runs on this computer."""
     resumed_after_s: float | None = None
-    """Age of the snapshot that the estimators go on from [s]."""
+    """Age of the snapshot from which the estimators continue [s]."""
 
 
 class Stats(Record, frozen=True, tag="stats"):
-    """Health of the whole walk: once a second, when the start-up window is full, and at the end.
+    """Counts and health of source, estimators and outputs.
 
-    Counts run from the start of the program. For each boot of a device: delivered + lost = sampled, from the
-    first sample that is used to the last.
+    It comes once a second, when the start-up window is full, and at the end. Counts begin at the start of the
+    program. For each boot of a device, `delivered` + `lost` is the number of samples that the device took,
+    from the first sample that is used to the last.
     """
 
     epoch: int
     """Current epoch; 0 before the first."""
     host_ns: int
-    """Now [ns]."""
+    """Time of this record [ns]."""
     rate_hz: float | None
-    """Sampling rate by the host's clock, from sequence numbers: losses do not lower it [Hz]."""
+    """Sampling rate by the host's clock, computed from sequence numbers, so losses do not lower it [Hz]."""
     clock_ppm: float | None
-    """How much faster than the host's the device's clock runs; null at first, and where no host's clock was
+    """How much faster the device's clock runs than the host's; null at first, and where no host clock was
     recorded [1e-6]."""
     startup_remaining: int
     """Samples until the start-up window is full."""
     link: LinkStats
-    """What arrived, and what was lost on the way, since the start of the program."""
+    """Counts of what arrived from the source and what was lost in transit, since the start of the program."""
     sample_counts: SampleStats
-    """What became of the samples, since the start of the program."""
+    """Counts of used, lost and refused samples, since the start of the program."""
     axes: dict[str, AxisStats]
     """Each axis."""
     board: DeviceStatus | None = None
     """The device's own counters since its boot; null before its first STATUS."""
     outputs: dict[str, OutputStats] = {}
-    """Each output by its name, as in the table of host/docs/guide/outputs.md; none for sources without a pace
-    of their own."""
+    """Counts of each output by its name, as in the table of host/docs/guide/outputs.md; empty for sources
+    that do not run in real time."""
     device_estimator: DeviceEstimatorStats | None = None
-    """The device's own estimator; null without `--estimate-on device` or `both`."""
+    """State of the device's own estimator; null without `--estimate-on device` or `both`."""
     fit_period_s: float | None = None
-    """Least time between fits: 1, and a twelfth of the number of devices where there are more than 12; null
-    where nothing is fitted."""
+    """Shortest time between fits: 1 s, or with more than 12 devices a twelfth of a second for each device;
+    null where nothing is fitted [s]."""
 
 
 class Error(Record, frozen=True, tag="error"):
-    """Something that a person should know; the program goes on unless `--once` was given."""
+    """A message to a person about a problem; the program continues unless `--once` was given."""
 
     kind: str
-    """What kind it is: see Errors and exit codes."""
+    """Kind of the problem: see Errors and exit codes."""
     message: str
     """What happened, the likely cause, what to do."""
     host_ns: int

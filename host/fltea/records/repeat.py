@@ -1,4 +1,4 @@
-"""A limit on repeated messages: each goes out once a minute at most, however often its cause comes."""
+"""A limit on repeated messages: each is sent once a minute at most, however often its cause occurs."""
 
 from collections.abc import Hashable
 
@@ -6,13 +6,16 @@ REPEAT_NS = 60 * 10**9
 
 
 class OnceAMinute:
-    """Remembers when each message went out. The program bounds the number of keys, not a device."""
+    """Remembers when each message was sent. Keys come from the program, so a device cannot add more."""
 
     def __init__(self) -> None:
         self._sent_ns: dict[Hashable, int] = {}
 
     def is_due(self, key: Hashable, now_ns: int) -> bool:
-        """Return whether a message may go out now, by a monotonic clock in ns; if so, it counts as sent."""
+        """Return whether a message may be sent now; if so, it counts as sent.
+
+        `now_ns`: current time of a monotonic clock [ns].
+        """
         sent_ns = self._sent_ns.get(key)
         if sent_ns is not None and now_ns - sent_ns < REPEAT_NS:
             return False
@@ -20,5 +23,5 @@ class OnceAMinute:
         return True
 
     def forget(self) -> None:
-        """Let everything be news."""
+        """Forget all sent messages, so that each may be sent again at once."""
         self._sent_ns.clear()

@@ -1,4 +1,4 @@
-"""Errors that come when the system gives no more memory, threads or processes: no fault of a file."""
+"""Errors that mean that the system gives no more memory, threads or processes; no file causes them."""
 
 import errno
 import resource
@@ -9,25 +9,28 @@ from fltea.records.errors import FlteaError
 MB = 1_000_000
 
 LEAST_BYTES = 256 * MB
-"""Of address space, to compute anything: with less, some libraries end the process, and some never end."""
+"""Least address space for computing: with less, some libraries end the process, and others hang."""
 
 WORDS = "can't start new thread", "failed to map segment", "cannot allocate memory", "memory allocation"
-"""In errors of threads, of the loader of libraries, and of libraries that have no kind of error for it."""
+"""Texts in errors of threads, of the library loader, and of libraries that raise no MemoryError."""
 
 
 def least_of(what: int, ours: int) -> int:
-    """Return the limit of `resource` that a process gets which asks for `ours`: what is set may be less."""
-    return min([ours, *(one for one in resource.getrlimit(what) if one != resource.RLIM_INFINITY)])
+    """Return the smallest of `ours` and the limits that are set already.
+
+    `what`: which limit, a constant of the module `resource`.
+    """
+    return min([ours, *(limit for limit in resource.getrlimit(what) if limit != resource.RLIM_INFINITY)])
 
 
 def address_space() -> int | None:
-    """Return how many bytes of addresses this process may have; None if nothing limits it."""
+    """Return the limit of this process's address space in bytes; None if there is no limit."""
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     return None if soft == resource.RLIM_INFINITY else soft
 
 
 def check_address_space() -> None:
-    """Raise FlteaError where this process may have so few addresses that nothing can be computed."""
+    """Raise FlteaError if this process's address space is limited to less than computing needs."""
     if (limit := address_space()) is not None and limit < LEAST_BYTES:
         raise FlteaError(
             f"this session limits a process to {limit / MB:.0f} MB of addresses (ulimit -v), and numpy with "
@@ -36,7 +39,7 @@ def check_address_space() -> None:
 
 
 def is_scarcity(error: BaseException) -> bool:
-    """Whether an error says, or was caused by one that says, that the system gives no more."""
+    """Return whether an error, or one of its causes, says that the system gives no more memory or threads."""
     return any(
         isinstance(one, MemoryError)
         or (isinstance(one, OSError) and one.errno == errno.ENOMEM)
@@ -49,7 +52,7 @@ def is_scarcity(error: BaseException) -> bool:
 
 
 def scarcity(error: BaseException | None = None) -> FlteaError:
-    """Return the sentence on it, which names the limit that is the likely cause."""
+    """Return the error that tells the user about the scarcity and the limit that is its likely cause."""
     said = f" ({error})" if error is not None and str(error) else ""
     limit = address_space()
     if limit is None:

@@ -1,7 +1,7 @@
-"""Passwords in addresses: refused where an address comes in, and hidden in every line of ours.
+"""Passwords in addresses are refused in settings and command lines, and hidden in the program's messages.
 
 Everybody on a machine can read the command lines of all its programs, and records, recordings and messages
-repeat an address. So no address may hold a password, and each kind of server has a better way.
+repeat an address. So no address may hold a password, and each kind of server has a better way to get it.
 """
 
 import re
@@ -12,7 +12,10 @@ from fltea.records.errors import UsageError
 
 
 class Kind(NamedTuple):
-    """How a secret shows in what stands behind `://`, and where it belongs."""
+    """How the addresses of one kind of server may hold a secret, and where the secret belongs.
+
+    `shows`: regular expression that finds a secret in the text behind `://`. `better`: advice for the error.
+    """
 
     shows: str
     better: str
@@ -20,7 +23,7 @@ class Kind(NamedTuple):
 
 SERVER = r"@"
 FILE = r"^[^/]*@|^[^/@]*:(?!\d*(?:/|$))[^@]*@"
-"""An @ may be in a path; a port is a number."""
+"""For other schemes: a path may hold an @, and a number behind a colon is a port."""
 
 PASSWORD = r"(?:^|[\s?&])(?:ssl)?password\s*="
 
@@ -35,7 +38,7 @@ KINDS = {
     "postgresql": Kind(rf"^[^@]*:[^@]*@|{PASSWORD}", "The password comes from PGPASSWORD or ~/.pgpass."),
     "hwgrep": Kind(r"(?!)", ""),
 }
-"""By scheme; a server's user is told apart from its password by PostgreSQL alone."""
+"""Kinds of addresses by scheme. Only PostgreSQL may have a user in its address, without a password."""
 
 SAME = {"mqtts": "mqtt", "postgres": "postgresql", **dict.fromkeys(("tcp", "tls", "ws", "wss"), "dask")}
 OTHERS = Kind(FILE, "Credentials come from the environment, of workers too (host/docs/guide/cluster.md).")
@@ -50,11 +53,11 @@ _VALUE = re.compile(
 def refuse_secret(name: str, text: str, kind: str = "") -> None:
     """Refuse an address with a password in it.
 
-    name: of the option, for the message, which holds nothing of the address. kind: of `KINDS`, where an
-    address may have no scheme.
+    `name`: name of the option, for the message, which quotes nothing from the address.
+    `kind`: the key of `KINDS` that applies where the address has no scheme.
 
     Raises:
-        UsageError: then.
+        UsageError: the address holds a user or a password.
     """
     places = [(found[1].lower(), text[found.end() :]) for found in _SCHEME.finditer(text)]
     for scheme, place in places or [(kind, text)] * bool(kind):
@@ -67,7 +70,7 @@ def refuse_secret(name: str, text: str, kind: str = "") -> None:
 
 
 def refuse_secrets(words: Iterable[str]) -> None:
-    """Refuse a command line of which a word is an address with a password in it; see `refuse_secret`."""
+    """Refuse a command line in which any word is an address with a password; see `refuse_secret`."""
     option = "command line"
     for word in words:
         option = word.partition("=")[0] if word.startswith("-") else option
@@ -75,5 +78,5 @@ def refuse_secrets(words: Iterable[str]) -> None:
 
 
 def hidden(text: str) -> str:
-    """Return a line of ours in which no address shows a user, a password or a signature."""
+    """Return a message in which the user, password and signature of every address are replaced by "…"."""
     return _VALUE.sub(r"\1…", _USER.sub("://…@", text)) if "://" in text or "=" in text else text

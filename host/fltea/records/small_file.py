@@ -1,4 +1,4 @@
-"""Opens files of a user's, and reads small ones whole, such as settings: nothing waits for ever."""
+"""Open a user's files, and read small ones whole, such as settings, without ever waiting for ever."""
 
 import contextlib
 import errno
@@ -14,16 +14,17 @@ from fltea.records.errors import UsageError
 
 MOST_BYTES = 4_000_000
 PATIENCE_S = 5.0
-"""How long a pipe may have nothing to say: one that nobody opens for writing never has."""
+"""Longest time that a pipe may stay empty: a pipe that nobody opens for writing stays empty for ever."""
 
 
 def read_small(path: Path, *, what: str = "", most_bytes: int = MOST_BYTES, private: bool = False) -> bytes:
     """Return the content of a file, or of a pipe up to its end.
 
-    what: the setting that names it, for messages, which hold nothing of the file. private: it holds a secret.
+    `what`: the setting that names the file, for messages. Messages quote nothing from the file.
+    `private`: the file holds a secret, so it is refused if everybody may read it.
 
     Raises:
-        UsageError: it cannot be read, has no end or a long way to it, or others may read what is private.
+        UsageError: the file cannot be read, is larger than `most_bytes`, or is private and readable by all.
     """
     name = f"{what} {path}".lstrip()
     try:
@@ -56,10 +57,10 @@ def _some(descriptor: int, name: str) -> bytes:
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Open what has to be a file: opening a pipe would wait for who writes.
+    """Open a regular file to read. Pipes are refused, since opening one would wait for its writer.
 
     Raises:
-        OSError: it cannot be opened, or is a pipe or a device.
+        OSError: the file cannot be opened, or is a pipe or a device.
     """
     file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))  # noqa: SIM115
     if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
@@ -69,11 +70,11 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def open_stream(path: Path) -> BinaryIO:
-    """Open a pipe or the like to read. Whoever writes into it may then take all the time.
+    """Open a pipe or a device to read. Once it is open, its writer may take any time.
 
     Raises:
-        OSError: it cannot be opened.
-        UsageError: nobody opens it to write.
+        OSError: the pipe cannot be opened.
+        UsageError: no program opens the pipe for writing within `PATIENCE_S`.
     """
     opened: Future[BinaryIO] = Future()
 
@@ -88,7 +89,7 @@ def open_stream(path: Path) -> BinaryIO:
         return opened.result(PATIENCE_S)
     except TimeoutError:
         opened.add_done_callback(lambda late: late.exception() or late.result().close())
-        with contextlib.suppress(OSError):  # lets go of the thread
+        with contextlib.suppress(OSError):  # ends the wait of the thread
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(
             f"{path}: nobody writes into this pipe, for {PATIENCE_S:g} s. Start what writes first."

@@ -15,7 +15,7 @@ CAUSE_WORDS = {
     "state_bound": "the state held near the sample",
     "memory_order": "an order beyond the memory's range",
 }
-"""Why the guard stepped in, as counts of interventions have it, and for a person."""
+"""Causes for which the guard steps in: the key in counts of interventions, and the words for a person."""
 
 
 class DeviceStatus(msgspec.Struct, frozen=True):
@@ -24,9 +24,9 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     i2c_errors: int
     """I²C transfers that failed."""
     bus_recoveries: int
-    """Times that a held bus was freed (of an I²C source: opened again)."""
+    """How often a blocked bus was freed (of an I²C source: opened again)."""
     sensor_reinits: int
-    """Times that the sensor was set up again."""
+    """How often the sensor was set up again."""
     overruns: int
     """Sampling instants without a sample."""
     dropped_frames: int
@@ -34,21 +34,21 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     reset_cause: str
     """`power_up`, `backup`, `watchdog`, `software`, `user`, `unknown`."""
     cpu_share_percent: float | None = None
-    """Share of the time that the board's main loop worked [%]."""
+    """Share of the time in which the board's main loop was busy [%]."""
     longest_step_us: int | None = None
-    """Longest turn of the device's main loop in that time [µs]."""
+    """Longest pass of the device's main loop since the last report [µs]."""
 
 
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What arrived and what was lost on the way, since the start of the program."""
+    """Counts of what arrived from the source and what was lost in transit, since the start of the program."""
 
     bytes: int = 0
     """Bytes received."""
     frames: int = 0
-    """Good frames (of an I²C source: samples)."""
+    """Undamaged frames (of an I²C source: samples)."""
     bad_frames: dict[str, int] = {}
-    """Damaged frames by reason (protocol/README.md); `partial` is normal after attaching. Of an I²C source:
-    restarts of the FIFO by cause (`overflow`, `misaligned`, `out_of_step`, `broken_transfer`)."""
+    """Damaged frames by reason (protocol/README.md); `partial` is normal after the port is opened. Of an I²C
+    source: restarts of the FIFO by cause (`overflow`, `misaligned`, `out_of_step`, `broken_transfer`)."""
     unknown_type: int = 0
     """Intact frames of a type that this version does not know."""
     refused: int = 0
@@ -56,80 +56,80 @@ class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     overflow_bytes: int = 0
     """Bytes thrown away because the program was too slow."""
     reconnects: int = 0
-    """Times that the port was opened again."""
+    """How often the port was opened again."""
 
 
 class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What became of the samples, since the start of the program."""
+    """Counts of used, lost and refused samples, since the start of the program."""
 
     delivered: int
-    """Samples that went on to the estimator."""
+    """Samples that were passed to the estimator."""
     lost: int
     """Samples missing in gaps."""
     gaps: int
-    """Gaps."""
+    """Number of gaps."""
     duplicates: int
-    """Samples that came twice and were dropped."""
+    """Samples that arrived a second time and were dropped."""
     before_hello: int
-    """Samples that could not be used because their HELLO had not been heard."""
+    """Samples that could not be used because no HELLO had arrived yet."""
     rate_differs: int = 0
     """Samples that were not used because the device's clock contradicts the rate that its HELLO states."""
 
 
 class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Bias(T) against the mean of the next T seconds, over the pieces of T seconds at rest so far."""
+    """Comparison of Bias(T) with the mean of the next T seconds, over all T-second pieces at rest so far."""
 
     pieces: int
-    """Pieces that were compared."""
+    """Number of pieces that were compared."""
     rms: float
-    """Root mean square of the difference over its σ: 1 where Bias(T) and its σ hold."""
+    """Root mean square of the difference divided by its σ: 1 where Bias(T) and its σ are right."""
 
 
 class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the tracker of an axis's bias gets on."""
+    """State and checks of the tracker of an axis's bias."""
 
     model: str
-    """The noise that it goes by: the parts of the fit, or `walks` before there is one."""
+    """The tracker's noise model: the parts of the fit, or `walks` (random walks) before the first fit."""
     nis: float | None
     """Mean normalised innovation squared, 1 where the model holds; null before 200 innovations."""
     lag1: float | None
-    """Correlation of neighbouring innovations, 0 where the model holds; null before 200."""
+    """Correlation of neighbouring innovations, 0 where the model holds; null before 200 innovations."""
     holds: bool | None
-    """Whether the last 1,000 innovations are white; null before 200."""
+    """Whether the last 1,000 innovations are white; null before 200 innovations."""
     moved: int
-    """Samples in motion, over which it predicted."""
+    """Samples in motion, over which the tracker predicted the bias."""
     restarts: int
-    """How often it began again, because the offset was another for ten seconds."""
+    """How often the tracker started again, because the offset had another value for ten seconds."""
     K: Interval = Interval()
-    """Random walk of the offset that the samples show in time; null where the offset may be constant
+    """Random walk of the offset, estimated from the samples in time; null where the offset may be constant
     [`unit`/s/√s]."""
     heading_std: dict[int, float] = {}
-    """Standard deviation of the heading so many seconds after the last sample at rest: 1, 10, 60, 600, 3,600
-    [deg]."""
+    """Standard deviation of the heading, by the number of seconds since the last sample at rest: 1, 10, 60,
+    600, 3,600 [deg]."""
     bias: float | None = None
     """The bias after the newest sample [`unit`]."""
     bias_std: float | None = None
     """Standard deviation of that bias [`unit`]."""
     steps: int = 0
-    """Steps of its bias."""
+    """Number of steps of the axis's bias."""
     moving: bool = False
-    """Whether the sensor moves as of the newest sample."""
+    """Whether the sensor is moving at the newest sample."""
     checked: dict[int, BiasCheck] = {}
-    """Bias(T) against the mean of the next T seconds, by T: 1, 10, 60 s."""
+    """Comparison of Bias(T) with the mean of the next T seconds, by T: 1, 10, 60 s."""
     bias_for_s: float = 1.0
-    """The bias is the mean that is expected over so many seconds [s]."""
+    """Time over which the published bias is the expected mean [s]."""
 
 
 class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What the start-up window gave an axis, and how its filters get on."""
+    """Bias and R of an axis from the start-up window, and the state of its filters."""
 
     bias: float | None
-    """Bias in use (for an accelerometer gravity is in it); null until the start-up window is full
+    """Bias in use (of an accelerometer it includes gravity); null until the start-up window is full
     [`unit`]."""
     R_in_use: float | None
     """Measurement variance in use [`unit` squared]."""
     restarts: int
-    """Times that the axis began again in this epoch."""
+    """How often the filters of the axis started again in this epoch."""
     interventions: dict[str, int]
     """Samples since the axis's last start in which the guard stepped in, by cause."""
     innovation_lag1: float | None = None
@@ -139,58 +139,60 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unit: str = "deg/s"
     """`deg/s`, or `m/s^2` for axes of the accelerometer."""
     Q_in_use: float | None = None
-    """Variance of a step of the noise's source in use, h^2α included; null where a device estimates [`unit`
-    squared]."""
+    """Q in use, the variance of one step of the process noise, h^2α included; null where a device estimates
+    [`unit` squared]."""
     tuned: bool = False
-    """Q and R are those of the live fit, and α and f have gone on from its own (`estimator.tuning`)."""
+    """Q and R are those of the live fit, and the filters of α and f started from its values
+    (`estimator.tuning`)."""
     describes_noise: bool | None = None
     """False: the filters' α and f do not describe the noise: their innovations are not white (Ljung–Box p
     below 0.001), the fit has no order, or α is not within its interval; null at first."""
     tracker: TrackerStats | None = None
-    """How the tracker of the axis's bias gets on; null without one."""
+    """State of the tracker of the axis's bias; null where there is no tracker."""
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How the device's own estimator gets on."""
+    """State and counts of the device's own estimator."""
 
     begun: int
-    """Times since its boot that it began, with a start-up window."""
+    """How often the estimator started with a new start-up window since the device's boot."""
     startup_remaining: int
     """Samples until its start-up window is full."""
     every: int
     """Samples from one of its estimates to the next."""
     queue: int
-    """Samples that wait for it."""
+    """Samples that wait for the device's estimator."""
     skipped: int
-    """Samples since its boot that it could not take, because it had fallen behind."""
+    """Samples since the device's boot that its estimator skipped, because it had fallen behind."""
     longest_axis_us: int
-    """Longest step of one axis since its boot [µs]."""
+    """Longest computing time of one step of one axis since the device's boot [µs]."""
     estimates: int
-    """Estimates of an axis that came."""
+    """Estimates (of one axis each) that arrived."""
     lost: int
-    """Those that the device sent and that did not come."""
+    """Estimates that the device sent and that did not arrive."""
     unplaced: int
-    """Those that came and fit no sample, since it was lost, is of before the epoch, or 256 samples ago."""
+    """Estimates that arrived but belong to no known sample: it was lost, precedes the epoch, or is more than
+    256 samples old."""
     restarts: dict[str, int]
-    """Times since its start-up window that the axis began again."""
+    """How often each axis started again since the device's start-up window."""
     interventions: dict[str, dict[str, int]]
     """Samples since the axis's last start in which its guard stepped in, by cause."""
     fit_every: int = 0
-    """Samples from one round of its fits to the next; 0: it makes none."""
+    """Samples from one round of the device's fits to the next; 0: the device makes no fits."""
     fits: int = 0
-    """Fits of an axis that came."""
+    """Fits (of one axis each) that arrived."""
     fits_refused: int = 0
     """Fits with impossible numbers, or before the first sample."""
     longest_slice_us: int = 0
-    """Longest slice of a fit since its boot [µs]."""
+    """Longest slice of computing time for a fit since the device's boot [µs]."""
 
 
 class OutputStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What an output did with its records, since the start of the program."""
+    """Counts of an output's records, since the start of the program."""
 
     written: int
-    """Records that the output has passed on."""
+    """Records that the output has written."""
     dropped: int
-    """Records that it lost since it was too slow or broken."""
+    """Records that the output lost because it was too slow or broken."""
     queued: int
-    """Records that wait for it as of now."""
+    """Records that wait for the output now."""

@@ -1,7 +1,8 @@
-"""Files that are there for as long as they are used: all temporary files of the program are made here.
+"""Temporary files; the whole program makes them with these functions.
 
-Most have no name, and the system takes them away with the process that holds them, however it ends. What
-others have to find by a name is in a folder that a lock tells from those that killed processes left.
+Most have no name, so the system removes them when their process ends, in whatever way. Files that other code
+must find by name lie in a work folder. Its process holds a lock on it; a work folder without a lock was left
+by a killed process and is removed.
 """
 
 import contextlib
@@ -22,20 +23,20 @@ from typing import Any, BinaryIO, cast
 from fltea.records.errors import FlteaError
 
 PREFIX, NEW_PREFIX = "fltea-work-", "fltea-new-"
-"""Of folders that are in use as long as they are locked, and of those that are about to be locked."""
+"""Prefixes of the names of work folders: of locked folders, and of new folders before they are locked."""
 
 YOUNG_S = 60.0
-"""Seconds; less goes by between making a folder and locking it."""
+"""A new folder younger than this is not removed [s]: its process may be about to lock it."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 ENDING = signal.SIGTERM, signal.SIGHUP
 
 _IN_USE: set[Path] = set()
-"""Folders of this process."""
+"""Work folders of this process."""
 
 
 class TemporaryFailed(FlteaError):
-    """The folder for temporary files takes no more, or cannot be used at all. reason: the system's words."""
+    """The folder for temporary files is full or unusable. `reason`: the system's text for the error."""
 
     reason = ""
 
@@ -43,30 +44,30 @@ class TemporaryFailed(FlteaError):
 def _failed(folder: object, error: OSError) -> TemporaryFailed:
     what = "is full" if error.errno in FULL else "cannot be used"
     reason = error.strerror or str(error)
-    found = TemporaryFailed(
+    failed = TemporaryFailed(
         f"{folder}: the folder for temporary files {what} ({reason}). Nothing is wrong with what is read; "
         "make room there, or name a larger folder with the variable TMPDIR."
     )
-    found.reason = reason
-    return found
+    failed.reason = reason
+    return failed
 
 
 class _File(io.FileIO):
-    """A temporary file whose errors speak of its folder: readers take an OSError for the recording's."""
+    """A temporary file that raises `TemporaryFailed`: readers would take an OSError for the recording's."""
 
     def __init__(self, file: Any, mode: str, folder: object) -> None:
         super().__init__(file, mode)
         self._folder = folder
 
     def write(self, data: Any) -> Any:
-        """Write what there is room for."""
+        """Write data; a full disk raises `TemporaryFailed`."""
         try:
             return super().write(data)
         except OSError as error:
             raise _failed(self._folder, error) from error
 
     def readinto(self, buffer: Any) -> Any:
-        """Read what was written."""
+        """Read data; an error of the disk raises `TemporaryFailed`."""
         try:
             return super().readinto(buffer)
         except OSError as error:
@@ -74,12 +75,12 @@ class _File(io.FileIO):
 
 
 def nameless_file(folder: Path | None = None) -> BinaryIO:
-    """Make a file without a name, to be written and read.
+    """Return a new file without a name, open for writing and reading.
 
-    folder: where it is, if not in the folder for temporary files.
+    `folder`: the folder of the file; None: the folder for temporary files.
 
     Raises:
-        TemporaryFailed: it cannot be made; so do its writes when there is no more room.
+        TemporaryFailed: the file cannot be made. Its writes raise it when there is no more room.
     """
     where = folder or _temporary_folder()
     try:
@@ -93,10 +94,10 @@ def nameless_file(folder: Path | None = None) -> BinaryIO:
 
 
 def named_file(path: Path) -> BinaryIO:
-    """Make a file in a folder that `work_folder` gave, to be written and read.
+    """Return a new file in a folder of `work_folder`, open for writing and reading.
 
     Raises:
-        TemporaryFailed: it cannot be made; so do its writes when there is no more room.
+        TemporaryFailed: the file cannot be made. Its writes raise it when there is no more room.
     """
     try:
         return cast(BinaryIO, io.BufferedRandom(_File(path, "x+b", path.parent)))
@@ -106,13 +107,13 @@ def named_file(path: Path) -> BinaryIO:
 
 @contextlib.contextmanager
 def work_folder() -> Iterator[Path]:
-    """Yield a folder for temporary files; before it is made those go that killed processes left.
+    """Yield a new folder for temporary files, after removing folders that killed processes left.
 
-    Whoever works holds a lock on its folder, which the system takes away with the process. SIGTERM and SIGHUP
-    remove the folder and then end the process, as they would without it.
+    The process holds a lock on its folder, which the system releases when the process ends. SIGTERM and
+    SIGHUP first remove the folder and then end the process as usual.
 
     Raises:
-        TemporaryFailed: it cannot be made.
+        TemporaryFailed: the folder cannot be made.
     """
     where = _temporary_folder()
     try:
@@ -135,17 +136,17 @@ def work_folder() -> Iterator[Path]:
 def _temporary_folder() -> Path:
     try:
         return Path(tempfile.gettempdir())
-    except OSError as error:  # none of those that it tries can be written to
+    except OSError as error:  # none of the usual folders can be written to
         raise _failed(os.environ.get("TMPDIR", "/tmp"), error) from error
 
 
 @contextlib.contextmanager
 def _removed_by_signals(folder: Path) -> Iterator[None]:
-    """Let the signals that end a process remove a folder first, where nothing else is done about them."""
+    """Make SIGTERM and SIGHUP remove the work folders first, unless the program handles these signals."""
 
     def end(number: int, _: object) -> None:
-        for one in tuple(_IN_USE):
-            shutil.rmtree(one, ignore_errors=True)
+        for used in tuple(_IN_USE):
+            shutil.rmtree(used, ignore_errors=True)
         signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
 

@@ -1,3 +1,3 @@
-"""The version of the program. It stands here, on the ground, so that no room imports the package's top."""
+"""The version of the program, in the lowest package, so that no package has to import `fltea` itself."""
 
 __version__ = "0.1.0"

@@ -13,21 +13,21 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.temporary import TemporaryFailed, nameless_file
 
 KEPT_OF_NAME = 40
-"""Characters of a file's name in that of its part: a name may have 255 bytes and needs room for the rest."""
+"""Characters of the file's name in the name of its temporary part: names are limited to 255 bytes."""
 
 NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY | os.O_CLOEXEC
 
 
 @contextlib.contextmanager
 def whole_file(out: Path) -> Iterator[BinaryIO]:
-    """Give a file to write to; at the end it becomes `out`, and after any failure there is none.
+    """Yield a temporary file to write to; on success it is renamed to `out`, on failure it is deleted.
 
-    It has a name that nobody can guess, in the same folder, and is made new: a link that a stranger put
-    there is not followed. It is on the disk before it takes its name.
+    The temporary file has an unpredictable name in the folder of `out` and is always a new file, so a link
+    that another user put there is not followed. Its data are on the disk before it is renamed.
 
     Raises:
-        UsageError: a device, a pipe or a folder has the name, which nothing takes the place of.
-        FlteaError: the file cannot be written; what was at `out` is as it was.
+        UsageError: `out` is a device, a pipe or a folder, which must not be replaced.
+        FlteaError: the file cannot be written; an earlier file `out` is unchanged.
     """
     _check_replaceable(out)
     part = out.parent / f".{out.name[:KEPT_OF_NAME]}.{secrets.token_hex(8)}.part"
@@ -49,10 +49,10 @@ def whole_file(out: Path) -> Iterator[BinaryIO]:
 
 
 def _check_replaceable(out: Path) -> None:
-    """Refuse what is no file. Root may put one in the place of /dev/null, and then the system is broken."""
+    """Refuse to replace anything but a file: root could replace /dev/null and so break the system."""
     try:
         mode = os.lstat(out).st_mode
-    except (OSError, ValueError):  # nothing is there, or whoever opens it says what is wrong
+    except (OSError, ValueError):  # nothing is there, or opening the file will report what is wrong
         return
     in_dev = out.absolute().parent == Path("/dev")
     if not (stat.S_ISREG(mode) or (stat.S_ISLNK(mode) and not in_dev)):
@@ -61,7 +61,7 @@ def _check_replaceable(out: Path) -> None:
 
 @contextlib.contextmanager
 def text_of(file: BinaryIO) -> Iterator[TextIO]:
-    """Write text to a binary file, whose line ends stay as they are; the file stays open."""
+    """Yield a text writer for a binary file; it does not convert line ends, and the file stays open."""
     text = io.TextIOWrapper(file, encoding="utf-8", newline="")
     yield text
     text.flush()
@@ -69,10 +69,10 @@ def text_of(file: BinaryIO) -> Iterator[TextIO]:
 
 
 def prepare_folder(flag: str, folder: Path) -> None:
-    """Make the folder of a flag and see that it can be written to, before minutes are spent.
+    """Make the folder that a flag names, and check before long computations that it can be written to.
 
     Raises:
-        UsageError: it cannot.
+        UsageError: the folder cannot be written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -83,5 +83,5 @@ def prepare_folder(flag: str, folder: Path) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """Return the reason without the part's name, which says nothing to a person."""
+    """Return the reason without the name of the temporary part, which means nothing to a person."""
     return getattr(error, "strerror", None) or str(error)

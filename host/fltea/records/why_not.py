@@ -1,4 +1,4 @@
-"""Why `device_estimate` gives no differences, in words, for all that show it."""
+"""Texts for the reasons why `device_estimate` gives no differences, for the page and the terminal."""
 
 from fltea.records.records import WhyNot
 
@@ -9,9 +9,9 @@ WHY_NOT: dict[WhyNot, str] = {
     "device_skipped": "the device skipped samples",
     "other_settings": "the host has other settings than the device",
 }
-"""Each reason in words; an earlier one is reported before a later one."""
+"""Text of each reason. If several reasons apply, the earliest in this list is reported."""
 
 
 def not_comparable(why: WhyNot) -> str:
-    """Return a reason as it is shown in place of a difference."""
+    """Return the text that is shown in place of a difference."""
     return f"not comparable: {WHY_NOT[why]}"

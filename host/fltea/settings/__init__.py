@@ -1,1 +1,1 @@
-"""All that the program can be told."""
+"""All settings of the program: how they are declared, read and checked."""

@@ -1,4 +1,4 @@
-"""Configuration: defaults, then a TOML file, then flags; every mistake is named with its path."""
+"""Configuration from defaults, a TOML file and flags; every error names the path of the wrong setting."""
 
 import re
 import tomllib
@@ -24,13 +24,13 @@ from fltea.settings.setting import Setting, Table, all_declared, joined, of_sens
 from fltea.wire import layout as wire
 
 MOST_BYTES = 250_000
-"""Of a file of settings: a thousand devices."""
+"""Largest size of a settings file; a thousand devices fit in it."""
 
 DOT, MOST_DOTS = re.compile(r"\.[^.]"), 50
-"""Of a line of settings. tomllib's time and memory grow with the square of the parts of a key."""
+"""Most dots in a line of settings: tomllib's time and memory grow with the square of the parts of a key."""
 
 MOST_MB = 1e9
-"""A thousand TB; beyond it a limit is none."""
+"""Largest limit of memory that can be set, a thousand TB."""
 
 
 class LinkConfig(Table, frozen=True):
@@ -50,7 +50,8 @@ class LinkConfig(Table, frozen=True):
     latency: Annotated[
         str,
         Setting(
-            "How long samples of a serial port may wait for more, which costs less; 0 ms takes each at once.",
+            "How long samples of a serial port may wait for more, which saves processor time; 0 ms takes each "
+            "at once.",
             unit="s",
             least=0,
             most=1,
@@ -78,7 +79,7 @@ class LinkConfig(Table, frozen=True):
     def latency_s(self) -> float:
         """The latency in seconds."""
         seconds = in_seconds(self.latency)
-        assert seconds is not None  # the declaration has seen it
+        assert seconds is not None  # Setting.accepts has checked it
         return seconds
 
 
@@ -92,14 +93,15 @@ class ReplayConfig(How, frozen=True):
     shuffle: Annotated[
         int | None,
         Setting(
-            "Shuffle the samples of a recording, with this seed: shows what white noise of this size gives.",
+            "Shuffle the samples of a recording, with this seed: shows the results for white noise of the same "
+            "power.",
             least=0,
             flags=("--shuffle",),
             metavar="SEED",
             example=1,
         ),
     ] = None
-    max_chunk_mb: Annotated[float, _memory("Most memory for one record of an MCAP file, unpacked.")] = (
+    max_chunk_mb: Annotated[float, _memory("Most memory for one record of an MCAP file, decompressed.")] = (
         DEFAULT_LIMITS.max_chunk_mb
     )
     max_mb: Annotated[float, _memory("Most memory for any other recording, 8 bytes a number.")] = (
@@ -113,16 +115,16 @@ class ReplayConfig(How, frozen=True):
 
     @property
     def how(self) -> How:
-        """What is said of the recording."""
+        """The settings that say how to read the recording."""
         return How(**{name: getattr(self, name) for name in How.__struct_fields__})
 
 
 class Config(Outputs, frozen=True):
-    """All that `fltea run` can be told; the tables of its TOML file have the same names."""
+    """All settings of `fltea run`; the tables of its TOML file have the same names."""
 
     source: Annotated[
         str | None,
-        Setting("Where samples come from, as for `--source`.", example="serial:/dev/ttyACM0"),
+        Setting("Address of the source of samples, as for `--source`.", example="serial:/dev/ttyACM0"),
     ] = None
     name: Annotated[
         str | None,
@@ -187,17 +189,17 @@ class Config(Outputs, frozen=True):
 
 
 TABLES = tables(Config())
-"""Every table by its path; the file itself has none."""
+"""Every table of settings by its path; the top table has the path ""."""
 
 SETTINGS = all_declared(Config())
 """Every setting by its path."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
-"""What a table [device.NAME] may say; the rest is said once for the whole program."""
+"""Settings and tables that a table [device.NAME] may hold; all others apply to the whole program."""
 
 
 def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
-    """The configuration of the one device that there is; see `load_configs`."""
+    """Return the configuration of the only device; see `load_configs`."""
     (config,) = load_configs(file, overrides)
     return config
 
@@ -205,13 +207,14 @@ def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
 def load_configs(
     file: Path | None, overrides: Mapping[str, Any], sources: Iterable[str] = ()
 ) -> list[Config]:
-    """Merge defaults, a TOML file, its tables of devices, and flags; one `Config` a device.
+    """Merge defaults, a TOML file, its tables of devices, and flags; return one `Config` for each device.
 
-    overrides: dotted path to value, such as {"estimator.window": 1500}. sources: URLs given as flags, which
-    replace the file's devices.
+    `file`: the TOML file; None: there is none.
+    `overrides`: values of flags by the dotted path of their setting, such as {"estimator.window": 1500}.
+    `sources`: URLs given as flags, which replace the file's devices.
 
     Raises:
-        UsageError: names file or flag, the path of the key, and what is wrong.
+        UsageError: a setting is wrong; the text names the file or flag, and the path of the setting.
     """
     tree: dict[str, Any] = {}
     if file is not None:
@@ -222,7 +225,7 @@ def load_configs(
         raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
     devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
     if urls:
-        names = device_names(urls) if len(urls) > 1 else [None]  # one alone may be named by `name`
+        names = device_names(urls) if len(urls) > 1 else [None]  # the setting `name` names a single device
         devices = dict(zip(names, ({"source": url} for url in urls), strict=True))
     configs = []
     for name, table in (devices or {None: {}}).items():
@@ -250,7 +253,7 @@ def load_configs(
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of base in which the values of over win, table by table."""
+    """Return a copy of `base` in which the values of `over` replace those of `base`, table by table."""
     result = {key: _merged(value, {}) if isinstance(value, dict) else value for key, value in base.items()}
     for key, value in over.items():
         known = result.get(key)
@@ -262,10 +265,12 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
-    """Split `path=value` of a --set flag; the value is TOML, or else what a flag of this setting takes.
+    """Split the text `path=value` of a --set flag.
+
+    The value is read as TOML; if it is no TOML, it is read like the text of the setting's own flag.
 
     Raises:
-        UsageError: no path or no value.
+        UsageError: the path or the value is missing.
     """
     path, sign, value = text.partition("=")
     path, value = path.strip(), value.strip()
@@ -278,7 +283,10 @@ def parse_setting(text: str) -> tuple[str, Any]:
 
 
 def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
-    """What flags say of settings, by path: texts are read as their setting takes them, None is left out."""
+    """Return the values of flags by the path of their setting.
+
+    Texts are converted to the setting's type; None means that a flag was not given and is left out.
+    """
     return {
         path: SETTINGS[path].read(value) if isinstance(value, str) else value
         for path, value in flags.items()
@@ -294,7 +302,7 @@ def _read_toml(file: Path) -> dict[str, Any]:
 
 
 def _parsed(text: str) -> dict[str, Any]:
-    """Return the tree of a text in TOML; ValueError if it is none."""
+    """Return the tree of a TOML text; raise ValueError if it is no TOML."""
     for number, line in enumerate(text.split("\n"), 1):
         if sum(1 for _ in DOT.finditer(line)) > MOST_DOTS:
             raise ValueError(f"line {number} has more than {MOST_DOTS} dots, which no setting has")
@@ -321,7 +329,7 @@ def _convert(tree: Mapping[str, Any], origin: str) -> Config:
 
 
 def _explain(message: str, tree: Mapping[str, Any]) -> str:
-    """Make of msgspec's `reason - at `$.a.b`` a sentence that begins with the path of the setting."""
+    """Convert msgspec's message `reason - at `$.a.b`` to a sentence that begins with the setting's path."""
     reason, _, place = message.partition(" - at ")
     path = place.strip("`").removeprefix("$").lstrip(".")
     unknown = re.fullmatch(r"Object contains unknown field `(.*)`", reason)
@@ -329,10 +337,10 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    if setting is not None:  # of another type, or none of the words
+    if setting is not None:  # the value has another type, or is none of the setting's words
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:
-        # What a table has found itself begins with the name of a setting: it does not know where it lies.
+        # A table's own check begins with the setting's name, since a table does not know its own path.
         return f"{of_sensor(path + '.', joined(path, reason))}."
     return f"{path}: {reason[:1].lower()}{reason[1:]}."
 

@@ -1,13 +1,13 @@
-"""What a device is called that nobody named (pure)."""
+"""Names for devices that the user has not named."""
 
 import re
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-"""A device's name: it becomes part of file names and of MQTT topics."""
+"""Pattern of a device's name, which becomes part of file names and of MQTT topics."""
 
 
 def device_name(url: str | None) -> str:
-    """Name of a device that nobody named: the last part of its address."""
+    """Return a name for a device, made from the last part of its address."""
     if url is None or "hwgrep:" in url:
         return "due"
     path, _, query = url.partition("?")
@@ -24,7 +24,7 @@ def device_name(url: str | None) -> str:
 
 
 def device_names(urls: list[str]) -> list[str]:
-    """A name for each, numbered where two would be the same."""
+    """Return a name for each address, with a number appended where two names would be equal."""
     names: list[str] = []
     for url in urls:
         name, number = device_name(url), 2

@@ -8,13 +8,13 @@ from fltea.settings.duration import Duration, in_samples, known
 from fltea.settings.setting import Setting, Table
 
 LARGEST = 1e100
-"""No number of a filter and no variance is larger; no measurement variance is smaller than 1 over it."""
+"""Largest number or variance of a filter; the smallest measurement variance is 1 / LARGEST."""
 
 LONGEST_WINDOW = 10_000_000
-"""Samples; more than a day at 100 Hz, and as much memory as a small computer has to spare."""
+"""Longest window in samples: more than a day at 100 Hz. It fits into the memory of a small computer."""
 
 LONGEST_GAP = 1_000_000
-"""Samples that are bridged at most, one by one: seconds of work, for what is three hours at 100 Hz."""
+"""Longest gap in samples that is bridged, step by step: three hours at 100 Hz, seconds of computing."""
 
 SQUARED = "(deg/s)²"
 DELTA = Setting(
@@ -43,7 +43,7 @@ class StateSettings(Table, frozen=True):
 
 
 class OrderSettings(Table, frozen=True):
-    """KFo, the filter of the order, which has no unit. P0 = Q0 = 0 holds the order at alpha0."""
+    """KFo, the filter of the order, which has no unit. P0 = Q0 = 0 keeps the order at alpha0."""
 
     P0: Annotated[float, _variance("Variance of the order at the start.")] = 0.01
     Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.")] = 0.1
@@ -52,7 +52,7 @@ class OrderSettings(Table, frozen=True):
 
 
 class ParameterSettings(Table, frozen=True):
-    """KFw, the filter of the parameter. P0 = Q0 = 0 holds f at f0."""
+    """KFw, the filter of the parameter. P0 = Q0 = 0 keeps f at f0."""
 
     P0: Annotated[float, _variance("Variance of f at the start.", "(s^-α)²")] = 0.01
     Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.", "(s^-α)²")] = 0.1
@@ -71,16 +71,17 @@ class JointSettings(Table, frozen=True):
 
 
 EstimateOn = Literal["host", "device", "both"]
-"""Who estimates the gyroscope's axes."""
+"""Which computer estimates the gyroscope's axes."""
 
 Tuning = Literal["live", "startup"]
-"""Who sets the filters' Q and R while they run."""
+"""Source of the filters' Q and R while they run: the live fit, or the start-up window."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""It errs less on most noises, and its σ covers (host/docs/evaluation/live.md, Tuned live)."""
+"""Default, since live tuning errs less on most noises, and its σ covers the errors
+(host/docs/evaluation/live.md, Tuned live)."""
 
 BY_DEVICE = ("device", "both")
-"""Those of `EstimateOn` for which the device estimates by itself."""
+"""Values of `EstimateOn` for which the device runs its own estimator."""
 
 
 class EstimatorConfig(Table, frozen=True):
@@ -102,7 +103,7 @@ class EstimatorConfig(Table, frozen=True):
     startup: Annotated[
         Duration,
         Setting(
-            "Length of the start-up window, a number of samples or a time. Bias and R are taken from it, "
+            "Length of the start-up window, a number of samples or a time. Bias and R are computed from it, "
             "so keep the sensor at rest.",
             unit="samples",
             least=2,
@@ -137,8 +138,8 @@ class EstimatorConfig(Table, frozen=True):
     estimate_on: Annotated[
         EstimateOn,
         Setting(
-            "Who estimates the gyroscope: `host` (this computer), `device` (the Arduino Due), or `both`, "
-            "with the difference.",
+            "Which computer estimates the gyroscope: `host` (this one), `device` (the Arduino Due), or "
+            "`both`, with the difference.",
             flags=("--estimate-on",),
         ),
     ] = "host"
@@ -179,9 +180,9 @@ class EstimatorConfig(Table, frozen=True):
     tuning: Annotated[
         Tuning | None,
         Setting(
-            "Who sets the filters' Q and R: `live` (the live fit, once it knows them) or `startup` (the "
-            "start-up window, as in the paper). Unset: `live`, but `startup` if Q or R is given or guard "
-            "is `off`.",
+            "Source of the filters' Q and R: `live` (the live fit, once it knows them) or `startup` (the "
+            "start-up window, as in the paper). Unset: `live`; if Q or R is given or guard is `off`, "
+            "`startup`.",
             flags=("--tuning",),
             example="startup",
         ),
@@ -201,17 +202,17 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def tuned_by(self) -> Tuning:
-        """What `tuning` comes to."""
+        """The value of `tuning`, or its default if it is unset."""
         if self.tuning is not None:
             return self.tuning
         given = self.R != "auto" or self.state.Q != type(self)().state.Q
         return "startup" if given or self.guard == "off" else DEFAULT_TUNING
 
     def at(self, rate_hz: float) -> Self:
-        """The same with times as samples at a rate.
+        """Return these settings with times converted to samples at `rate_hz`.
 
         Raises:
-            ValueError: a window that no filter can keep.
+            ValueError: a window is too long for the filters.
         """
         window = in_samples(self.window, rate_hz, 1)
         startup = in_samples(self.startup, rate_hz, 2)
@@ -221,25 +222,25 @@ class EstimatorConfig(Table, frozen=True):
 
     @property
     def window_samples(self) -> int:
-        """`window`, once `at` has made samples of it."""
+        """`window` in samples; available after `at` has converted it."""
         return known("window", self.window)
 
     @property
     def startup_samples(self) -> int:
-        """`startup`, once `at` has made samples of it."""
+        """`startup` in samples; available after `at` has converted it."""
         return known("startup", self.startup)
 
     @property
     def startup_needed(self) -> int:
-        """Samples that the start-up window takes: none if neither bias nor R is drawn from it."""
+        """Length of the start-up window in samples; 0 if neither bias nor R is computed from it."""
         return self.startup_samples if self.bias == "startup" or self.R == "auto" else 0
 
 
 class AccelConfig(EstimatorConfig, frozen=True):
-    """The same for axes of the accelerometer, in m/s² in place of deg/s.
+    """The same settings for axes of the accelerometer, in m/s² in place of deg/s.
 
-    The ratio to the noise is the one that the paper has: a resting MPU-6050 has 9e-4 (m/s²)² where the
-    paper's gyroscope has 0.02 (deg/s)².
+    The default variances have the same ratio to the noise as in the paper: the variance of a resting
+    MPU-6050's accelerometer is 9e-4 (m/s²)², that of the paper's gyroscope 0.02 (deg/s)².
     """
 
     state: StateSettings = StateSettings(P0=0.00045, Q=0.00675)

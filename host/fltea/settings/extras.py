@@ -1,4 +1,4 @@
-"""Libraries that are extras of the package, loaded when they are asked for."""
+"""Load optional libraries (extras of the package) when they are needed."""
 
 import importlib
 import sys
@@ -8,11 +8,11 @@ from types import ModuleType
 from fltea.records.errors import UsageError
 
 _ROOT = Path(__file__).resolve().parents[3]
-"""The clone, if the program runs from one."""
+"""Folder of the clone, if the program runs from a clone."""
 
 
 def how_to_install(*extras: str) -> str:
-    """The command that installs extras. fltea is on no package index, so it is one for a clone."""
+    """Return the command that installs extras, from a clone, since fltea is on no package index."""
     wanted = f"'.[{','.join(extras)}]'"
     if (_ROOT / "pyproject.toml").is_file():
         return f"cd {_ROOT} && {sys.executable} -m pip install -e {wanted}"
@@ -20,12 +20,14 @@ def how_to_install(*extras: str) -> str:
 
 
 def load(module: str, library: str, extra: str, who_needs: str, otherwise: str = "") -> ModuleType:
-    """Import one of our modules, or the library itself.
+    """Import and return `module`, a module of fltea that needs `library`, or the library itself.
 
-    who_needs: the beginning of the error, such as "MCAP files need". otherwise: its end: what to do without.
+    `extra`: name of the extra that installs the library.
+    `who_needs`: beginning of the error message, such as "MCAP files need".
+    `otherwise`: end of the error message: what to do without the library.
 
     Raises:
-        UsageError: the library is not installed; says what installs it.
+        UsageError: the library is not installed; the text says how to install it.
     """
     try:
         return importlib.import_module(module)
@@ -38,5 +40,5 @@ def load(module: str, library: str, extra: str, who_needs: str, otherwise: str =
 
 
 def need_matplotlib(who_needs: str, otherwise: str = "") -> None:
-    """Find out before anything is computed whether figures can be drawn; arguments as of `load`."""
+    """Check before anything is computed that matplotlib is installed; arguments as for `load`."""
     load("matplotlib", "matplotlib", "plot", who_needs, otherwise)

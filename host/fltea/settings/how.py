@@ -1,4 +1,4 @@
-"""How to read a recording that does not say it itself."""
+"""Settings for reading a recording that does not state its columns, units or rate itself."""
 
 from collections.abc import Collection
 from typing import Annotated, Literal
@@ -9,7 +9,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 
 
 class How(Table, frozen=True, kw_only=True):
-    """What the user says of a recording; what is unset the file has to say."""
+    """The user's statements on a recording; the file itself must state what is unset."""
 
     columns: Annotated[
         list[str] | None,
@@ -76,18 +76,18 @@ class How(Table, frozen=True, kw_only=True):
     overrule: Annotated[
         bool,
         Setting(
-            "The file is wrong: what the other options say counts, even where the file itself states another "
-            "unit or rate.",
+            "The file is wrong: use the unit and rate of the other options, even where the file itself states "
+            "others.",
             flags=("--overrule",),
         ),
     ] = False
 
     def flags(self, but: Collection[str] = ()) -> list[str]:
-        """Return the flags of all that is said, but for some fields."""
+        """Return the flags of all settings that the user has set, except the fields named in `but`."""
         return [
-            one.setting.flags[0]
-            for one in declared(self)
-            if one.default != getattr(AS_IT_SAYS, one.name) and one.name not in but
+            field.setting.flags[0]
+            for field in declared(self)
+            if field.default != getattr(AS_IT_SAYS, field.name) and field.name not in but
         ]
 
 

@@ -1,4 +1,4 @@
-"""Settings of sources that many devices share, the table `ingest` of the TOML file."""
+"""Settings of shared sources, each with many devices: the table `ingest` of the TOML file."""
 
 import re
 from typing import Annotated, Literal
@@ -6,24 +6,24 @@ from typing import Annotated, Literal
 from fltea.settings.setting import Setting, Table
 
 SCHEMES = ("mqtt", "mqtts", "nats")
-"""Beginnings of the URLs of sources behind which many devices stand."""
+"""URL schemes of shared sources, through which many devices send."""
 
 MOST_KEPT_MB = 100_000_000
 DAY_S = 86400
 
 
 def is_shared(url: str | None) -> bool:
-    """Whether many devices stand behind this source."""
+    """Return whether many devices send through this source."""
     return url is not None and url.partition(":")[0] in SCHEMES
 
 
 def is_partitioned(url: str | None) -> bool:
-    """Whether several processes share the devices behind this source."""
+    """Return whether several processes can share the devices of this source."""
     return url is not None and url.startswith("nats:")
 
 
 class IngestConfig(Table, frozen=True):
-    """Devices that publish their frames to a broker; from `stream` on, of NATS only."""
+    """Devices that publish their frames to a broker; settings from `stream` on are for NATS only."""
 
     devices: Annotated[
         int, Setting("Most devices at the same time.", unit="devices", least=1, most=100_000)
@@ -31,7 +31,7 @@ class IngestConfig(Table, frozen=True):
     forget_s: Annotated[
         float,
         Setting(
-            "A device that is silent for so long makes room for another.",
+            "A device that is silent for this time makes room for another.",
             unit="s",
             least=10,
             most=7 * DAY_S,
@@ -40,7 +40,7 @@ class IngestConfig(Table, frozen=True):
     queue_mb: Annotated[
         float,
         Setting(
-            "Memory for messages that wait, of all devices together.",
+            "Memory for waiting messages of all devices together.",
             unit="MB",
             least=1,
             most=4096,

@@ -1,4 +1,4 @@
-"""How much memory a recording may take. It is asked first, since a file can say of itself what it likes."""
+"""Limits of memory for reading a recording, checked before reading, since a file can claim any size."""
 
 from typing import NamedTuple
 
@@ -8,13 +8,13 @@ MB = 1_000_000
 
 
 class Limits(NamedTuple):
-    """The settings `replay.max_chunk_mb` and `replay.max_mb`.
+    """The settings `replay.max_chunk_mb` and `replay.max_mb`, and a limit of processor time.
 
-    max_chunk_mb: of one record of an MCAP file, unpacked; of those one is in memory at a time. max_mb: of
-    what an .npz or CSV file holds, 8 bytes a number; a day at 100 Hz with all that `fltea export` writes has
-    700 MB. It is read a block at a time, but takes as much on the disk for temporary files or, shuffled, in
-    memory. The same holds for the bytes of NDJSON that comes through a pipe. seconds: of processor time that
-    a small file may take (`recording.quota`); no setting.
+    `max_chunk_mb`: largest size of one record of an MCAP file, decompressed; one is in memory at a time [MB].
+    `max_mb`: largest size of the numbers in an .npz or CSV file, at 8 bytes a number, and of NDJSON from a
+    pipe [MB]. A day at 100 Hz with all columns of `fltea export` has 700 MB. The file is read a block at a
+    time, but needs this size on the disk for temporary files, or in memory if it is shuffled.
+    `seconds`: processor time that reading a small file may take (`recording.quota`); this is no setting.
     """
 
     max_chunk_mb: float = 64.0
@@ -23,20 +23,20 @@ class Limits(NamedTuple):
 
     @property
     def chunk_bytes(self) -> int:
-        """The first in bytes."""
+        """`max_chunk_mb` in bytes."""
         return int(self.max_chunk_mb * MB)
 
     @property
     def whole_bytes(self) -> int:
-        """The second in bytes."""
+        """`max_mb` in bytes."""
         return int(self.max_mb * MB)
 
     def chunk_too_large(self, place: str, size_bytes: int) -> UsageError:
-        """What to raise for a record of an MCAP file."""
+        """Return the error for a record of an MCAP file that is too large."""
         return _too_large(place, size_bytes, "max_chunk_mb", self.max_chunk_mb)
 
     def whole_too_large(self, place: str, size_bytes: int) -> UsageError:
-        """What to raise for a file that is read whole."""
+        """Return the error for a file whose content is too large."""
         return _too_large(place, size_bytes, "max_mb", self.max_mb)
 
 

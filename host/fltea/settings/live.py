@@ -6,13 +6,15 @@ from fltea.settings.duration import in_seconds
 from fltea.settings.setting import Setting, Table
 
 TUNED_WITHIN = 0.3
-"""The fit hands its answer to the filters once α's 95 % interval reaches no further to either side. Where it
-knows less, a filter that starts in the middle is nearer by luck; a stricter limit lets those pass first whose
-interval is too narrow by chance (host/docs/evaluation/live.md)."""
+"""Half-width of α's 95 % interval from which on the fit tunes the filters.
+
+With a wider interval, the filters' neutral start is often nearer to the truth. A stricter limit would first
+pass fits whose interval is too narrow by chance (host/docs/evaluation/live.md).
+"""
 
 
 class LiveConfig(Table, frozen=True):
-    """The spectrum, the maximum-likelihood fit and the bias of every axis, live."""
+    """Live spectrum, maximum-likelihood fit and bias of every axis."""
 
     on: Annotated[bool, Setting("Fit the noise live.")] = True
     period_s: Annotated[
@@ -39,12 +41,12 @@ class LiveConfig(Table, frozen=True):
     ] = None
     target: Annotated[
         float,
-        Setting("Half the width of α's interval that `until_s` asks for.", least=0.001, most=1),
+        Setting("Half-width of α's interval for which `until_s` gives the time.", least=0.001, most=1),
     ] = 0.05
     bias_s: Annotated[
         float,
         Setting(
-            "Seconds for which the published bias is meant: the mean expected over them.",
+            "The published bias is the expected mean over this time.",
             unit="s",
             least=0.01,
             most=3600,

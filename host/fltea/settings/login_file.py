@@ -1,4 +1,4 @@
-"""A user and a password from a file that others must not be able to read."""
+"""Read a user and a password from a file that is not readable by everybody."""
 
 from pathlib import Path
 
@@ -7,14 +7,16 @@ from fltea.records.small_file import read_small
 
 
 def read_login(setting: str, file: str | Path) -> tuple[str, str]:
-    """User and password; setting: its name, for messages, which hold nothing of the file.
+    """Return user and password.
+
+    `setting`: name of the setting, for messages, which quote nothing from the file.
 
     Raises:
-        UsageError: it cannot be read, everybody may read it, or it is not one line USER:PASSWORD.
+        UsageError: the file cannot be read, everybody may read it, or it is not one line USER:PASSWORD.
     """
     try:
         data = read_small(Path(file), what=setting, most_bytes=4096, private=True)
-        lines = data.decode("utf-8-sig").splitlines()  # a mark of the byte order is no part of a name
+        lines = data.decode("utf-8-sig").splitlines()  # -sig drops a byte order mark
     except UnicodeDecodeError as error:
         raise UsageError(f"{setting} {file}: cannot be read (not UTF-8).") from error
     user, colon, password = lines[0].partition(":") if len(lines) == 1 else ("", "", "")

@@ -8,7 +8,7 @@ from fltea.settings.setting import Setting, Table
 
 
 class BrokerAddress(NamedTuple):
-    """Where an MQTT broker listens."""
+    """Address of an MQTT broker."""
 
     host: str
     port: int
@@ -20,7 +20,7 @@ class BrokerAddress(NamedTuple):
 
 
 class MqttConfig(Table, frozen=True):
-    """Publishing to an MQTT broker; off without one."""
+    """Publishing to an MQTT broker; off unless `broker` is set."""
 
     broker: Annotated[
         str | None,
@@ -36,7 +36,7 @@ class MqttConfig(Table, frozen=True):
     discovery: Annotated[
         str | None,
         Setting(
-            "Prefix under which Home Assistant looks for devices; each board then appears there by itself.",
+            "Prefix under which Home Assistant looks for devices; each board then appears automatically.",
             example="homeassistant",
         ),
     ] = None
@@ -83,11 +83,11 @@ class MqttConfig(Table, frozen=True):
             self.address()
 
     def address(self) -> BrokerAddress:
-        """Take the broker's address apart.
+        """Return the broker's host, port and whether TLS is used.
 
         Raises:
-            ValueError: it is none; the text does not repeat it.
-            UsageError: there is a password in it.
+            ValueError: `broker` is no address; the text does not repeat it.
+            UsageError: the address holds a password.
         """
         assert self.broker is not None
         refuse_secret("mqtt.broker", self.broker, "mqtt")
@@ -97,7 +97,7 @@ class MqttConfig(Table, frozen=True):
             port = url.port if url.port is not None else 8883 if tls else 1883
             host = url.hostname or ""
             host.encode("idna")
-        except ValueError:  # UnicodeError is one
+        except ValueError:  # UnicodeError is a ValueError too
             host, port = "", 0
         if not host or not port or url.scheme not in ("mqtt", "mqtts") or url.path.strip("/") or url.query:
             raise ValueError("broker must be HOST, HOST:PORT, mqtt://HOST:PORT or mqtts://HOST:PORT")

@@ -1,8 +1,8 @@
-"""The outputs: their settings, named as in the TOML file, and the table of them all.
+"""The settings of the outputs, named as in the TOML file, and the table of all outputs.
 
-A new output is its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with its
-`open_output`, and a look in `machine/doctor/checks_outputs.py`. `tests/service/test_output_table.py` names
-what is missing. Users read host/docs/guide/outputs.md.
+A new output needs its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with
+its `open_output`, and a check in `machine/doctor/checks_outputs.py`. `tests/service/test_output_table.py`
+names what is missing. The guide for users is host/docs/guide/outputs.md.
 """
 
 import ipaddress
@@ -29,22 +29,25 @@ Recorded = Literal[
     "stats",
     "error",
 ]
-"""Classes of the records that can ride along in a recording."""
+"""Classes of the records that can be written to a recording together with the bytes."""
 
 RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
 EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_estimate")
 FEW_DEVICES = 32
-"""More are recorded without what comes with each sample: most of a file, and its bytes give it again."""
+"""With more devices, recordings omit the records of `EACH_SAMPLE`.
+
+They would be most of a file, and a replay makes them again from the recorded bytes.
+"""
 
 LOOPBACK = "127.0.0.1"
 
 
 def listen_address(text: str) -> tuple[str, int]:
-    """Host and port; without a host the loopback, so that nobody else on the network can connect.
+    """Return host and port; without a host, the loopback, so that nobody else on the network can connect.
 
     Raises:
-        ValueError: no such address can be.
+        ValueError: `text` is no address.
     """
     host, colon, port = text.strip().rpartition(":")
     if host.startswith("[") and host.endswith("]"):
@@ -57,7 +60,7 @@ def listen_address(text: str) -> tuple[str, int]:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches what listens there."""
+    """Return whether only this machine can connect to a server that listens at `host`."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -65,7 +68,7 @@ def is_loopback(host: str) -> bool:
 
 
 class OutputConfig(Table, frozen=True):
-    """What holds for every output alike."""
+    """Settings that apply to all outputs."""
 
     every: Annotated[
         int,
@@ -116,7 +119,7 @@ class RecordConfig(Table, frozen=True):
     resume_mb: Annotated[
         float,
         Setting(
-            "Room needed before a recording that a full disk stopped goes on.",
+            "Free space at which a recording continues that a full disk had stopped.",
             unit="MB",
             least=0,
         ),
@@ -124,14 +127,14 @@ class RecordConfig(Table, frozen=True):
     channels: Annotated[
         tuple[Recorded, ...] | None,
         Setting(
-            f"Decoded records that are written with the bytes. Unset: all; of more than {FEW_DEVICES} "
+            f"Decoded records that are written with the bytes. Unset: all; with more than {FEW_DEVICES} "
             "devices none that come with each sample, since a replay makes them again from the bytes.",
             example=["epoch", "stats", "error"],
         ),
     ] = None
 
     def for_devices(self, count: int) -> "RecordConfig":
-        """Return these settings with the channels that so many devices have."""
+        """Return these settings with `channels` set to the default for `count` devices, if it is unset."""
         usual = RECORDED if count <= FEW_DEVICES else tuple(x for x in RECORDED if x not in EACH_SAMPLE)
         return msgspec.structs.replace(self, channels=usual if self.channels is None else self.channels)
 
@@ -149,7 +152,7 @@ def _address(what: str, flag: str, port: int) -> Setting:
 
 
 class Listening(Table, frozen=True):
-    """What listens at an address; off without one."""
+    """Base of the settings of a server that listens at an address; off without an address."""
 
     address: str | int | None = None
     names: Annotated[
@@ -166,7 +169,7 @@ class Listening(Table, frozen=True):
             self.listen()
 
     def listen(self) -> tuple[str, int]:
-        """Host and port; raises ValueError if there can be no such address."""
+        """Return host and port; raise ValueError if `address` is no address."""
         return listen_address(str(self.address))
 
 
@@ -192,7 +195,7 @@ class DashboardConfig(Listening, frozen=True):
     record_to: Annotated[
         str,
         Setting(
-            "Folder of such recordings, unless `record.folder` names one.",
+            "Folder of recordings that pages start, unless `record.folder` names one.",
             text="the name of a folder",
         ),
     ] = "recordings"
@@ -212,7 +215,7 @@ class MetricsConfig(Listening, frozen=True):
 
 
 class StateConfig(Table, frozen=True):
-    """Snapshots of the estimators, with which a restarted daemon goes on; off without a file."""
+    """Snapshots of the estimators, from which a restarted daemon continues; off without a file."""
 
     file: Annotated[
         str | None,
@@ -234,7 +237,7 @@ class StateConfig(Table, frozen=True):
 
 
 class Outputs(Table, frozen=True, kw_only=True):
-    """The tables of the outputs; by keyword only, so that they stand behind what `Config` has of its own."""
+    """The tables of the outputs; keyword-only, so that they come after the own fields of `Config`."""
 
     output: OutputConfig = OutputConfig()
     record: RecordConfig = RecordConfig()
@@ -245,13 +248,15 @@ class Outputs(Table, frozen=True, kw_only=True):
 
 
 class Output(NamedTuple):
-    """One output.
+    """One output, a row of `OUTPUTS`.
 
-    name: the key of its counts in `stats.outputs`. on: path of the setting that switches it on, by any value
-    or by one of `when`. module: of `fltea.sinks`, which has `open_output`. each: opened once for the program,
-    for each device, or once for all sources that stand for many devices. section: the heading on the page of
-    outputs; what: the output gives, in that page's table. extra, library: the extra of the package and the
-    module that it needs. of_many: whether it takes the records of sources that stand for many devices.
+    `name`: key of the output's counts in `stats.outputs`.
+    `on`: path of the setting that switches it on, by any value or by one of `when`.
+    `module`: name of the module in `fltea.sinks` that has its `open_output`.
+    `each`: whether it is opened once for the program, for each device, or for all shared sources.
+    `section`: its heading in the guide to outputs. `what`: what it writes, for the guide's table.
+    `extra`, `library`: the extra of the package and the module that it needs.
+    `of_many`: whether it takes the records of shared sources (with many devices each).
     """
 
     name: str
@@ -294,5 +299,6 @@ OUTPUTS = (
     ),
     Output("stdout", "format", "table", "program", *_TABLE, when=("table",)),
 )
-"""All outputs in the order in which they are opened: lines before all that may report something, and the
-table, which takes the terminal, last. The log on stderr is none of them: nothing of its own is counted."""
+"""All outputs in the order in which they are opened. Standard output as NDJSON is first, so that it gets
+the errors that other outputs report. The table is last, since it takes over the terminal. The log on stderr
+is not in the list, since it has no counts in `stats.outputs`."""

@@ -1,11 +1,12 @@
-"""How a setting is declared, once: as a field of the struct of its table in the TOML file.
+"""Settings are declared once, each as a field of the struct for its table in the TOML file.
 
     target: Annotated[float, Setting("Half the width of α's interval.", least=0.001, most=1)] = 0.05
 
-Name, type and default are the field's own. What it means, its unit, its range and its flag are a `Setting`
-beside the type. The reader of TOML, `--set`, the flags of `fltea run`, the checks, the tables of the
-documentation and the board's header all come from these. The range is not msgspec's `Meta`, which a struct
-made in Python passes by, which lets NaN through, and whose message knows neither unit nor value.
+Name, type and default are those of the field. Its meaning, unit, range and flag are in a `Setting` that
+annotates the type. The reader of TOML, `--set`, the flags of `fltea run`, the checks, the tables of the
+documentation and the board's header all come from these declarations. The range is not checked by msgspec's
+`Meta`: it is ignored when a struct is made in Python, it accepts NaN, and its message gives neither unit nor
+value.
 """
 
 import math
@@ -20,41 +21,44 @@ from msgspec import inspect as types
 from fltea.settings.duration import EXAMPLE, in_seconds
 
 END = 2.0**63
-"""No number goes so far whose setting has no end of its own: beyond, whole numbers have no room."""
+"""Limit of numbers whose setting states none; larger whole numbers do not fit into 64 bits."""
 
 MOST_SHOWN = 200
-"""Characters of a wrong value that a sentence repeats."""
+"""Number of characters that a message quotes at most from a wrong value."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """All of a setting but name, type and default. A range includes its ends, but for `above`."""
+    """Declaration of a setting, except its name, type and default.
+
+    The range is from `least` to `most`, both included, and above `above`, which is excluded.
+    """
 
     meaning: str
-    """a sentence or two, for the help of a flag as well as for a table"""
+    """one or two sentences, shown in the help of the flag and in tables of the documentation"""
     _: KW_ONLY
     unit: str = ""
     least: float = -END
     above: float = -math.inf
     most: float = END
     text: str = ""
-    """what a text has to be, such as "the name of a folder"; it must then not be empty"""
+    """what a text must be, such as "the name of a folder"; if this is given, the text must not be empty"""
     time: bool = False
-    """whether a text is a time such as "30 s"; where nothing but a text is taken, the range is in `unit` s"""
+    """whether a text is a time such as "30 s"; if `unit` is "s", the range applies to the time in seconds"""
     flags: tuple[str, ...] = ()
-    """of `fltea run`"""
+    """flags of `fltea run` that set it"""
     metavar: str = ""
     example: Any = None
-    """a value for documents, where there is no default"""
+    """a value for the documentation, where there is no default"""
     board: bool = False
-    """whether the board's header has this default too"""
+    """whether the default is also written to the board's header"""
 
     def contains(self, number: Any) -> Any:
-        """Whether a number is in range, and so finite; of an array, for each of its numbers."""
+        """Return whether a number is in range, and thus finite; for an array, an array of answers."""
         return (number >= self.least) & (number > self.above) & (number <= self.most)
 
     def accepts(self, value: Any) -> bool:
-        """Whether a value of the right type can be used; of a list, each of its values."""
+        """Return whether a value of the right type is allowed; of a list, whether all its values are."""
         if isinstance(value, list | tuple):
             return all(map(self.accepts, value))
         if isinstance(value, str):
@@ -66,7 +70,7 @@ class Setting:
 
     @property
     def range(self) -> str:
-        """The range in words, with a blank before them; nothing where there is none."""
+        """The range in words, with a leading blank; empty where there is no range."""
         if self.least != -END:
             low = f"{self.least:.15g}"
             return f" from {low} to {self.most:.15g}" if self.most != END else f" of at least {low}"
@@ -74,7 +78,7 @@ class Setting:
         return f" above {self.above:g}{up}" if self.above > -math.inf else ""
 
     def words(self, kind: types.Type) -> list[str]:
-        """What a value of this type has to be, one text for each alternative."""
+        """Return what a value of type `kind` must be, as one text for each alternative."""
         if isinstance(kind, types.UnionType):
             parts = [part for one in kind.types for part in self.words(one)]
             return parts[1:] + parts[:1] if isinstance(kind.types[0], types.StrType) else parts
@@ -103,10 +107,10 @@ class Setting:
 
 
 class Declared(NamedTuple):
-    """A setting where it is declared."""
+    """A setting with its path, type and default."""
 
     path: str
-    """of its tables and itself, such as `estimator.order.Q0`"""
+    """names of its tables and of the setting, such as `estimator.order.Q0`"""
     kind: types.Type
     default: Any
     setting: Setting
@@ -118,38 +122,38 @@ class Declared(NamedTuple):
 
     @property
     def unit(self) -> str:
-        """The unit, that of the accelerometer where it is of one."""
+        """Unit of the setting; settings of the accelerometer have m/s² in place of deg/s."""
         return of_sensor(self.path, self.setting.unit)
 
     @property
     def kinds(self) -> tuple[types.Type, ...]:
-        """The types that it takes, one or several."""
+        """The types of values that the setting takes."""
         return self.kind.types if isinstance(self.kind, types.UnionType) else (self.kind,)
 
     @property
     def words(self) -> list[Any]:
-        """The words, or whole numbers, of which it takes one as they are."""
-        return [word for one in self.kinds if isinstance(one, types.LiteralType) for word in one.values]
+        """The fixed words or whole numbers that the setting takes."""
+        return [word for kind in self.kinds if isinstance(kind, types.LiteralType) for word in kind.values]
 
     @property
     def takes(self) -> str:
-        """What it takes, in words, with range and unit."""
+        """Description of the values that the setting takes, with range and unit."""
         return of_sensor(self.path, _either(self.setting.words(self.kind)))
 
     def accepts(self, value: Any) -> bool:
-        """Whether it takes a value of a right type."""
+        """Return whether the setting takes `value`, which has one of its types."""
         words, is_number = self.words, types.FloatType in map(type, self.kinds)
         if words and isinstance(value, str if is_number else str | int):
             return value in words
         return self.setting.accepts(value)
 
     def wrong(self, value: Any) -> str:
-        """The one sentence about a value that it does not take."""
+        """Return the error message for a value that the setting does not take."""
         return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
-        """What the text of a flag means here: numbers and lists where they are taken, else the text."""
-        lists = [one for one in self.kinds if isinstance(one, types.ListType | types.VarTupleType)]
+        """Convert the text of a flag to a number or list where the setting takes one; else return the text."""
+        lists = [kind for kind in self.kinds if isinstance(kind, types.ListType | types.VarTupleType)]
         scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
             parts = [part.strip() for part in text.split(",")]
@@ -158,7 +162,7 @@ class Declared(NamedTuple):
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A table of settings. ValueError names a setting that does not take its value."""
+    """Base of tables of settings. It raises ValueError that names the setting if a value is not allowed."""
 
     def __post_init__(self) -> None:
         for name, kind, setting in _declared_in(type(self)):
@@ -168,24 +172,26 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def tables(table: Table, path: str = "") -> dict[str, Table]:
-    """The table at each path, this one (at `path`) and those in it, as they are by default."""
-    found = {path: table}
+    """Return `table`, which lies at `path`, and all tables in it, by path."""
+    by_path = {path: table}
     for name in table.__struct_fields__:
         below = getattr(table, name)
         if isinstance(below, Table):
-            found |= tables(below, joined(path, name))
-    return found
+            by_path |= tables(below, joined(path, name))
+    return by_path
 
 
 def declared(table: Table, path: str = "") -> Iterator[Declared]:
-    """The settings of a table that lies at `path`, without those of tables in it."""
+    """Yield the settings of a table that lies at `path`, without those of tables in it."""
     for name, kind, setting in _declared_in(type(table)):
         yield Declared(joined(path, name), kind, getattr(table, name), setting)
 
 
 def all_declared(table: Table) -> dict[str, Declared]:
-    """Every setting of a table and of those in it, by its path."""
-    return {one.path: one for path, part in tables(table).items() for one in declared(part, path)}
+    """Return all settings of a table and of the tables in it, by path."""
+    return {
+        setting.path: setting for path, part in tables(table).items() for setting in declared(part, path)
+    }
 
 
 @cache
@@ -202,17 +208,17 @@ def _declared_in(table: type[Table]) -> tuple[tuple[str, types.Type, Setting], .
 
 
 def joined(path: str, name: str) -> str:
-    """The path of what is called `name` in the table at `path`; the file itself has none."""
+    """Return the path of the entry `name` in the table at `path`; the path of the top table is empty."""
     return f"{path}.{name}" if path else name
 
 
 def of_sensor(path: str, text: str) -> str:
-    """A text on a setting with the unit of its sensor: the accelerometer has the gyroscope's settings."""
+    """Return a text about a setting with deg/s replaced by m/s² if the setting is the accelerometer's."""
     return text.replace("deg/s", "m/s²") if path.startswith("accel.") else text
 
 
 def shown(value: Any) -> str:
-    """A wrong value as a sentence repeats it: whoever is wrong by accident is so within some characters."""
+    """Return a wrong value as text for a message, cut after `MOST_SHOWN` characters."""
     try:
         text = repr(value)
     except (ValueError, RecursionError):
