@@ -1,6 +1,7 @@
 """fltea: online identification of fractional noise of MEMS gyroscopes.
 
-From Python: `identify` an array, `open` a recording, feed `Live`, `simulate` a noise.
+From Python: `identify` the noise of an array, `open` a recording, pass samples to `Live`, or `simulate`
+noise.
 """
 
 import importlib
@@ -55,12 +56,12 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name of the API when it is first asked for: the daemon, which imports fltea too, stays light."""
+    """Load a name of the API on first use, so that the daemon, which also imports fltea, starts fast."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(importlib.import_module(_HOMES[name]), name)
-    globals()[name] = found
-    return found
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

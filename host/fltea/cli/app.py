@@ -1,4 +1,4 @@
-"""The command line: every command of `fltea`, and how each ends."""
+"""The command line: all commands of `fltea`, and their exit codes."""
 
 import atexit
 import contextlib
@@ -51,12 +51,12 @@ app = typer.Typer(
 
 def main() -> None:
     """Run the command; every expected failure is one line on stderr and an exit code."""
-    # Matrices are small here; a thread that waits for large ones would spin for 1.5 % of a core.
+    # All matrices are small; OpenBLAS's threads would only spin while they wait, for 1.5 % of a core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if not os.environ.get("COLUMNS", "1").strip("0"):
-        del os.environ["COLUMNS"]  # a terminal that does not know its width: nothing would be printed in none
-    gc.freeze()  # what has been loaded stays
-    atexit.register(gc.freeze)  # or the interpreter, which ends, looks for cycles in all there is: 40 ms
+        del os.environ["COLUMNS"]  # the terminal does not know its width; with width 0 nothing is printed
+    gc.freeze()  # loaded modules stay, so the collector need not search them
+    atexit.register(gc.freeze)  # else the interpreter searches all objects for cycles at exit, for 40 ms
     try:
         standard_output.prepare()
         refuse_secrets(sys.argv[1:])
@@ -182,7 +182,7 @@ def _serial_chunks(source: str, baud: int) -> Iterator[bytes]:
 
 
 GIVEN_BY_MODEL = ("alpha", "alpha_end", "f", "q", "r", "rate", "axes", "window")
-"""Flags of `simulate` that --model takes the place of."""
+"""Flags of `simulate` that --model replaces."""
 
 
 def simulate(
@@ -219,8 +219,8 @@ def simulate(
 ) -> None:
     """Simulate noise of known order α, constant or varying: y = x + v, D^α x = f x + ω.
 
-    The file holds the measurement of each axis, the true state and the order; `fltea run
-    -s replay:FILE` reads it.
+    The file holds the measurement of each axis, the true state and the order. `fltea run -s replay:FILE`
+    replays it.
 
     For example:
 

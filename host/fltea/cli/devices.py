@@ -54,7 +54,7 @@ def devices(
         print(
             "No Arduino Due on its programming port (the one beside the power socket). Is the cable in, and "
             "does it carry data?\n"
-            "'lsusb' and 'dmesg' tell what the machine sees; 'fltea doctor' looks further."
+            "'lsusb' and 'dmesg' tell what the machine sees; 'fltea doctor' checks more."
         )
 
 
@@ -100,7 +100,7 @@ def _iio_lines(sensor: "IioDevice") -> list[str]:
 
 
 def _in_the_way(found: "Port | Bus | IioDevice") -> list[str]:
-    """Lines that say why it cannot be used now."""
+    """Return the lines that say why the device cannot be used now."""
     holders = ", ".join(map(str, getattr(found, "holders", ())))
     lines = [] if found.remedy is None else [f"{INDENT}no permission: {found.remedy}"]
     return [*lines, f"{INDENT}in use by {holders}"] if holders else lines

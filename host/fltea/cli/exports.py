@@ -1,6 +1,6 @@
 """The files that `fltea identify` writes for other programs: models, imu.yaml, Allan deviations and others.
 
-Nothing is made of a recording that is marked bad: what reads these files sees no mark.
+No file is written for a recording that is marked bad, since the programs that read it would not see the mark.
 """
 
 import math
@@ -18,11 +18,14 @@ if TYPE_CHECKING:
     from fltea.identification.axis_report import AxisReport, FileReport
 
 Inflate = tuple[float, float] | Literal["auto"]
-"""Factors of noise densities and of random walks, or those that the recording itself asks for."""
+"""Factors for noise densities and for random walks, or "auto" for factors computed from the recording."""
 
 
 class Files(NamedTuple):
-    """The files that are wanted. inflation: factors of imu.yaml, and of what other programs take."""
+    """Paths of the files that the user asks for; None: not asked for.
+
+    `inflation`: factors for imu.yaml and for the settings of other programs.
+    """
 
     model: Path | None
     yaml: Path | None
@@ -43,10 +46,13 @@ class Files(NamedTuple):
 
 
 def parse_inflation(text: str | None, wanted: object) -> Inflate:
-    """Return the factors of `10` or `5,10`: of noise densities and of random walks; 1 of None. Or `auto`.
+    """Return the factors for noise densities and for random walks from a text such as `10` or `5,10`.
+
+    `text`: the option's text; None gives the factors 1, `auto` is returned as it is.
+    `wanted`: the file or program that the factors are for; None: there is none.
 
     Raises:
-        UsageError: they are no numbers, or below 1, or nothing is wanted that has them.
+        UsageError: the factors are no numbers or below 1, or nothing is asked for that they apply to.
     """
     if text is None:
         return 1.0, 1.0
@@ -67,10 +73,10 @@ def parse_inflation(text: str | None, wanted: object) -> Inflate:
 
 
 def parse_program(text: str) -> tuple[str, float | None]:
-    """Return program and time of `px4` or `px4@300`, the time in s; None if it is not said.
+    """Return the program and the time [s] in a text such as `px4` or `px4@300`; the time is None if missing.
 
     Raises:
-        UsageError: there is no such program, or the time is none.
+        UsageError: there is no such program, or the time is not valid.
     """
     from fltea.documents.programs import programs
 
@@ -101,11 +107,14 @@ def _inflation(inflate: Inflate, axes: "Mapping[str, AxisReport]", up_to_s: floa
 
 
 def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate: Inflate) -> str:
-    """Return what a program takes of a recording's noise.
+    """Return the lines of settings with which another program takes a recording's noise.
+
+    `program`: name of the program.
+    `up_to_s`: time for which the heading has to hold [s]; None: the default.
 
     Raises:
         FlteaError: no axis was identified, or the data are bad.
-        UsageError: the recording is too short to tell how much its figures have to be inflated.
+        UsageError: the recording is too short to compute the inflation of `auto`.
     """
     from fltea.documents.programs import programs, written
     from fltea.identification.axis_report import AxisReport
@@ -125,10 +134,10 @@ def lines_for(report: "FileReport", program: str, up_to_s: float | None, inflate
 
 
 def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str]) -> Iterator[FlteaError]:
-    """Yield why nothing is made of a recording, and what to do, if that is so.
+    """Yield the error that files or figures are withheld because the data are bad, if they are.
 
-    flags: the options that ask for one file of all axes. of_axes: those that ask for something of each axis,
-    which the other axes have.
+    `flags`: options in use that ask for one file of all axes.
+    `of_axes`: options in use that ask for figures of each axis; sound axes still have them.
     """
     from fltea.identification.axis_report import AxisReport
     from fltea.identification.findings import data_checks
@@ -150,11 +159,11 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
 
 
 def write(report: "FileReport", files: Files) -> None:
-    """Write them; nothing of a recording that could not be read, or that is marked bad (`withheld`).
+    """Write the files of one recording, unless it could not be read or is marked bad (see `withheld`).
 
     Raises:
-        FlteaError: one cannot be written, or what it needs was not found.
-        UsageError: the recording is too short to tell how much its figures have to be inflated.
+        FlteaError: a file cannot be written, or the fit lacks what the file needs.
+        UsageError: the recording is too short to compute the inflation of `auto`.
     """
     from fltea.documents.imu_yaml import imu_yaml
     from fltea.identification import allan_file, model_file, navigation_file

@@ -42,8 +42,8 @@ def flash(
 ) -> None:
     """Write the firmware to an Arduino Due, and check that it runs.
 
-    What was on the board is erased, so only a port whose USB id names the programming port of a Due is
-    opened. Wiring and both ports of the firmware: firmware/README.md.
+    The board's program is erased, so only a port whose USB id names the programming port of a Due is opened.
+    For the wiring and the two builds of the firmware, see firmware/README.md.
 
     For example:
 
@@ -53,8 +53,8 @@ def flash(
     """
     from fltea.machine import flash as flashing
 
-    found = flashing.find_port(port, erase_unknown=erase_unknown_board)
-    plan = flashing.make_plan(method, found, image, flashing.clone_root())
+    board_port = flashing.find_port(port, erase_unknown=erase_unknown_board)
+    plan = flashing.make_plan(method, board_port, image, flashing.clone_root())
     if plan.warning:
         say(f"fltea: warning: {plan.warning}")
     if dry_run:

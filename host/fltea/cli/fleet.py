@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from fltea.fleet.program import Fleet
 
 SETTLED_S = 1.0
-"""Seconds without a message after which the broker has sent all that it retains."""
+"""Time without a message after which the broker is taken to have sent all retained messages [s]."""
 
 FIRST_S = 10.0
-"""Seconds that the broker is waited for with --json."""
+"""Longest wait for the broker's answer with --json [s]."""
 
 
 @takes_settings([], only=("mqtt.",))
@@ -64,8 +64,8 @@ def fleet(
         str | None,
         typer.Option(
             metavar="URL",
-            help="Keep it in PostgreSQL: `postgresql://USER@HOST/DATABASE`; the password is in PGPASSWORD or "
-            "~/.pgpass.",
+            help="Keep the history in PostgreSQL: `postgresql://USER@HOST/DATABASE`; the password comes from "
+            "PGPASSWORD or ~/.pgpass.",
         ),
     ] = None,
     history_every: Annotated[
@@ -78,7 +78,7 @@ def fleet(
         str, typer.Option(metavar="TIME", help="How long history and sensors are kept.")
     ] = "720h",
     silent_after: Annotated[
-        str, typer.Option(metavar="TIME", help="A sensor that sends nothing for so long is silent.")
+        str, typer.Option(metavar="TIME", help="A sensor that sends nothing for this time is silent.")
     ] = "90s",
     look_every: Annotated[
         str, typer.Option(metavar="TIME", help="Time between comparisons of all sensors.")
@@ -92,7 +92,7 @@ def fleet(
     ] = False,
     every: Annotated[
         str | None,
-        typer.Option(metavar="TIME", help="With --json: print a line every so often instead of ending."),
+        typer.Option(metavar="TIME", help="With --json: print a line once in this time instead of ending."),
     ] = None,
     export: Annotated[
         Path | None,
@@ -102,10 +102,10 @@ def fleet(
     ] = None,
     config: ConfigFile = None,
 ) -> None:
-    """Show all sensors that publish to a broker: the noise of each, and which are unlike the others.
+    """Show all sensors that publish to a broker: the noise of each, and which differ from the others.
 
-    Estimation stays with the daemons (`fltea run --mqtt BROKER`). User and password for the broker come from
-    FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.
+    The daemons (`fltea run --mqtt BROKER`) estimate; this command only shows their results. User and password
+    for the broker come from FLTEA_MQTT_USER and FLTEA_MQTT_PASSWORD.
 
     For example:
 
@@ -169,10 +169,10 @@ def fleet(
 def _serve(running: "Fleet", host: str, port: int, names: list[str], password: str | None) -> None:
     from fltea.fleet.web import serve
 
-    def ready(found: int) -> None:
+    def ready(bound_port: int) -> None:
         running.start()
         shown = f"[{host}]" if ":" in host else host
-        say(f"the fleet is at http://{shown}:{found}/")
+        say(f"the fleet is at http://{shown}:{bound_port}/")
 
     def stop(loop: "IOLoop") -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -216,7 +216,7 @@ def _turn(running: "Fleet", seconds: float) -> None:
 
 
 def _settle(running: "Fleet", quiet_s: float) -> None:
-    """Wait until the broker has sent all that it retains, and nothing new came for a while."""
+    """Wait until the broker has sent all retained messages, and no new sensor appeared for `quiet_s`."""
     before = -1, False
     while before != (len(running.roll.sensors), True):
         before = len(running.roll.sensors), running.is_complete

@@ -1,4 +1,4 @@
-"""The command `fltea identify`: flags to requests, and results to a terminal."""
+"""The command `fltea identify`: it makes requests from flags, and prints the results."""
 
 import io
 import json as json_module
@@ -82,8 +82,8 @@ def identify(
         typer.Option(
             metavar="N",
             min=0,
-            help="With --json, --details or --report: copies in another order that FLTEA is run on, to show "
-            "what it gives for white noise of the same size; 0: none, and faster.",
+            help="With --json, --details or --report: number of shuffled copies on which FLTEA is run, to "
+            "show what it gives for white noise of the same power; 0: none, and faster.",
         ),
     ] = 200,
     notch: Annotated[
@@ -115,8 +115,8 @@ def identify(
         typer.Option(
             metavar="X|X,Y|auto",
             help="--imu-yaml and --for: multiply noise densities by X, and random walks by Y (else X). 5 to "
-            "20 is common, for errors that only motion shows. auto: each axis by what its own recording asks "
-            "for, so that the forecast of its first half holds in the second; includes --forecast.",
+            "20 is common, for errors that only motion shows. auto: compute the factors of each axis such "
+            "that the forecast of the recording's first half holds in the second; includes --forecast.",
         ),
     ] = None,
     for_program: Annotated[
@@ -124,18 +124,18 @@ def identify(
         typer.Option(
             "--for",
             metavar="NAME[@S]",
-            help="Print what a program takes of the noise, in its own words and units, and nothing else: "
+            help="Print only the noise settings of a program, in its own names and units: "
             "kalibr, openvins, vins-fusion, okvis2, kf-gins, gtsam, robot_localization, px4, ardupilot, "
-            "matlab-imusensor or gnss-ins-sim. What it cannot say is bounded for a heading of S seconds "
-            "(60).",
+            "matlab-imusensor or gnss-ins-sim. Noise that its settings cannot express is bounded for a "
+            "heading of S seconds (60).",
         ),
     ] = None,
     gauss_markov: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Write what a navigation filter needs as JSON: σ, τ, N, K, Q and drift, and `filter`, of "
-            "which a plain Kalman filter is built.",
+            help="Write the noise parameters of a navigation filter as JSON: σ, τ, N, K, Q and drift, and "
+            "`filter`, the matrices of a plain Kalman filter.",
         ),
     ] = None,
     allan_csv: Annotated[
@@ -168,9 +168,9 @@ def identify(
 ) -> None:
     """Identify the noise of recordings of a sensor at rest: a verdict for each axis.
 
-    The verdict says what the noise is made of, with intervals, whether it has an order, and what in the data
-    can mislead. host/docs/guide/verdict.md explains every figure, host/docs/guide/bias_and_heading.md the
-    forecast.
+    The verdict names the components of the noise, with intervals, says whether the noise has a fractional
+    order, and warns of what in the data can mislead. host/docs/guide/verdict.md explains every figure,
+    host/docs/guide/bias_and_heading.md the forecast.
 
     For example:
 
@@ -248,7 +248,7 @@ def identify(
             wanted,
             replay.how,
             replay.limits,
-            # Its file has entries for both sensors; elsewhere three more axes would only take twice the time.
+            # imu.yaml and --for have entries for both sensors; else three more axes would double the time.
             accel=imu_yaml is not None or for_program is not None,
         )
         for one in found
@@ -260,7 +260,7 @@ def identify(
         options,
         chosen.estimator,
         chosen.accel,
-        details=as_json or details or report is not None,  # the answer says nothing of it
+        details=as_json or details or report is not None,  # a plain answer shows no details
         figures=report is not None,
         forecast=ahead or inflation == "auto",
         live=chosen.live,
@@ -269,7 +269,7 @@ def identify(
     if part is not None:
         for one in reports:
             one.compare_with(part)
-    # First of all, lest a file that cannot be written costs what took minutes to compute.
+    # Results are printed before files are written: an unwritable file must not lose minutes of computing.
     if program is not None:
         print_result(exports.lines_for(reports[0], *program, inflation))
     elif as_json:
@@ -285,10 +285,10 @@ def identify(
 
 
 def parse_notch(text: str) -> tuple[float, float]:
-    """Return the band of `31.4±0.5`, `31.4+-0.5` or `30.9-31.9` in Hz.
+    """Return the ends of a band such as `31.4±0.5`, `31.4+-0.5` or `30.9-31.9` [Hz].
 
     Raises:
-        UsageError: it is none.
+        UsageError: the text is no band.
     """
     number = r"\s*(\d+\.?\d*|\.\d+)\s*"
     around = re.fullmatch(rf"{number}(?:±|\+-|\+/-){number}", text)
@@ -313,8 +313,8 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, _interrupt_once)
     workers = _workers(jobs, dask, len(requests))
-    # A cluster may not see the files, nor another process a pipe; and one recording is read here while the
-    # processes start.
+    # Files are read in this process if a cluster may not see them, if one is a pipe, which no other process
+    # can open, or if there is only one recording, which is read while the worker processes start.
     here = any(is_of_this_process(path) for one in requests for path in getattr(one, "paths", ()))
     readers = Here() if dask or len(requests) == 1 or here else None
     try:
@@ -331,7 +331,7 @@ def _run(requests: Any, settings: Any, jobs: int | None, dask: str | None) -> "l
 
 
 def _interrupt_once(number: int, frame: object) -> None:
-    """End the run; the end itself, a second or two, is not torn down by an impatient second Ctrl-C."""
+    """End the run, and ignore further Ctrl-C, which would disturb the clean-up of a second or two."""
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, signal.SIG_IGN)
     raise KeyboardInterrupt
@@ -352,14 +352,14 @@ def _workers(jobs: int | None, dask: str | None, recordings: int = 0) -> "Worker
 
 
 def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
-    """Write tables on stdout; why the only recording failed is said at the end."""
+    """Write tables to stdout; nothing if the only recording failed, since `_fail` reports that."""
     if len(reports) == 1 and reports[0].failure is not None:
         return
     from rich.console import Console
 
     from fltea.identification.terminal import show, summary
 
-    text = io.StringIO()  # rich itself ends the program if stdout cannot be written
+    text = io.StringIO()  # else rich would end the program if stdout cannot be written
     console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
     for number, one in enumerate(reports):
         show(console, one, first=number == 0, details=details)
@@ -369,7 +369,10 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 
 
 def _fail(reports: "Sequence[FileReport]", files: Sequence[str], of_axes: Sequence[str]) -> None:
-    """End with the failures; files, of_axes: the options that asked for files, and for figures of axes."""
+    """Report all failures and raise the first.
+
+    `files`, `of_axes`: options in use that ask for files, and for figures of axes.
+    """
     from fltea.identification.axis_report import Failure
 
     failures: list[FlteaError] = []

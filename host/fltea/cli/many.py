@@ -1,4 +1,4 @@
-"""`fltea identify … --out verdicts.parquet`: any number of recordings, wherever they are, to a table."""
+"""`fltea identify … --out verdicts.parquet`: write the verdicts on any number of recordings to a table."""
 
 import contextlib
 import signal
@@ -19,14 +19,16 @@ if TYPE_CHECKING:
 
 SUFFIX = ".parquet"
 TELL_S = 30.0
-"""Seconds between two lines on a stderr that is no terminal."""
+"""Time between two lines of progress on a stderr that is no terminal [s]."""
 
 
 def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None:
-    """Refuse what does not go together. others: options in use that are for one recording, or a few.
+    """Refuse options that exclude each other.
+
+    `others`: options in use that are for one recording or a few, not for a table.
 
     Raises:
-        UsageError: then.
+        UsageError: options exclude each other, or a file's name is empty.
     """
     if "" in files:
         raise UsageError("a file name is empty (an unset shell variable?); the current folder is `.`.")
@@ -44,11 +46,12 @@ def check(files: Sequence[str], out: Path | None, others: Sequence[str]) -> None
 
 
 def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Callable[[], Workers]") -> None:
-    """Identify all files that are not in the table, with bar or lines on stderr.
+    """Identify all files that are not in the table yet, with a progress bar or lines on stderr.
 
     Raises:
-        UsageError: nothing to do, or it cannot be done so.
-        FlteaError: some files have a failure in the table, whichever run found it; or the workers are gone.
+        UsageError: there is no file to identify, or the options or files cannot be used.
+        FlteaError: some files have a failure in the table, from this or an earlier run; or the workers are
+            gone.
     """
     table_module = load("fltea.cluster.verdict_table", "pyarrow", "tables", "--out needs")
     from fltea.cluster.listing import files_of
@@ -92,7 +95,7 @@ def _line(progress: "Progress", seconds: float) -> str:
 
 @contextlib.contextmanager
 def _reporting(begin: float) -> "Iterator[Callable[[Progress], None]]":
-    """Show how far it is on stderr: a bar on a terminal, else a line now and then."""
+    """Show the progress on stderr: a bar on a terminal, else a line every `TELL_S` seconds."""
     from rich.console import Console
     from rich.progress import Progress as Bar
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn

@@ -1,4 +1,4 @@
-"""How commands that compute something show it: a bar on stderr meanwhile, the result on stdout."""
+"""Output of commands: a progress bar and messages on stderr, results on stdout."""
 
 import contextlib
 import json
@@ -23,18 +23,19 @@ if TYPE_CHECKING:
 
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout, and nothing else.")]
-"""Of a command that computes something."""
+"""The option `--json` of commands that compute a result."""
 
 
 BAR_AFTER_S = 2.0
-"""What is done by then needs no bar."""
+"""Time after which the progress bar appears [s]; shorter work needs no bar."""
 
 
 @contextlib.contextmanager
 def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
-    """Show a bar on stderr after a while, if that is a terminal.
+    """Show a progress bar on stderr after `BAR_AFTER_S`, if stderr is a terminal.
 
-    What it gives takes a text, and how far it is as rich's `Progress.update` does: `advance` or `completed`.
+    It yields a function to report progress. Its arguments are a text, and `advance`, `completed` or `total`
+    as for rich's `Progress.update`.
     """
     if not sys.stderr.isatty():
         yield lambda text, **far: None
@@ -47,7 +48,7 @@ def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
 
 
 class _LateBar:
-    """A bar that shows itself when it has been there for `BAR_AFTER_S`."""
+    """A progress bar that appears when the work has taken `BAR_AFTER_S`."""
 
     def __init__(self, total: int | None) -> None:
         self._total, self._advanced, self._begun_s = total, 0.0, time.monotonic()
@@ -60,7 +61,7 @@ class _LateBar:
         self._timer.start()
 
     def show(self, text: str, **far: Any) -> None:
-        """Say what was done, and how far it is."""
+        """Report progress: a text, and the numbers for rich's `Progress.update`."""
         with self._alone:
             if self._bar is not None:
                 self._update(text, far)
@@ -69,7 +70,7 @@ class _LateBar:
                 self._newest = text, self._newest[1] | far
 
     def close(self) -> None:
-        """Take the bar away."""
+        """Remove the bar."""
         self._timer.cancel()
         with self._alone:
             if self._bar is not None:
@@ -116,23 +117,23 @@ def end_with(failures: Sequence[FlteaError]) -> None:
 
 
 def print_lines(text: str) -> None:
-    """Write lines for a person to stdout; what they quote of boards and files may hold anything."""
+    """Write lines for a person to stdout, with control characters from boards and files made visible."""
     print(visible_lines(text), flush=True)
 
 
 @contextlib.contextmanager
 def result_console() -> "Iterator[Console]":
-    """Yield a console; what is drawn on it goes to stdout at its end."""
+    """Yield a rich console; its content is written to stdout when the context ends."""
     from rich.console import Console
 
     console = Console()
-    with console.capture() as shown:  # rich itself ends the program if the reader has left
+    with console.capture() as shown:  # else rich would end the program if the reader has left
         yield console
     print_result(shown.get())
 
 
 def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write each file whole or not at all; everything has been made before the first is written."""
+    """Write files, each whole or not at all, and return their paths. `contents`: data by file name."""
     for name, data in contents.items():
         with whole_file(folder / name) as file:
             file.write(data)
@@ -140,7 +141,7 @@ def write_files(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
 
 
 def escaped(text: str) -> str:
-    r"""Return JSON as standard output can hold it: with `\u03b1` for α where it has ASCII alone."""
+    r"""Return JSON in characters that standard output can encode: `\u03b1` for α if it is ASCII only."""
     try:
         text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
@@ -149,7 +150,7 @@ def escaped(text: str) -> str:
 
 
 def print_result(text: str) -> None:
-    """Write to stdout; a reader that has left is no failure."""
+    """Write a result to stdout; if its reader has ended, that is no error."""
     try:
         print(text, end="", flush=True)
     except BrokenPipeError:

@@ -107,7 +107,7 @@ def export(
     what: Annotated[
         Literal["samples", "corrected", "estimates", "device_estimates", "fits", "steps", "motions"],
         typer.Option(
-            help="`samples`; `corrected`: rates less their biases, with σ; `estimates` as published; "
+            help="`samples`; `corrected`: rates minus their biases, with σ; `estimates` as published; "
             "`device_estimates`: those of the device; `fits`: the maximum-likelihood fits; `steps` of the "
             "bias; `motions` of the sensor."
         ),
@@ -116,8 +116,8 @@ def export(
 ) -> None:
     """Write one recording as a table, with the units in the headers.
 
-    `fltea run -s replay:OUT.npz` gives the same estimates as the recording; a CSV file has no scale and no
-    epochs, so it does so only for a recording without gaps, with `--rate`.
+    `fltea run -s replay:OUT.npz` gives the same estimates as the recording. A CSV file holds no scale and no
+    epochs, so it gives the same estimates only for a recording without gaps, with `--rate`.
 
     For example:
 
@@ -131,10 +131,10 @@ def export(
 
     config = load_config(None, settings)
     limits, how = config.replay.limits, config.replay.how
-    found = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
-    say(f"{to}: {found.rows} {what.replace('corrected', 'corrected rates')}")
-    if found.unread:
-        raise Incomplete(found.unread)
+    written = write_export(paths, to, what, config.link.max_gap, force=force, limits=limits, how=how)
+    say(f"{to}: {written.rows} {what.replace('corrected', 'corrected rates')}")
+    if written.unread:
+        raise Incomplete(written.unread)
 
 
 @takes_settings([], only=LIMITS)
@@ -151,7 +151,7 @@ def recover(
 ) -> None:
     """Repair MCAP files that a killed program or a full disk cut off: add summary and indexes.
 
-    fltea itself reads such files as they are; other programs want them whole.
+    fltea itself reads such files without repair; other programs need the summary and indexes.
 
     For example:
 

@@ -80,7 +80,7 @@ def reproduce(
         bool,
         typer.Option(
             "--readings",
-            help="Show instead what each choice that the paper leaves open does to tables 2 to 4; a "
+            help="Show instead how each choice that the paper leaves open changes tables 2 to 4; it takes a "
             f"minute for {READINGS_SEEDS} seeds.",
         ),
     ] = False,
@@ -88,17 +88,17 @@ def reproduce(
 ) -> None:
     """Run the paper's experiments again: tables next to the paper's numbers, figures as PNG.
 
-    Without --table and --figure: everything. The paper prints neither amplitude nor period of the saw-tooth;
-    ±1 at 1 Hz is the choice here. Without --recording the gyroscope's figures are made of white noise with
-    the paper's R.
+    Without --table and --figure, all tables and figures are made. The paper prints neither amplitude nor
+    period of the saw-tooth; fltea uses ±1 at 1 Hz. Without --recording, the gyroscope's figures are made from
+    white noise with the paper's R.
 
-    A run is not finite if an estimate becomes infinite or NaN. It is far off if it stays finite, but an order
-    is beyond ±10 or the state ever more than 10 standard deviations (of R) off. Both are counted; medians and
-    5–95 % are of all finite runs, far off or not.
+    A run is not finite if an estimate becomes infinite or NaN. A run is far off if it stays finite, but an
+    order is ever beyond ±10 or the state ever more than 10 standard deviations (of R) off. Both are counted;
+    medians and 5–95 % ranges are of all finite runs, far off or not.
 
-    In tables 2 to 4 every printed number has its percentile: the per cent of the finite seeds whose number is
-    smaller. So have the changes from L = 4,000 to the shortest length. Tables 3 and 4 are held against
-    examples 2 and 3 both, with the evidence that they are exchanged in print; that is an inference.
+    In tables 2 to 4 every number of the paper has its percentile: the share of finite seeds whose number is
+    smaller. So do the changes from L = 4,000 to the shortest length. Tables 3 and 4 are compared with both
+    examples 2 and 3, with the evidence that the paper prints them exchanged; that is an inference.
 
     For example:
 
@@ -157,8 +157,7 @@ def _report(request: "Request", as_json: bool) -> None:
         rows = report.run()
     evidence = report.exchange()
     if as_json:
-        found = {"tables": rows} | ({} if evidence is None else {"exchange": evidence})
-        _print_json(found)
+        _print_json({"tables": rows} | ({} if evidence is None else {"exchange": evidence}))
     else:
         print_result(report.document(rows) if rows else "")
     if report.files:
@@ -187,8 +186,8 @@ def _readings(seeds: int, as_json: bool) -> None:
         print_result(document(rows))
 
 
-def _print_json(found: dict[str, Any]) -> None:
-    print_result(escaped(json.dumps(found, ensure_ascii=False, allow_nan=False)) + "\n")
+def _print_json(result: dict[str, Any]) -> None:
+    print_result(escaped(json.dumps(result, ensure_ascii=False, allow_nan=False)) + "\n")
 
 
 def bench(

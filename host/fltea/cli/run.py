@@ -1,4 +1,4 @@
-"""The command `fltea run`: flags to a configuration."""
+"""The command `fltea run`: it makes a configuration from flags and starts the daemon."""
 
 from typing import Any
 
@@ -14,9 +14,9 @@ def run(
 ) -> None:
     """Watch a sensor live, or replay a recording: the noise of each axis and its bias, sample by sample.
 
-    Draws a live table on a terminal, or writes one JSON object per line (host/docs/reference/records.md):
-    verdict, order α and parameter f with intervals, bias and state with σ, and the heading error to expect. A
-    device that is missing or falls silent is reported and waited for.
+    It draws a live table on a terminal, or writes one JSON object per line (host/docs/reference/records.md):
+    verdict, order α and parameter f with intervals, bias and state with σ, and the heading error to expect.
+    If a device is missing or falls silent, the program reports that and waits for the device.
 
     For example:
 

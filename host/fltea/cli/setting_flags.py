@@ -1,4 +1,4 @@
-"""Flags of settings, made from their declarations: a new setting has its flag without a line here."""
+"""Command-line flags, made from the declarations of settings, so a new setting gets its flag automatically."""
 
 import inspect
 from collections.abc import Callable, Sequence
@@ -39,32 +39,33 @@ LIMITS = ("replay.max_chunk_mb", "replay.max_mb")
 
 FILTERS = ("estimator.variant", "estimator.guard", "estimator.window", "estimator.startup")
 RECORDING = tuple(f"replay.{name}" for name in How.__struct_fields__)
-"""What is said of a recording that does not say it itself."""
+"""Settings that describe a recording whose file does not state its columns, units or rate."""
 
 
 def takes_settings(
     paths: Sequence[str] | None = None, *, only: tuple[str, ...] = ("",), of_both: bool = False
 ) -> Callable[[Command], Command]:
-    """Give a command the flags of some settings, or of all that declare one, and `--set`.
+    """Return a decorator that adds the flags of settings, and `--set`, to a command.
 
-    Its parameter `settings` is filled with what these say, by the path of the setting; `--set` wins. Values
-    are texts until the setting's own declaration reads and checks them, so that a wrong one has the same
-    error as in a file.
+    The command's parameter `settings` receives the values by the path of the setting; `--set` overrides the
+    flags. Values stay texts until the setting's declaration converts and checks them, so a wrong value gives
+    the same error as in a file.
 
-    only: beginnings of the paths that `--set` takes; without any there is no `--set`. of_both: flags of the
-    gyroscope's filters hold for those of the accelerometer, too.
+    `paths`: settings whose flags are added; None: all settings that declare a flag.
+    `only`: beginnings of the paths that `--set` takes; if it is empty, there is no `--set`.
+    `of_both`: flags for the gyroscope's filters also set those of the accelerometer.
     """
-    taken = [f"settings of [{one[:-1]}]" if one.endswith(".") else one for one in only]
+    taken = [f"settings of [{start[:-1]}]" if start.endswith(".") else start for start in only]
     flags = {
-        path.replace(".", "_"): one
-        for path, one in SETTINGS.items()
-        if (one.setting.flags and not path.startswith("accel.") if paths is None else path in paths)
+        path.replace(".", "_"): declared
+        for path, declared in SETTINGS.items()
+        if (declared.setting.flags and not path.startswith("accel.") if paths is None else path in paths)
     }
 
     def decorated(command: Command) -> Command:
         @wraps(command)
         def called(*arguments: Any, set_: Sequence[str] | None = None, **given: Any) -> None:
-            texts = {one.path: given.pop(name, None) for name, one in flags.items()}
+            texts = {declared.path: given.pop(name, None) for name, declared in flags.items()}
             if of_both:
                 texts |= {path.replace("estimator.", "accel."): text for path, text in texts.items()}
             settings = of_flags(texts) | dict(map(parse_setting, set_ or ()))
@@ -75,7 +76,7 @@ def takes_settings(
 
         own = inspect.signature(command, eval_str=True)
         parameters = [one for name, one in own.parameters.items() if name != "settings"]
-        annotations = {name: _option(one) for name, one in flags.items()}
+        annotations = {name: _option(declared) for name, declared in flags.items()}
         annotations |= {"set_": _set(taken)} if only else {}
         parameters += [
             inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)

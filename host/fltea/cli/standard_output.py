@@ -1,4 +1,4 @@
-"""Standard output as it is found: full, closed, left by its reader, or without letters beyond ASCII."""
+"""Handle a standard output that is full, closed, left by its reader, or limited to ASCII."""
 
 import codecs
 import contextlib
@@ -20,17 +20,17 @@ SPELLINGS = {
     )
     for character in characters
 }
-"""Of characters that need more than their Unicode name or decomposition; see `spelled`."""
+"""ASCII spellings of characters whose Unicode name or decomposition gives no good one; see `spelled`."""
 
 SPELL = "fltea.spelled"
-"""The name of `spelled` among Python's handlers of what an encoding cannot hold."""
+"""Name under which `spelled` is registered as an error handler of Python's codecs."""
 
 
 class OutputFailed(OSError):
-    """Standard output did not take what was written; other files raise a plain OSError."""
+    """Writing to standard output failed; other files raise a plain OSError."""
 
     def as_failure(self) -> FlteaError:
-        """Return the sentence on it, with exit code 1."""
+        """Return the error for the user, with exit code 1."""
         remedy = {
             errno.ENOSPC: " The disk or device that it leads to is full.",
             errno.EDQUOT: " The quota of this user is used up.",
@@ -67,7 +67,7 @@ def _told_apart() -> Iterator[None]:
 
 
 def prepare() -> None:
-    """Let text come out whatever letters the output has, and its failures be told from those of files.
+    """Prepare standard output: spell characters that it cannot encode, and raise `OutputFailed` on errors.
 
     Raises:
         UsageError: standard output is closed.
@@ -87,7 +87,7 @@ def prepare() -> None:
 
 
 def finish() -> None:
-    """Write what is still buffered.
+    """Write what is still buffered. If the reader has ended, that is no error.
 
     Raises:
         OutputFailed: the output does not take it, and gets no more; a reader that has left is no failure.
@@ -102,16 +102,18 @@ def finish() -> None:
 
 
 def silence_stdout() -> None:
-    """Let what is still buffered go nowhere, so that Python does not complain when it flushes at its end."""
+    """Redirect stdout to /dev/null, so that Python does not complain when it flushes the buffer at exit."""
     with contextlib.suppress(OSError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def spelled(error: UnicodeError) -> tuple[str, int]:
-    """Return characters in ASCII, as Python's handlers of what cannot be encoded do: α as `alpha`, ² as `^2`.
+    """Spell characters that cannot be encoded in ASCII: α as `alpha`, ² as `^2`.
+
+    This is an error handler for Python's codecs: it returns the spelling and the position to continue from.
 
     Raises:
-        UnicodeError: `error` itself, where it is not about writing.
+        UnicodeError: `error` itself, if it is not about encoding.
     """
     if not isinstance(error, UnicodeEncodeError):
         raise error

@@ -50,8 +50,8 @@ class LinkConfig(Table, frozen=True):
     latency: Annotated[
         str,
         Setting(
-            "How long samples of a serial port may wait for more, which saves processor time; 0 ms takes each "
-            "at once.",
+            "How long samples of a serial port may wait for more, which saves processor time; with 0 ms, each "
+            "is taken at once.",
             unit="s",
             least=0,
             most=1,
@@ -93,8 +93,8 @@ class ReplayConfig(How, frozen=True):
     shuffle: Annotated[
         int | None,
         Setting(
-            "Shuffle the samples of a recording, with this seed: shows the results for white noise of the same "
-            "power.",
+            "Shuffle the samples of a recording, with this seed: shows the results for white noise of the "
+            "same power.",
             least=0,
             flags=("--shuffle",),
             metavar="SEED",

@@ -76,8 +76,8 @@ class How(Table, frozen=True, kw_only=True):
     overrule: Annotated[
         bool,
         Setting(
-            "The file is wrong: use the unit and rate of the other options, even where the file itself states "
-            "others.",
+            "The file is wrong: use the unit and rate of the other options, even where the file itself "
+            "states others.",
             flags=("--overrule",),
         ),
     ] = False

@@ -152,7 +152,7 @@ class Declared(NamedTuple):
         return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
-        """Convert the text of a flag to a number or list where the setting takes one; else return the text."""
+        """Return the text of a flag as a number or list where the setting takes one, else as the text."""
         lists = [kind for kind in self.kinds if isinstance(kind, types.ListType | types.VarTupleType)]
         scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
@@ -189,9 +189,8 @@ def declared(table: Table, path: str = "") -> Iterator[Declared]:
 
 def all_declared(table: Table) -> dict[str, Declared]:
     """Return all settings of a table and of the tables in it, by path."""
-    return {
-        setting.path: setting for path, part in tables(table).items() for setting in declared(part, path)
-    }
+    parts = tables(table).items()
+    return {setting.path: setting for path, part in parts for setting in declared(part, path)}
 
 
 @cache

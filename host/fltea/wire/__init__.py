@@ -1,1 +1,1 @@
-"""The wire protocol on the host: bytes, frames, messages, units."""
+"""The host's side of the wire protocol: bytes, frames, messages, units."""

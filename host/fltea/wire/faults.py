@@ -1,4 +1,4 @@
-"""What a device's FAULT means for the person who has to mend it (codes and details: protocol/README.md)."""
+"""Texts that explain a device's FAULT messages and their remedies (codes: protocol/README.md)."""
 
 from fltea.wire.layout import FaultCode
 
@@ -6,7 +6,11 @@ _LINES = {1: "SDA stays", 2: "SCL stays", 3: "SDA and SCL stay"}
 
 
 def fault_text(code: int, detail: int, sensor: str = "the sensor") -> str:
-    """Return what happened, the likely cause, and what to do; sensor: what the texts call it."""
+    """Return a text that says what happened, the likely cause, and what to do.
+
+    `code`, `detail`: the fields of the FAULT message.
+    `sensor`: name of the sensor for the text.
+    """
     match code:
         case FaultCode.SENSOR_MISSING:
             return (

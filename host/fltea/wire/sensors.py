@@ -1,9 +1,9 @@
-"""The sensors that fltea knows: who answers with which WHO_AM_I, and the scale of its thermometer.
+"""The sensors that fltea knows: WHO_AM_I, name, and scale of the thermometer of each.
 
 Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
 RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, 8.1 and 8.30.
 
-A sensor on a Raspberry Pi's bus has its registers in `sources/i2c`, by the name of its family.
+For sensors on a Raspberry Pi's I²C bus, `sources/i2c` has the registers of each family.
 """
 
 from typing import NamedTuple
@@ -17,9 +17,10 @@ Counts = NDArray[np.int16] | NDArray[np.float64]
 class Sensor(NamedTuple):
     """One kind of chip.
 
-    family: the key in `sources.i2c.chips.CHIPS` of those that have the same registers. lsb_per_c, zero_c: the
-    counts of the thermometer a °C, and the temperature of 0 counts [°C]. note: what the owner of a relative
-    or a clone of the MPU-9250 ought to know, else "".
+    `family`: key in `sources.i2c.chips.CHIPS` of the chips with the same registers.
+    `lsb_per_c`: scale of the thermometer [LSB per °C].
+    `zero_c`: temperature at 0 counts [°C].
+    `note`: text for the owner of a relative or a clone of the MPU-9250; empty for other chips.
     """
 
     name: str
@@ -30,7 +31,7 @@ class Sensor(NamedTuple):
 
     @property
     def is_clone(self) -> bool:
-        """Whether the chip is sold under another one's name."""
+        """Whether the chip is sold under the name of another chip."""
         return self.note == _CLONE
 
 
@@ -47,23 +48,23 @@ SENSORS = {
     0x78: Sensor("MPU-9250 clone (0x78)", "mpu9250", 333.87, 21.0, _CLONE),
     0xEA: Sensor("ICM-20948", "icm20948", 333.87, 21.0),
 }
-"""All kinds by WHO_AM_I. A new one is added here, and its family in `sources/i2c`."""
+"""All kinds of chips by WHO_AM_I. Add a new chip here, and its family in `sources/i2c`."""
 
 NO_SENSOR = 0
 """WHO_AM_I in HELLO while no sensor has answered."""
 
 _UNKNOWN = SENSORS[0x71]
-"""What an unknown chip's thermometer is taken for."""
+"""Kind whose thermometer scale is used for an unknown chip."""
 
 
 def known_sensors() -> str:
-    """Return the names of all kinds in a sentence; clones go without saying."""
-    *others, last = (one.name for one in SENSORS.values() if not one.is_clone)
+    """Return the names of all kinds except clones as a list in words: "A, B or C"."""
+    *others, last = (sensor.name for sensor in SENSORS.values() if not sensor.is_clone)
     return f"{', '.join(others)} or {last}"
 
 
 def relative_text(who_am_i: int) -> str | None:
-    """Return what the owner of a relative or a clone ought to know; None for any other chip."""
+    """Return a warning for the owner of a relative or a clone of the MPU-9250; None for other chips."""
     sensor = SENSORS.get(who_am_i)
     return f"the sensor is no MPU-9250 but {sensor.name}, {sensor.note}" if sensor and sensor.note else None
 
@@ -89,6 +90,6 @@ def temperature_c(raw: Counts, who_am_i: int | None) -> NDArray[np.float64]:
 
 
 def temperature_scale(who_am_i: int | None) -> tuple[float, float]:
-    """Return counts of TEMP_OUT a °C, and the temperature of 0 counts."""
+    """Return the thermometer's scale [LSB per °C] and the temperature at 0 counts [°C]."""
     sensor = _UNKNOWN if who_am_i is None else SENSORS.get(who_am_i, _UNKNOWN)
     return sensor.lsb_per_c, sensor.zero_c

@@ -1,7 +1,8 @@
-"""Serial URL to bytes: ports that turn every failure into an event, and reconnect.
+"""Serial ports by URL that turn every failure into an event and reconnect.
 
 pyserial's own ReaderThread dies silently on an unplugged port (its `in_waiting` raises a bare
-OSError); here any exception closes the port, says why and tries again with backoff.
+OSError). Here any exception closes the port, gives an event with the reason, and the port is opened again
+with increasing pauses.
 """
 
 import contextlib
@@ -23,33 +24,34 @@ FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
-"""USB ids from the SAM core's boards.txt."""
+"""USB ids of the Arduino Due, from boards.txt of Arduino's SAM core."""
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
-"""The programming port of any Arduino Due."""
+"""URL that matches the programming port of any Arduino Due."""
 
 READ_TIMEOUT_S = 0.1
 SOCKET = "socket://"
 SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
-"""What may stand before `://`. pyserial knows others, which write files or load classes that a URL names."""
+"""Allowed URL schemes. Other schemes of pyserial are refused, since they write files or load classes."""
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
-"""Bytes that a consumer may be behind: half a minute of a full line, minutes of samples."""
+"""Most bytes that may wait for the consumer: half a minute at full speed, minutes of samples."""
 
 MAX_CHUNK = 1 << 16
 
 AT_ONCE = 4
-"""Ports that are opened at the same time: while they are, they take six descriptors each, and then one."""
+"""Most ports that are opened at the same time: a port needs six descriptors while it opens, then one."""
 
 _OPENING = threading.BoundedSemaphore(AT_ONCE)
 
 
 def check_url(url: str, baud: int) -> None:
-    """Refuse what no retry can cure.
+    """Refuse URLs and baud rates for which opening the port again can never help.
 
     Raises:
-        UsageError: a kind of URL that is not among `SCHEMES`, or 1200 baud (which erases a Due's flash).
+        UsageError: the URL's scheme is not among `SCHEMES`, or the speed is 1200 baud (which erases a Due's
+            flash) or impossible.
     """
     if baud == FORBIDDEN_BAUD:
         raise UsageError(
@@ -59,7 +61,7 @@ def check_url(url: str, baud: int) -> None:
     if baud <= 0:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
-        scheme, is_url, _ = url.lower().partition("://")  # as pyserial reads it
+        scheme, is_url, _ = url.lower().partition("://")  # as pyserial splits it
         if is_url and scheme not in SCHEMES:
             raise ValueError(f"'{scheme}://' is not among the kinds of addresses that it opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
@@ -83,11 +85,11 @@ def list_ports_text() -> str:
 
 
 def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
-    """Return kind and text of the failure to open a port: what happened, why, what to do."""
+    """Return the kind of the error on opening a port, and a text: what happened, why, what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         remedy = join_remedy(url, group_of(url), this_user())
-        return "no_permission", f"no permission to open {url}. {remedy} 'fltea doctor' looks further."
+        return "no_permission", f"no permission to open {url}. {remedy} 'fltea doctor' checks more."
     if number in (errno.EBUSY, errno.EAGAIN):
         return "port_busy", (
             f"{url} is in use by another program (another fltea, a serial monitor, or ModemManager). "
@@ -107,12 +109,15 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
 
 
 class Port:
-    """One serial URL: how it is opened and read, and when it is tried again.
+    """One serial port: opening, reading, and the pauses between attempts to open it.
 
-    url: a device's path, or a URL of one of `SCHEMES`. The port is taken exclusively. Opening raises DTR
-    where there is one (which resets a Due); nothing here touches it. latency_s: how old its first bytes may
-    become before `Ports` gives them. overflow_bytes: read and thrown away, because whoever takes them was
-    too slow.
+    The port is opened exclusively. Opening raises DTR where there is one, which resets a Due; this class does
+    not change DTR.
+
+    `url`: path of a device, or a URL with one of `SCHEMES`.
+    `baud`: speed [baud].
+    `latency_s`: greatest age of the first waiting bytes when `Ports` yields them [s].
+    `overflow_bytes`: number of bytes that were read and dropped, because their consumer was too slow.
     """
 
     def __init__(self, url: str, baud: int, latency_s: float = 0.0) -> None:
@@ -127,16 +132,16 @@ class Port:
 
     @property
     def has_descriptor(self) -> bool:
-        """Whether the operating system can say when there is something to read."""
+        """Whether the port has a descriptor, so that the operating system can say when data are waiting."""
         return self.is_socket or "://" not in self.url or self.url.startswith("hwgrep://")
 
     @property
     def is_socket(self) -> bool:
-        """Whether its other side can close it."""
+        """Whether the port is a TCP socket, which the other side can close."""
         return self.url.startswith(SOCKET)
 
     def open(self) -> Opened | Failed:
-        """Open it; may take seconds where a network has to be asked."""
+        """Open the port; this may take seconds if it is on a network."""
         port = None
         try:
             port = serial.serial_for_url(self.url, baudrate=self.baud, do_not_open=True)
@@ -149,22 +154,22 @@ class Port:
             else:
                 port.open()
                 self._serial = port
-        except Exception as error:  # whatever a driver raises must not end the reading
+        except Exception as error:  # drivers may raise any exception, which must not end the reading
             if port is not None:
                 _release(port)
             try:
                 return Failed(*explain_open_failure(self.url, error), host_ns(), unix_offset_ns())
-            except Exception as fault:  # it asks the machine for groups and ports
+            except Exception as fault:  # listing the machine's groups and ports failed too
                 text = f"cannot open {self.url}: {error}. Nothing more can be found out ({fault})."
                 return Failed("open_failed", text, host_ns(), unix_offset_ns())
         return Opened(host_ns(), unix_offset_ns())
 
     def fileno(self) -> int:
-        """Return the descriptor of an open port that has one."""
+        """Return the descriptor of the open port; -1 if it has none."""
         return self._descriptor
 
     def has_worked(self) -> None:
-        """Take note that it gave bytes: a port that opens and dies at once is no success."""
+        """Reset the pauses between attempts; called when bytes came, as opening alone is no success."""
         self._failures = 0
 
     def read_waiting(self) -> Chunk | Failed | None:
@@ -175,7 +180,7 @@ class Port:
             data = port.read(1)
             if data:
                 data += port.read(min(port.in_waiting, MAX_CHUNK))
-        except Exception as error:  # OSError, SerialException, TypeError: by driver and platform
+        except Exception as error:  # OSError, SerialException or TypeError, by driver and platform
             return self.lost(error)
         if not data:
             return None
@@ -183,19 +188,22 @@ class Port:
         return Chunk(data, host_ns(), unix_offset_ns())
 
     def lost(self, error: Exception, *at: int) -> Failed:
-        """Close it, and say why. at: time and offset to Unix time, if not now."""
+        """Close the port and return the event that says why.
+
+        `at`: host time and offset to Unix time of the loss [ns]; now if they are left out.
+        """
         self.close()
         message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
         return Failed("unplugged", message, *(at or (host_ns(), unix_offset_ns())))
 
     def backoff_s(self) -> float:
-        """Return how long to wait before the next try."""
+        """Return the pause before the next attempt to open the port [s]; it grows with each failure."""
         wait_s = BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)]
         self._failures += 1
         return wait_s
 
     def close(self) -> None:
-        """Release it."""
+        """Close the port."""
         port, self._serial = self._serial, None
         if port is not None:
             _release(port)
@@ -206,7 +214,7 @@ class Port:
 
 
 def _descriptor_of(port: serial.Serial) -> int:
-    """Return the descriptor of an open port, and release all else of it; its lock and DTR stay."""
+    """Return the descriptor of an open port and release pyserial's other resources; lock and DTR stay."""
     if (connection := getattr(port, "_socket", None)) is not None:
         port.is_open = False
         return int(connection.detach())
