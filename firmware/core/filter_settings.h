@@ -17,7 +17,7 @@ namespace settings {
 // Longest gap that is bridged by prediction, a number of samples or a time. A longer gap begins a new epoch.
 // [samples]
 constexpr uint16_t kMaxGap = 100;
-// Length of the start-up window, a number of samples or a time. Bias and R are taken from it, so keep the
+// Length of the start-up window, a number of samples or a time. Bias and R are computed from it, so keep the
 // sensor at rest. [samples]
 constexpr uint16_t kStartup = 500;
 // `triple`: the three filters of the paper. `joint`: one filter for α and h^α f.

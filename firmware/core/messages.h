@@ -33,7 +33,7 @@ enum class SamplingMode : uint8_t {
     data_ready = 1,
     // the sensor's own clock, read through its FIFO
     fifo = 2,
-    // no sensor: made-up noise of known order
+    // no sensor: simulated noise of known order
     simulated = 3,
 };
 
@@ -55,7 +55,7 @@ enum class ResetCause : uint8_t {
 enum class FaultCode : uint8_t {
     // no answer on the bus; detail: I2C address
     sensor_missing = 1,
-    // WHO_AM_I of no known chip; detail: its value
+    // unknown WHO_AM_I; detail: its value
     sensor_unknown = 2,
     // a register did not keep its setting; detail: register << 16 | written << 8 | read
     readback_mismatch = 3,
@@ -63,9 +63,9 @@ enum class FaultCode : uint8_t {
     bus_held = 4,
     // the sensor stopped answering; detail: errors in a row
     sensor_lost = 5,
-    // no edge on the data-ready pin; detail: microseconds since the last
+    // no edge on the data-ready pin; detail: microseconds since the last edge
     data_ready_missing = 6,
-    // all channels stood still; detail: equal samples in a row
+    // all channels stayed constant; detail: equal samples in a row
     sensor_frozen = 7,
 };
 
@@ -86,29 +86,29 @@ enum class EstimatorVariant : uint8_t {
 };
 
 enum class EstimatorGuard : uint8_t {
-    // none: the algorithm as it is printed
+    // no guard: the algorithm as printed
     off = 0,
     // the printed algorithm within bounds
     faithful = 1,
-    // the same, and the variance of the state is counted
+    // as faithful, and with the variance of the state, which the printed algorithm leaves out
     consistent = 2,
 };
 
 enum class FitVerdict : uint8_t {
-    // its spectrum is empty: constant, or with so many gaps that nothing is long enough; all figures are 0
+    // the spectrum is empty, since the axis is constant or has too many gaps; all numbers are 0
     none = 0,
     // white noise is not rejected at 5 %
     white = 1,
     // white noise is rejected, and a relaxation is worse by more than 6 in 2 log L
     fractional = 2,
-    // white noise is rejected, and a relaxation describes it as well
+    // white noise is rejected, and a relaxation describes the noise no worse than the fractional model
     relaxation = 3,
 };
 
 namespace sample_flags {
-// read more than a tenth of a period after its due time
+// the sample was read more than a tenth of a period late
 constexpr uint8_t late = 1u << 0;
-// the first transfer failed, a second one gave this value
+// the first transfer failed; a second transfer gave this value
 constexpr uint8_t retried = 1u << 1;
 // a gyroscope axis is at the end of its range
 constexpr uint8_t saturated = 1u << 2;
@@ -117,32 +117,32 @@ constexpr uint8_t repeated = 1u << 3;
 }  // namespace sample_flags
 
 namespace estimate_flags {
-// the estimate may be used; else the axis was constant, needs its guard too often, or begins again
+// the estimate may be used; otherwise the axis was constant, needs its guard too often, or starts again
 constexpr uint8_t valid = 1u << 0;
 // the axis did not change over the start-up window, so it has no R
 constexpr uint8_t constant = 1u << 1;
 // the last step had no measurement
 constexpr uint8_t missing = 1u << 2;
-// since the start-up window samples were skipped: no host can give the same estimate
+// samples were skipped since the start-up window, so a host cannot reproduce the estimate
 constexpr uint8_t skipped = 1u << 3;
-// Q and R are those of a FIT, no longer those that ESTIMATOR and the start-up window gave
+// Q and R are those of a FIT, no longer those of ESTIMATOR and the start-up window
 constexpr uint8_t tuned = 1u << 4;
-// the tracker's figures are there: a FIT of the axis has found its noise
+// the fields of the tracker are valid, since there is a FIT of the axis
 constexpr uint8_t tracked = 1u << 5;
 }  // namespace estimate_flags
 
 namespace fit_flags {
-// the interval of the order is shorter than nearly all that is possible
+// the data define the order: its interval covers less than nearly the whole range
 constexpr uint8_t alpha_defined = 1u << 0;
-// on a grid, since there was no answer before, or one of far fewer samples
+// the fit searched a grid, since there was no earlier fit, or one with far fewer samples
 constexpr uint8_t searched = 1u << 1;
-// there were more bins than room for them: some of the lowest are missing
+// there was no room for all bins: some of the lowest frequencies are missing
 constexpr uint8_t bins_left_out = 1u << 2;
-// the filters of the axis go on with s2 as Q and r as R
+// the filters of the axis now use s2 as Q and r as R
 constexpr uint8_t tuned = 1u << 3;
 }  // namespace fit_flags
 
-// Who is speaking, and what its samples mean. At boot, before any sample, and every second.
+// Identity of the device and scales of its samples. Sent at boot, before any sample, and every second.
 struct Hello {
     static constexpr uint8_t type() { return 1; }
     // Size of the payload [bytes].
@@ -150,22 +150,22 @@ struct Hello {
     // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
     static constexpr size_t least() { return 68; }
 
-    // version of this protocol; another one is refused
+    // major version of this protocol; another major version is refused
     uint8_t protocol_major;
-    // additions within the major version
+    // minor version: number of additions within the major version
     uint8_t protocol_minor;
-    // CRC-32 of the layout (see Versions); one that is not that of a known minor version is refused
+    // CRC-32 of the layout (see Versions); the hash of an unknown layout is refused
     uint32_t schema_hash;
-    // differs from boot to boot
+    // identifier of this boot, another one after each restart
     uint32_t boot_id;
     // unique identifier of the microcontroller
     uint8_t device_id[16];
-    // version and build
+    // version and build of the firmware
     char firmware_version[24];
-    // WHO_AM_I register of the sensor; 0 while none has answered
+    // WHO_AM_I register of the sensor; 0 while no sensor has answered
     uint8_t who_am_i;
-    // times that the sensor has been set up since boot, 0 = not yet; another number: samples before and after
-    // do not belong together
+    // how often the sensor was set up since boot, 0 = not yet; when this number changes, samples before and
+    // after do not belong together
     uint16_t sensor_starts;
     // nominal rate of SAMPLE [0.001 Hz]
     uint32_t sample_rate;
@@ -226,7 +226,7 @@ struct Sample {
     int16_t accel_z;
     // die temperature; the scale follows from who_am_i [LSB]
     int16_t temperature;
-    // what is doubtful about this sample
+    // reasons to doubt this sample
     uint8_t flags;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -243,7 +243,7 @@ struct Sample {
     }
 };
 
-// Health of the device, every second. Counters run from boot and do not wrap in practice.
+// Health of the device, sent every second. Counters count from boot and do not wrap in practice.
 struct Status {
     static constexpr uint8_t type() { return 3; }
     // Size of the payload [bytes].
@@ -251,22 +251,22 @@ struct Status {
     // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
     static constexpr size_t least() { return 27; }
 
-    // I2C transfers that failed, or gave a wrong byte and then the right one
+    // I2C transfers that failed, or gave a wrong byte first and the right one on repetition
     uint32_t i2c_errors;
-    // times that the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
+    // how often the bus was freed after a time-out or a short read: clocks while SDA was low, STOP,
     // controller set up again
     uint32_t bus_recoveries;
-    // times that the sensor was set up again
+    // how often the sensor was set up again
     uint32_t sensor_reinits;
     // sampling instants that passed without a sample
     uint32_t overruns;
     // whole frames not sent because the transmit ring was full
     uint32_t dropped_frames;
-    // why the device last started
+    // cause of the last start of the device
     ResetCause reset_cause;
-    // share of the time since the STATUS before that the main loop worked [0.01 %]
+    // share of the time since the previous STATUS in which the main loop was busy [0.01 %]
     uint16_t cpu_share;
-    // longest turn of the main loop since the STATUS before [us]
+    // longest pass of the main loop since the previous STATUS [us]
     uint32_t longest_step;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -283,7 +283,7 @@ struct Status {
     }
 };
 
-// Something that a person should know, sent when it happens.
+// A fault that a person should know of, sent when it happens.
 struct Fault {
     static constexpr uint8_t type() { return 4; }
     // Size of the payload [bytes].
@@ -304,8 +304,8 @@ struct Fault {
     }
 };
 
-// What the device itself makes of one axis after one sample. Counts of the guard run since the axis last
-// began, and say how often it stepped in.
+// The device's own estimate of one axis after one sample. The counts, from order_box to memory_order, say how
+// often the guard stepped in since the axis last started.
 struct Estimate {
     static constexpr uint8_t type() { return 5; }
     // Size of the payload [bytes].
@@ -313,53 +313,53 @@ struct Estimate {
     // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
     static constexpr size_t least() { return 84; }
 
-    // whose estimate this is
+    // axis of the estimate
     Axis axis;
-    // what is to be known about it
+    // properties of the estimate
     uint8_t flags;
-    // sequence of the SAMPLE after which this was the estimate
+    // sequence of the SAMPLE that the estimate belongs to
     uint16_t sample;
-    // samples since the start-up window, those without a measurement included
+    // samples since the start-up window, missing samples included
     uint32_t age;
-    // order; 0 as all that follows up to innovation while the axis is not valid
+    // order alpha; while the axis is not valid, this and the fields up to innovation are 0
     float alpha;
-    // its standard deviation, the filter's own
+    // standard deviation of alpha, by the filter
     float alpha_std;
-    // parameter [s^-alpha]
+    // parameter f [s^-alpha]
     float f;
-    // its standard deviation [s^-alpha]
+    // standard deviation of f, by the filter [s^-alpha]
     float f_std;
     // noise state x, bias removed [deg/s]
     float state;
     // measurement minus prediction; 0 without a measurement [deg/s]
     float innovation;
-    // the order left [0, 2]
+    // how often the order left [0, 2]
     uint32_t order_box;
-    // a sigma point of the order left [-1/2, 5/2]
+    // how often a sigma point of the order left [-1/2, 5/2]
     uint32_t order_sigma;
-    // the variance of the order exceeded 1/3
+    // how often the variance of the order exceeded 1/3
     uint32_t order_variance;
-    // the innovation of the order filter exceeded its gate
+    // how often the innovation of the order filter exceeded its gate
     uint32_t order_gate;
-    // h^alpha f left its bounds
+    // how often h^alpha f left its bounds
     uint32_t parameter_box;
-    // the variance of h^alpha f exceeded its bound
+    // how often the variance of h^alpha f exceeded its bound
     uint32_t parameter_variance;
-    // the innovation of the parameter filter exceeded its gate
+    // how often the innovation of the parameter filter exceeded its gate
     uint32_t parameter_gate;
-    // the innovation of the state exceeded 4 sigma, or a prediction went beyond all that was seen
+    // how often the innovation of the state exceeded 4 sigma, or a prediction exceeded all earlier samples
     uint32_t state_bound;
-    // the memory was asked for an order out of its range
+    // how often the memory was asked for an order outside its range
     uint32_t memory_order;
-    // what to subtract from the samples of the second to come, by the filter of the noise that FIT tells of:
-    // the offset, and what is left of tracker_state in the mean over that second; it and all that follow are
-    // 0 without tracked [deg/s]
+    // bias to subtract from the samples of the next second, by the tracker that uses the device's FIT: the
+    // offset plus the expected mean of tracker_state over that second; this and the next three fields are 0
+    // unless the flag tracked is set [deg/s]
     float tracker_bias;
-    // standard deviation of that mean, without the white noise; it grows while the sensor moves [deg/s]
+    // standard deviation of tracker_bias, without the white noise; it grows while the sensor moves [deg/s]
     float tracker_bias_std;
-    // the coloured part of the noise, without the offset: 0 of white noise [deg/s]
+    // state of the coloured part of the noise, without the offset; 0 for white noise [deg/s]
     float tracker_state;
-    // its standard deviation [deg/s]
+    // standard deviation of tracker_state [deg/s]
     float tracker_state_std;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -391,8 +391,8 @@ struct Estimate {
     }
 };
 
-// With what the device estimates, and how it gets on; before the first sample, when the start-up window is
-// full, and every second. A device that does not estimate never sends it.
+// Settings and state of the device's estimator. Sent before the first sample, when the start-up window is
+// full, and every second; a device that does not estimate never sends it.
 struct Estimator {
     static constexpr uint8_t type() { return 6; }
     // Size of the payload [bytes].
@@ -400,35 +400,35 @@ struct Estimator {
     // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
     static constexpr size_t least() { return 106; }
 
-    // which filter on order and parameter
+    // kind of filter for order and parameter
     EstimatorVariant variant;
-    // what keeps it within bounds
+    // kind of guard that keeps the filters within bounds
     EstimatorGuard guard;
-    // samples of the start-up window
+    // length of the start-up window in samples
     uint16_t startup;
-    // longest gap in samples that is bridged by prediction; after a longer one all begins again
+    // longest gap in samples that is bridged by prediction; after a longer gap the estimator starts again
     uint16_t max_gap;
-    // ESTIMATEs belong to samples whose sequence is a multiple of this
+    // ESTIMATE is sent for samples whose sequence is a multiple of this
     uint16_t every;
     // samples until the start-up window is full
     uint16_t remaining;
-    // times since boot that estimation began, with a start-up window
+    // how often the estimator started with a new start-up window since boot
     uint16_t begun;
-    // samples from one round of FITs to the next; 0: the device makes none
+    // samples from one round of FITs to the next; 0: the device makes no fits
     uint16_t fit_every;
-    // samples that wait to be taken
+    // samples that wait for the estimator
     uint16_t queue;
-    // samples since boot that the estimator could not take, because it had fallen behind
+    // samples since boot that the estimator skipped, because it had fallen behind
     uint32_t skipped;
-    // longest step of one axis since boot [us]
+    // longest computing time of one step of one axis since boot [us]
     uint32_t longest_axis;
-    // longest slice of a fit since boot [us]
+    // longest slice of computing time for a fit since boot [us]
     uint32_t longest_slice;
-    // times since the window that x had to begin again
+    // how often the filters of x started again since the start-up window
     uint16_t restarts_x;
-    // times since the window that y had to begin again
+    // how often the filters of y started again since the start-up window
     uint16_t restarts_y;
-    // times since the window that z had to begin again
+    // how often the filters of z started again since the start-up window
     uint16_t restarts_z;
     // mean of x in the start-up window, 0 while it fills [deg/s]
     float bias_x;
@@ -436,35 +436,38 @@ struct Estimator {
     float bias_y;
     // mean of z in the start-up window, 0 while it fills [deg/s]
     float bias_z;
-    // variance of x in it, R of the filters; 0 while it fills and for an axis that never changed [(deg/s)^2]
+    // variance of x in the start-up window, R of the filters; 0 while the window fills and for a constant
+    // axis [(deg/s)^2]
     float r_x;
-    // variance of y in it, R of the filters; 0 while it fills and for an axis that never changed [(deg/s)^2]
+    // variance of y in the start-up window, R of the filters; 0 while the window fills and for a constant
+    // axis [(deg/s)^2]
     float r_y;
-    // variance of z in it, R of the filters; 0 while it fills and for an axis that never changed [(deg/s)^2]
+    // variance of z in the start-up window, R of the filters; 0 while the window fills and for a constant
+    // axis [(deg/s)^2]
     float r_z;
     // initial state [deg/s]
     float state_x0;
-    // its variance [(deg/s)^2]
+    // variance of the initial state [(deg/s)^2]
     float state_p0;
-    // variance of a step of the state [(deg/s)^2]
+    // variance of one step of the state (Q) [(deg/s)^2]
     float state_q;
     // initial order
     float alpha0;
-    // its variance
+    // variance of the initial order
     float alpha_p0;
-    // variance of a step of the order
+    // initial variance of one step of the order's random walk
     float alpha_q0;
-    // forgetting factor of that variance
+    // forgetting factor of the variance of the order's steps
     float alpha_delta;
     // initial f (triple) or h^alpha f (joint)
     float parameter0;
-    // its variance
+    // variance of parameter0
     float parameter_p0;
-    // variance of a step of it
+    // initial variance of one step of the parameter's random walk
     float parameter_q0;
-    // forgetting factor of that variance
+    // forgetting factor of the variance of the parameter's steps
     float parameter_delta;
-    // standard deviations from which on the guard softens an innovation
+    // size of an innovation, in standard deviations, from which on the guard softens it
     float gate;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -506,9 +509,9 @@ struct Estimator {
     }
 };
 
-// The maximum-likelihood fit of the fractional model in white noise to the running spectrum of one axis,
-// every few seconds. Of the spectrum that ended `age` samples after the start-up window; the fit itself takes
-// its time.
+// The maximum-likelihood fit of the fractional model with white noise to the running spectrum of one axis,
+// sent every few seconds. The spectrum ends `age` samples after the start-up window; the fit is finished
+// later.
 struct Fit {
     static constexpr uint8_t type() { return 7; }
     // Size of the payload [bytes].
@@ -516,36 +519,35 @@ struct Fit {
     // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
     static constexpr size_t least() { return 47; }
 
-    // whose noise this is
+    // axis of the noise
     Axis axis;
-    // what the noise is
+    // kind of the noise
     FitVerdict verdict;
-    // what is to be known about it
+    // properties of the fit
     uint8_t flags;
-    // fits of this axis since its start-up window, this one included, modulo 65536
+    // number of fits of this axis since its start-up window, this one included, modulo 65536
     uint16_t number;
-    // samples since the start-up window, lost ones included, that had come when its spectrum was read, modulo
-    // 2^32
+    // number of samples from the start-up window to the fit's spectrum, lost samples included, modulo 2^32
     uint32_t age;
-    // samples that went into the spectrum, modulo 2^32; others were lost, or are of knocks and steps
+    // number of samples in the spectrum, modulo 2^32; the others were lost, or belong to knocks and steps
     uint32_t used;
-    // of the likelihood; far more when it was searched on a grid than from the last answer
+    // number of evaluations of the likelihood; a grid search takes far more than a start from the last fit
     uint16_t evaluations;
-    // effective independent ordinates of the spectrum
+    // effective number of independent ordinates of the spectrum
     float ordinates;
-    // order; of white noise it, alpha_std, f and s2 are 0
+    // order alpha; for white noise alpha, alpha_std, f and s2 are 0
     float alpha;
-    // its standard deviation: 1.96 of it is the longer side of the interval by the likelihood; 0 if not known
+    // standard deviation of alpha: the longer side of the likelihood interval divided by 1.96; 0 if not known
     float alpha_std;
-    // parameter [s^-alpha]
+    // parameter f [s^-alpha]
     float f;
     // variance of the state's innovations, Q of the filters [(deg/s)^2]
     float s2;
-    // variance of the white noise, R of the filters; of an axis that is white, its power [(deg/s)^2]
+    // variance of the white noise, R of the filters; for white noise, the power of the axis [(deg/s)^2]
     float r;
-    // 2 log L of orders up to 1 above white noise
+    // 2 log L of the fractional model with orders up to 1, minus 2 log L of white noise
     float ratio_white;
-    // 2 log L of the fractional model above a relaxation, AR(1)
+    // 2 log L of the fractional model minus 2 log L of a relaxation, AR(1)
     float ratio_relaxation;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.
@@ -569,7 +571,8 @@ struct Fit {
     }
 };
 
-// Some bins of the spectrum that a FIT is of, after it; with every tenth fit of an axis, in order.
+// Some bins of the spectrum of a FIT. The messages with all bins follow, in order, every tenth FIT of an
+// axis.
 struct Spectrum {
     static constexpr uint8_t type() { return 8; }
     // Size of the payload [bytes].
@@ -577,43 +580,43 @@ struct Spectrum {
     // Size of the payload in the oldest supported version [bytes]; fields missing after it are 0.
     static constexpr size_t least() { return 65; }
 
-    // whose noise this is
+    // axis of the noise
     Axis axis;
-    // that of the FIT
+    // number of the FIT
     uint16_t number;
     // number of the first bin of this message, from 0
     uint8_t first;
-    // bins of the spectrum; those of this message beyond it are 0
+    // number of bins of the spectrum; bins of this message beyond it are 0
     uint8_t total;
-    // of bin first + 0 [Hz]
+    // frequency of bin first + 0 [Hz]
     float frequency_0;
-    // effective independent ordinates in it
+    // effective number of independent ordinates in the bin
     float ordinates_0;
-    // power density there, one-sided [(deg/s)^2/Hz]
+    // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_0;
-    // of bin first + 1 [Hz]
+    // frequency of bin first + 1 [Hz]
     float frequency_1;
-    // effective independent ordinates in it
+    // effective number of independent ordinates in the bin
     float ordinates_1;
-    // power density there, one-sided [(deg/s)^2/Hz]
+    // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_1;
-    // of bin first + 2 [Hz]
+    // frequency of bin first + 2 [Hz]
     float frequency_2;
-    // effective independent ordinates in it
+    // effective number of independent ordinates in the bin
     float ordinates_2;
-    // power density there, one-sided [(deg/s)^2/Hz]
+    // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_2;
-    // of bin first + 3 [Hz]
+    // frequency of bin first + 3 [Hz]
     float frequency_3;
-    // effective independent ordinates in it
+    // effective number of independent ordinates in the bin
     float ordinates_3;
-    // power density there, one-sided [(deg/s)^2/Hz]
+    // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_3;
-    // of bin first + 4 [Hz]
+    // frequency of bin first + 4 [Hz]
     float frequency_4;
-    // effective independent ordinates in it
+    // effective number of independent ordinates in the bin
     float ordinates_4;
-    // power density there, one-sided [(deg/s)^2/Hz]
+    // one-sided power density of the bin [(deg/s)^2/Hz]
     float density_4;
 
     // Calls visitor(name, field) for every field, in the order of the wire. Self may be const.

@@ -104,12 +104,12 @@ class _LateBar:
 
 
 def say(text: str) -> None:
-    """Write a line of ours to stderr; names of files in it may hold anything."""
+    """Write a message to stderr, with control characters from file names made visible."""
     print(visible_lines(hidden(text)), file=sys.stderr, flush=True)
 
 
 def end_with(failures: Sequence[FlteaError]) -> None:
-    """Raise the first failure, if there is one, after the others were reported."""
+    """Report all failures except the first, then raise the first, if there is one."""
     for failure in failures[1:]:
         say(f"fltea: error: {failure}")
     if failures:

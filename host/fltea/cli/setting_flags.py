@@ -1,4 +1,4 @@
-"""Command-line flags, made from the declarations of settings, so a new setting gets its flag automatically."""
+"""Command-line flags, made from the declarations of settings: a new setting gets its flag automatically."""
 
 import inspect
 from collections.abc import Callable, Sequence

@@ -50,8 +50,8 @@ class LinkConfig(Table, frozen=True):
     latency: Annotated[
         str,
         Setting(
-            "How long samples of a serial port may wait for more, which saves processor time; with 0 ms, each "
-            "is taken at once.",
+            "How long samples of a serial port may wait for more, which saves processor time; with 0 ms, "
+            "each is taken at once.",
             unit="s",
             least=0,
             most=1,

@@ -1,6 +1,6 @@
-"""Blocks of samples, or single frames, out of the bytes of one port, by the native decoder.
+"""Decode the bytes of one port to blocks of samples or single frames, with the native decoder.
 
-The rules are those of protocol/README.md.
+The rules of decoding are in protocol/README.md.
 """
 
 from collections import Counter
@@ -16,7 +16,7 @@ from fltea.wire.messages import BadFrame, Frame, Refused, refusal
 
 
 class SampleColumns(NamedTuple):
-    """SAMPLE frames that follow each other without anything between them, n ≥ 1 of them."""
+    """One or more (n) consecutive SAMPLE frames, with no other frame between them, as columns."""
 
     sequence: NDArray[np.int64]
     """Number of the sampling instant, modulo 2**16; shape (n,)."""
@@ -34,21 +34,21 @@ class SampleColumns(NamedTuple):
     """Offset within the bytes of the call, just behind the frame's closing 0x00 [bytes]; shape (n,)."""
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the same, frame by frame."""
+        """Yield the samples as single frames."""
         numbers = (column.tolist() for column in self[:-1])
         for sequence, device_us, gyro, accel, temperature, flags in zip(*numbers, strict=True):
             yield Frame(Sample.TYPE, sequence, device_us, Sample._make((*gyro, *accel, temperature, flags)))
 
 
 class Located(NamedTuple):
-    """Anything that is not a sample, and where it ended."""
+    """A decoded item that is not a sample, and its end in the bytes."""
 
     item: Frame | Refused | BadFrame
-    """A frame that is no SAMPLE, or no good frame."""
+    """A frame that is no SAMPLE, a refused HELLO, or a bad frame."""
     end: int
     """Offset within the bytes of the call, just behind the closing 0x00 [bytes].
 
-    An oversize block ends behind the byte that made it too long, as it is given before its 0x00 has come.
+    An oversize block ends behind the byte that made it too long, since it is reported before its 0x00 comes.
     """
 
 
@@ -56,10 +56,10 @@ Decoded: TypeAlias = SampleColumns | Located
 
 
 class BlockReader:
-    """Bytes of one port in, blocks of samples and everything else out, in the order of the bytes.
+    """Decodes the bytes of one port to blocks of samples and other items, in the order of the bytes.
 
-    It counts the bytes fed (`bytes_in`, which runs on over `reset`) and nothing else. What comes out depends
-    on the bytes alone, never on their chunks, except that a run of samples ends where its call does.
+    It counts only the bytes fed (`bytes_in`, which `reset` does not change). The items depend only on the
+    bytes, not on how they are split into calls, except that a block of samples ends with its call.
     """
 
     def __init__(self) -> None:
@@ -67,49 +67,49 @@ class BlockReader:
         self._decoder = _native.Decoder()
 
     def reset(self) -> None:
-        """Begin again on a reopened port: drop the unfinished block; the next one may be partial again."""
+        """Start again after the port was reopened: drop the unfinished block; the next may be partial."""
         self._decoder.reset()
 
     @property
     def pending(self) -> int:
-        """The number of bytes in the unfinished block."""
+        """Number of bytes in the unfinished block."""
         return self._decoder.pending
 
     def feed(self, data: bytes | bytearray | memoryview) -> list[Decoded]:
-        """Return what ends in `data`. Never raises, whatever the bytes are.
+        """Return all items that end in `data`. It never raises, whatever the bytes are.
 
-        A `Refused` stands where a HELLO of another version came. The caller must interpret nothing after it.
+        A HELLO of another version gives a `Refused`. The caller must not interpret any item after it.
         """
         self.bytes_in += len(data)
         columns, others = self._decoder.feed(data)
         if not others:
             return [] if columns is None else [SampleColumns._make(columns)]
-        found: list[Decoded] = []
+        items: list[Decoded] = []
         given = 0
         for row, end, reason, type, sequence, device_us, content in others:
             if columns is not None and row > given:
-                found.append(SampleColumns._make([column[given:row] for column in columns]))
+                items.append(SampleColumns._make([column[given:row] for column in columns]))
                 given = row
             if reason is None:
-                found.append(Located(_read(type, sequence, device_us, content), end))
+                items.append(Located(_read(type, sequence, device_us, content), end))
             else:
-                found.append(Located(BadFrame(reason, content), end))
+                items.append(Located(BadFrame(reason, content), end))
         if columns is not None and given < len(columns[0]):
-            found.append(SampleColumns._make([column[given:] for column in columns]))
-        return found
+            items.append(SampleColumns._make([column[given:] for column in columns]))
+        return items
 
 
 def _read(type: int, sequence: int, device_us: int, payload: bytes) -> Frame | Refused:
-    """Return an intact frame, of whose type and length the decoder has made sure."""
+    """Return an intact frame; the decoder has checked its type and length."""
     refused = refusal(payload) if type == Hello.TYPE else None
     return refused or Frame(type, sequence, device_us, MESSAGES[type].unpack(payload))
 
 
 class FrameReader:
-    """Bytes of one port in, frames out, one by one.
+    """Decodes the bytes of one port to single frames.
 
-    `counts` counts "frames" (good ones) and the `REASONS`, and only what occurred; a `Refused` is left to the
-    caller, who has to count what follows it too.
+    `counts`: number of good frames under "frames", and of bad frames under their reason in `REASONS`. It does
+    not count a `Refused`; the caller counts that and the frames after it.
     """
 
     def __init__(self) -> None:
@@ -118,24 +118,24 @@ class FrameReader:
 
     @property
     def bytes_in(self) -> int:
-        """The number of bytes fed."""
+        """Number of bytes fed."""
         return self._blocks.bytes_in
 
     def feed(self, data: bytes) -> list[Frame | Refused]:
-        """Return the good frames that end in `data`; the bad ones are only counted. Never raises.
+        """Return the good frames that end in `data`; bad frames are only counted. It never raises.
 
-        A `Refused` stands where a HELLO of another version came. The caller must interpret nothing after it.
+        A HELLO of another version gives a `Refused`. The caller must not interpret any frame after it.
         """
         return [item for item in self.feed_all(data) if not isinstance(item, BadFrame)]
 
     def feed_all(self, data: bytes) -> list[Frame | Refused | BadFrame]:
-        """Return the good frames and, in their places, the bad ones. Never raises."""
-        found: list[Frame | Refused | BadFrame] = []
-        for one in self._blocks.feed(data):
-            found += one.frames() if isinstance(one, SampleColumns) else [one.item]
+        """Return the good and bad frames that end in `data`, in their order. It never raises."""
+        items: list[Frame | Refused | BadFrame] = []
+        for decoded in self._blocks.feed(data):
+            items += decoded.frames() if isinstance(decoded, SampleColumns) else [decoded.item]
         self.counts.update(
             "frames" if isinstance(item, Frame) else item.reason
-            for item in found
+            for item in items
             if not isinstance(item, Refused)
         )
-        return found
+        return items

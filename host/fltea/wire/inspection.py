@@ -1,4 +1,4 @@
-"""Raw frames made readable: one line a frame, damaged ones too, and a sum at the end."""
+"""Show raw frames as text: one line for each frame, also for damaged ones, and a summary at the end."""
 
 from collections.abc import Iterable, Iterator
 from enum import IntFlag
@@ -11,13 +11,13 @@ HEX_BYTES_SHOWN = 24
 
 
 FLAGS: dict[type[wire.Message], type[IntFlag]] = {wire.Estimate: wire.EstimateFlags, wire.Fit: wire.FitFlags}
-"""Names of the bits of a message's `flags`, if they are not those of SAMPLE."""
+"""Names of the bits in `flags` of messages whose flags differ from those of SAMPLE."""
 
 
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
-    """Yield a line for every block in a stream of bytes; `reader` counts them.
+    """Yield one line for every block in a stream of bytes; `reader` counts the blocks.
 
-    After a HELLO of another version the fields may mean something else: such lines begin with `?`.
+    After a HELLO of another version, fields may have another meaning; lines of such frames begin with `?`.
     """
     doubtful = False
     for chunk in chunks:
@@ -30,7 +30,7 @@ def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
 
 
 def describe(item: Frame | Refused | BadFrame) -> str:
-    """Return one line for a person: type, sequence, device time in s, and the fields in raw counts."""
+    """Return one line of text for a frame: type, sequence, device time [s], and the fields in raw counts."""
     match item:
         case Refused():
             return f"HELLO    REFUSED: {item.message}"
@@ -46,7 +46,7 @@ def describe(item: Frame | Refused | BadFrame) -> str:
 
 
 def summary(reader: FrameReader) -> str:
-    """Return how much of what was in the stream."""
+    """Return the counts of bytes, good frames and bad frames in the stream as text."""
     parts = [f"{reader.bytes_in} bytes", f"{reader.counts['frames']} good frames"]
     parts += [f"{n} {reason}" for reason, n in sorted(reader.counts.items()) if reason != "frames"]
     return ", ".join(parts)

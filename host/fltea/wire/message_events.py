@@ -1,4 +1,4 @@
-"""Messages as events: raw counts become values in their units (protocol/README.md)."""
+"""Convert messages to events: raw counts become values in their units (protocol/README.md)."""
 
 from enum import IntEnum
 
@@ -10,14 +10,14 @@ from fltea.wire.sensors import sensor_name
 
 _FIELDS = wire.Estimate._fields
 CAUSES = _FIELDS[_FIELDS.index("order_box") : _FIELDS.index("tracker_bias")]
-"""Fields of ESTIMATE that count what the guard did; the host's engine has the same names."""
+"""Fields of ESTIMATE that count the guard's interventions; the host's engine uses the same names."""
 
 BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
-"""The number of bins in one SPECTRUM."""
+"""Number of bins in one SPECTRUM message."""
 
 
 def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
-    """Return HELLO's counts in their units."""
+    """Return the event of a HELLO, with counts converted to units."""
 
     def scaled(name: str) -> float:
         return float(round(getattr(hello, name) * wire.Hello.SCALE[name], 9))  # 164 * 0.1 is 16.4
@@ -44,9 +44,9 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
 
 
 def status_event(s: wire.Status) -> DeviceStatus:
-    """Return STATUS's counts in their units.
+    """Return the event of a STATUS, with counts converted to units.
 
-    No turn of a loop takes 0 us, so that means that none was measured.
+    A `longest_step` of 0 us means that none was measured, since no pass of the main loop takes 0 us.
     """
     return DeviceStatus(
         *s[:5],
@@ -57,7 +57,7 @@ def status_event(s: wire.Status) -> DeviceStatus:
 
 
 def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
-    """Return ESTIMATE's counts in their units; sequence is that of its frame."""
+    """Return the event of an ESTIMATE. `sequence`: number of its frame."""
     flags = wire.EstimateFlags
     return DeviceAxis(
         sequence=sequence,
@@ -84,7 +84,7 @@ def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
 
 
 def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
-    """Return ESTIMATOR's counts in their units."""
+    """Return the event of an ESTIMATOR message."""
     return DeviceEstimator(
         host_ns=host_ns,
         variant=name_of(wire.EstimatorVariant, e.variant),
@@ -118,7 +118,7 @@ def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
 
 
 def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
-    """Return FIT's counts in their units."""
+    """Return the event of a FIT."""
     flags = wire.FitFlags
     return DeviceFit(
         host_ns=host_ns,
@@ -144,7 +144,7 @@ def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
 
 
 def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
-    """Return SPECTRUM's bins without those beyond the last one."""
+    """Return the event of a SPECTRUM; unused bins at the end of the last message are left out."""
     n = max(0, min(BINS, s.total - s.first))
     hz, ordinates, density = (
         tuple(getattr(s, f"{name}_{i}") for i in range(n)) for name in ("frequency", "ordinates", "density")
@@ -153,7 +153,7 @@ def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
 
 
 def name_of(enum: type[IntEnum], value: int) -> str:
-    """Return the name of an enum's value in lower case; the number itself for one that we do not know."""
+    """Return the name of an enum's value in lower case; "unknown (N)" for an unknown number N."""
     try:
         return enum(value).name.lower()
     except ValueError:

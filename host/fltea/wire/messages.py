@@ -1,14 +1,14 @@
-"""Frames and their messages: what is read from the wire, and how one is written (protocol/README.md).
+"""Types of decoded frames, and the encoder of frames (protocol/README.md).
 
-The native decoder reads them (`fltea.wire.block_reader`).
+The native decoder reads frames (`fltea.wire.block_reader`).
 """
 
 from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-# COBS as a C extension: fast, and not ours, so a misreading of COBS in the device's encoder shows here
-# instead of being shared.
+# An independent implementation of COBS: if the device's encoder misreads COBS, this one does not share its
+# fault. It is a fast C extension.
 from cobs import cobs
 
 from fltea.wire.layout import (
@@ -22,7 +22,7 @@ from fltea.wire.layout import (
 )
 
 REASONS: Final = {
-    "partial": "the end of a frame whose start was not heard: normal when attaching",
+    "partial": "the end of a frame whose start was not received: normal when the port is opened",
     "cobs": "not a COBS block",
     "oversize": "no 0x00 within the length of the longest frame",
     "short": "shorter than header and CRC",
@@ -30,20 +30,20 @@ REASONS: Final = {
     "length": "CRC fits, but the payload is shorter than its type demands",
     "unknown_type": "intact, of a type that this version does not know",
 }
-"""Why a block is a `BadFrame`, in plain words."""
+"""Texts of the reasons why a block is a `BadFrame`."""
 
 CRC_SIZE: Final = 4
 VERSION: Final = Struct("<BBI")
-"""Major and minor version and schema hash: the first bytes of a HELLO in every version."""
+"""Major version, minor version and schema hash: the first bytes of a HELLO in every version."""
 
 
 class Frame(NamedTuple):
-    """One frame that is whole and whose message is known."""
+    """One undamaged frame with a known message."""
 
     type: int
     """Type byte, as in `wire.MESSAGES`."""
     sequence: int
-    """Number within the type, modulo 2**16."""
+    """Number of the frame among those of its type, modulo 2**16."""
     device_us: int
     """Device time since boot, modulo 2**32 [us]."""
     message: Message
@@ -51,16 +51,16 @@ class Frame(NamedTuple):
 
 
 class BadFrame(NamedTuple):
-    """A block that is not a frame that this program understands."""
+    """A damaged block, or a frame of a type that this program does not know."""
 
     reason: str
     """One of `REASONS`."""
     data: bytes
-    """The block as it came, with COBS and without the 0x00; of an oversize run the first `MAX_ENCODED`."""
+    """The block as it arrived, with COBS, without the 0x00; an oversize block is cut at `MAX_ENCODED`."""
 
 
 class Refused(NamedTuple):
-    """What an intact HELLO of another protocol version said of itself.
+    """The version in an intact HELLO of another protocol version.
 
     Nothing that this device sends may be interpreted.
     """
@@ -71,7 +71,7 @@ class Refused(NamedTuple):
 
     @property
     def message(self) -> str:
-        """The error for a person; it names both versions."""
+        """Error message that names both versions."""
         return (
             f"device speaks protocol {self.protocol_major}.{self.protocol_minor}, schema "
             f"0x{self.schema_hash:08X}; this fltea speaks {PROTOCOL_MAJOR}.{PROTOCOL_MINOR}, schema "
@@ -80,9 +80,10 @@ class Refused(NamedTuple):
 
 
 def refusal(payload: bytes) -> Refused | None:
-    """Return what is refused: the payload of a HELLO of another major version, or of an unknown layout.
+    """Return the version in a HELLO's payload if this program cannot read it; None if it can.
 
-    Later minor versions only add, so what they share with this one can be read.
+    Other major versions and unknown layouts are refused. Later minor versions only add messages and fields,
+    so those of this version can be read.
     """
     device = Refused(*VERSION.unpack_from(payload))
     known = device.protocol_minor > PROTOCOL_MINOR or device.schema_hash in SCHEMA_HASHES
@@ -92,18 +93,26 @@ def refusal(payload: bytes) -> Refused | None:
 def encode(message: Message, sequence: int, device_us: int) -> bytes:
     """Return the message as one frame on the wire, closing 0x00 included.
 
-    `sequence` (0 to 65535) and `device_us` (microseconds, 0 to 2**32 - 1) are wrapped by the caller. Raises
-    `struct.error` for a number and `ValueError` for text or bytes that do not fit their fields.
+    `sequence`: number of the frame, wrapped by the caller to 0 to 65535.
+    `device_us`: device time, wrapped by the caller to 0 to 2**32 - 1 [us].
+
+    Raises:
+        struct.error: a number does not fit its field.
+        ValueError: a text or bytes do not fit their field.
     """
     return encode_frame(message.TYPE, sequence, device_us, message.pack())
 
 
 def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> bytes:
-    """Return one frame as it goes on the wire, closing 0x00 included.
+    """Return one frame as it is sent on the wire, closing 0x00 included.
 
-    The device has an encoder of its own; this one serves stand-ins, tests and benchmarks. `device_us` is in
-    microseconds since boot, modulo 2**32. It raises `ValueError` when the payload is longer than
-    `MAX_PAYLOAD` and `struct.error` when a number does not fit its place in the header.
+    The device has its own encoder; this one is for simulated devices, tests and benchmarks.
+
+    `device_us`: device time since boot, modulo 2**32 [us].
+
+    Raises:
+        ValueError: the payload is longer than `MAX_PAYLOAD`.
+        struct.error: a number does not fit its field in the header.
     """
     if len(payload) > MAX_PAYLOAD:
         raise ValueError(f"payload of {len(payload)} bytes; at most {MAX_PAYLOAD} fit")

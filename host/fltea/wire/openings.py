@@ -1,4 +1,4 @@
-"""Ports that are opened, lost and opened again, each for itself; somebody else reads them."""
+"""Open ports, and open them again after a loss, each independently; the caller reads them."""
 
 import os
 import queue
@@ -12,8 +12,8 @@ from fltea.wire.transport import Port
 
 
 @dataclass
-class _Line:
-    """A port as the loop sees it. open_ns: when to open it; None while it is open, or being opened."""
+class _PortState:
+    """State of a port. `open_ns`: when to open it [ns]; None while it is open or being opened."""
 
     port: Port
     open_ns: int | None = 0
@@ -23,9 +23,9 @@ class _Line:
 class Openings:
     """Opens ports that have descriptors.
 
-    read: called with the place of a port that is open, its descriptor, whether its other side can close it,
-    and its latency in ns; OSError if it cannot be read. wake: called from another thread when a port is open,
-    or has failed.
+    `read`: function that starts to read an opened port. Its arguments are the port's index, its descriptor,
+    whether the other side can close it, and its latency [ns]; it raises OSError if the port cannot be read.
+    `wake`: function that is called from another thread when a port was opened, or could not be opened.
     """
 
     def __init__(
@@ -34,71 +34,73 @@ class Openings:
         read: Callable[[int, int, bool, int], None],
         wake: Callable[[], None],
     ) -> None:
-        self._lines = [_Line(port) for port in ports]
+        self._states = [_PortState(port) for port in ports]
         self._read, self._wake = read, wake
         self._opened: queue.SimpleQueue[tuple[int, Opened | Failed]] = queue.SimpleQueue()
         self._lock = threading.Lock()
         self._closed = False
 
     def begin(self, now_ns: int) -> None:
-        """Let ports be opened that are due, each in a thread: a network may take its time."""
-        for place, line in enumerate(self._lines):
-            if line.open_ns is not None and now_ns >= line.open_ns:
-                line.open_ns = None
-                name = f"open {line.port.url}"
-                threading.Thread(target=self._open, args=(place,), name=name, daemon=True).start()
+        """Start to open the ports that are due, each in its own thread, since a network may be slow."""
+        for index, state in enumerate(self._states):
+            if state.open_ns is not None and now_ns >= state.open_ns:
+                state.open_ns = None
+                name = f"open {state.port.url}"
+                threading.Thread(target=self._open, args=(index,), name=name, daemon=True).start()
 
     @property
     def next_ns(self) -> int | None:
-        """When the next port is to be opened; None if none is."""
-        return min((line.open_ns for line in self._lines if line.open_ns is not None), default=None)
+        """Time at which the next port is to be opened [ns]; None if no port waits."""
+        return min((state.open_ns for state in self._states if state.open_ns is not None), default=None)
 
     def opened(self) -> Iterator[tuple[int, Opened | Failed]]:
-        """Yield which ports have been opened, or have failed, since this was asked last."""
+        """Yield the ports that were opened, or could not be opened, since the last call, by index."""
         while not self._opened.empty():
-            place, event = self._opened.get()
-            line = self._lines[place]
+            index, event = self._opened.get()
+            state = self._states[index]
             if isinstance(event, Opened):
-                port = line.port
+                port = state.port
                 try:
-                    self._read(place, port.fileno(), port.is_socket, round(port.latency_s * 1e9))
+                    self._read(index, port.fileno(), port.is_socket, round(port.latency_s * 1e9))
                 except OSError as error:
                     event = port.lost(error)
-            yield place, self._noted(line, event)
+            yield index, self._updated(state, event)
 
-    def lost(self, place: int, number: int, *at: int, worked: bool) -> Failed:
-        """Take note that a port was lost, with this errno; at: time and offset to Unix time.
+    def lost(self, index: int, number: int, *at: int, worked: bool) -> Failed:
+        """Close a port that was lost, schedule its next opening, and return the event.
 
-        worked: it gave bytes, so it is tried again soon.
+        `number`: the errno of the loss.
+        `at`: host time and offset to Unix time of the loss [ns].
+        `worked`: the port had given bytes, so it is opened again soon.
         """
-        line = self._lines[place]
+        state = self._states[index]
         if worked:
-            line.port.has_worked()
-        failed = line.port.lost(OSError(number, os.strerror(number)), *at)
-        self._noted(line, failed)
+            state.port.has_worked()
+        failed = state.port.lost(OSError(number, os.strerror(number)), *at)
+        self._updated(state, failed)
         return failed
 
     def close(self) -> None:
-        """Release all ports, which nobody reads any more; one that is being opened as soon as it is open."""
+        """Close all ports, after reading has stopped; a port that is being opened is closed once open."""
         with self._lock:
             self._closed = True
-        while not self._opened.empty():  # open, and nobody has taken note of it
-            self._lines[self._opened.get()[0]].port.close()
-        for line in self._lines:
-            if line.is_open:
-                line.port.close()
+        while not self._opened.empty():  # opened, but not yet given out by `opened`
+            self._states[self._opened.get()[0]].port.close()
+        for state in self._states:
+            if state.is_open:
+                state.port.close()
 
-    def _open(self, place: int) -> None:
-        event = self._lines[place].port.open()
+    def _open(self, index: int) -> None:
+        event = self._states[index].port.open()
         with self._lock:
             if self._closed:
-                self._lines[place].port.close()
+                self._states[index].port.close()
                 return
-            self._opened.put((place, event))
+            self._opened.put((index, event))
         self._wake()
 
-    def _noted(self, line: _Line, event: Opened | Failed) -> Opened | Failed:
-        """Take note of whether a port is open; one that is not is tried again later."""
-        line.is_open = isinstance(event, Opened)
-        line.open_ns = None if line.is_open else host_ns() + round(line.port.backoff_s() * 1e9)
+    def _updated(self, state: _PortState, event: Opened | Failed) -> Opened | Failed:
+        """Record whether the port is open; if not, schedule its next opening. Return the event."""
+        state.is_open = isinstance(event, Opened)
+        state.open_ns = None if state.is_open else host_ns() + round(state.port.backoff_s() * 1e9)
         return event

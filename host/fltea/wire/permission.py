@@ -1,4 +1,4 @@
-"""Which group may use a device, and what opens it to a user who may not."""
+"""Find the group that may use a device, and the command that gives a user permission."""
 
 import grp
 import os
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Group(NamedTuple):
-    """The group of a file; joinable: its members may read and write, and it is not root's."""
+    """The group of a file. `joinable`: its members may read and write, and it is not root's group."""
 
     gid: int
     name: str
@@ -31,7 +31,11 @@ def group_of(path: str | Path) -> Group | None:
 
 
 class User(NamedTuple):
-    """Who runs this program, with the groups that it has, and those that it gets with the next login."""
+    """The user who runs this program.
+
+    `in_force`: ids of the groups that this process has.
+    `granted`: ids of the groups that the user gets with the next login.
+    """
 
     name: str
     in_force: set[int]
@@ -39,7 +43,7 @@ class User(NamedTuple):
 
 
 def this_user() -> User:
-    """Return who runs this program."""
+    """Return the user who runs this program."""
     number, in_force = os.geteuid(), {os.getegid(), *os.getgroups()}
     try:
         entry = pwd.getpwuid(number)
@@ -52,11 +56,14 @@ RULES = {
     "dialout": "sudo make install-udev, in a clone; then plug the board in again",
     "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
 }
-"""The rules of udev that give serial ports and I²C buses to groups."""
+"""The udev rule, or the command that installs it, for serial ports (dialout) and for I²C buses."""
 
 
 def join_remedy(device: str, group: Group | None, user: User) -> str:
-    """Return what opens a device to a user who may not use it; group: its own, None if that is not known."""
+    """Return a text that says how a user gets permission to use a device.
+
+    `group`: the group of the device; None if it is not known.
+    """
     usual = "i2c" if "i2c" in device else "dialout"
     if group is None:
         return f"Such devices usually belong to the group '{usual}': sudo usermod -aG {usual} {user.name}."

@@ -1,4 +1,4 @@
-"""Ports in one thread: a native reader waits for them, reads them and stamps what comes."""
+"""Read several ports in one thread: a native reader waits for data, reads it and adds time stamps."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,13 +9,13 @@ from fltea.wire.openings import Openings
 from fltea.wire.transport import QUEUE_BYTES, Port
 
 TICK_S = 0.5
-"""A silent line is looked at so often; a replay does the same."""
+"""Time after which a silent port gives a `Tick` [s]; a replay gives ticks at the same interval."""
 
 TICK_NS = int(TICK_S * 1e9)
 
 
 class Ports:
-    """Reads ports that have descriptors; for whoever interprets what came himself."""
+    """Reads ports that have descriptors, and yields their undecoded bytes and events."""
 
     def __init__(self, ports: Sequence[Port]) -> None:
         self._ports = list(ports)
@@ -24,39 +24,39 @@ class Ports:
         self._openings = Openings(ports, self._reader.add, self._reader.wake)
 
     def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
-        """Wait for something to happen; yield what did, with the place of its port.
+        """Wait up to `timeout_s` for events; yield each with the index of its port.
 
-        A tick says that nothing came from a port for half a second, until its time.
+        A tick says that nothing came from a port for half a second, up to the tick's time.
         """
         now_ns = host_ns()
         self._openings.begin(now_ns)
         next_ns = min([*self._tick_ns, self._openings.next_ns or self._tick_ns[0]])
-        now_ns, news = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)))
-        for place, data, columns, overflow_bytes, lost in news:
-            port = self._ports[place]
+        now_ns, changes = self._reader.take(min(timeout_s, max(0.0, (next_ns - now_ns) * 1e-9)))
+        for index, data, columns, overflow_bytes, lost in changes:
+            port = self._ports[index]
             port.overflow_bytes += overflow_bytes
             if data:
                 port.has_worked()
-                self._tick_ns[place] = int(columns[1][-1]) + TICK_NS
-                yield place, Reads(data, *columns)
+                self._tick_ns[index] = int(columns[1][-1]) + TICK_NS
+                yield index, Reads(data, *columns)
             if lost is not None:
-                yield self._touched(place, self._openings.lost(place, *lost, worked=bool(data)))
-        for place, event in self._openings.opened():
-            yield self._touched(place, event)
-        for place, tick_ns in enumerate(self._tick_ns):
+                yield self._postpone_tick(index, self._openings.lost(index, *lost, worked=bool(data)))
+        for index, event in self._openings.opened():
+            yield self._postpone_tick(index, event)
+        for index, tick_ns in enumerate(self._tick_ns):
             if now_ns >= tick_ns:
-                self._tick_ns[place] = now_ns + TICK_NS
-                yield place, Tick(now_ns)
+                self._tick_ns[index] = now_ns + TICK_NS
+                yield index, Tick(now_ns)
 
     def wake(self) -> None:
-        """End the waiting, from another thread."""
+        """End the wait in `poll`; may be called from another thread."""
         self._reader.wake()
 
     def close(self) -> None:
-        """Release all ports."""
+        """Close all ports."""
         self._reader.close()
         self._openings.close()
 
-    def _touched(self, place: int, event: Opened | Failed) -> tuple[int, Opened | Failed]:
-        self._tick_ns[place] = host_ns() + TICK_NS
-        return place, event
+    def _postpone_tick(self, index: int, event: Opened | Failed) -> tuple[int, Opened | Failed]:
+        self._tick_ns[index] = host_ns() + TICK_NS
+        return index, event

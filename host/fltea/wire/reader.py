@@ -1,4 +1,4 @@
-"""One port, read by a thread of its own."""
+"""Read one port in its own thread."""
 
 import queue
 import threading
@@ -10,9 +10,9 @@ from fltea.wire.transport import QUEUE_BYTES, READ_TIMEOUT_S, Port
 
 
 class Reader:
-    """Reads one port in a thread of its own until closed.
+    """Reads one port in its own thread until closed, and queues its events.
 
-    For what has no descriptor, and for whoever has one port only: bytes wait in a queue meanwhile.
+    It is for ports without a descriptor, and for callers with only one port.
     """
 
     def __init__(self, port: Port) -> None:
@@ -24,11 +24,11 @@ class Reader:
         self._thread = threading.Thread(target=self._run, name=f"reader {port.url}", daemon=True)
 
     def start(self) -> None:
-        """Begin to read."""
+        """Start the reading thread."""
         self._thread.start()
 
     def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
-        """Yield what happens, and None whenever nothing did for `timeout_s`; ends after `close`."""
+        """Yield events, and None whenever none came for `timeout_s`; end after `close`."""
         while not self._stop.is_set():
             try:
                 event = self._queue.get(timeout=timeout_s)
@@ -45,7 +45,7 @@ class Reader:
     def close(self) -> None:
         """Stop reading and release the port."""
         self._stop.set()
-        self._queue.put(None)  # wakes up who waits for events
+        self._queue.put(None)  # wakes a caller that waits in `events`
         if self._thread.is_alive():
             self._thread.join(timeout=5 * READ_TIMEOUT_S + 1.0)
 
@@ -77,7 +77,7 @@ class Reader:
         port.close()
 
     def _put(self, event: TransportEvent) -> None:
-        """Hand it over and never block: bytes that the consumer is too slow for are counted and dropped."""
+        """Queue an event without blocking; if the consumer is too slow, bytes are counted and dropped."""
         if isinstance(event, Chunk):
             with self._lock:
                 if self._queued_bytes + len(event.data) > QUEUE_BYTES:

@@ -1,4 +1,4 @@
-"""Counts to physical units, by the scales that HELLO gives, and back (pure)."""
+"""Convert counts to physical units, and back, with the scales in HELLO."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,25 +12,27 @@ from fltea.wire.sensors import temperature_counts, temperature_scale
 
 
 class Scales(NamedTuple):
-    """How counts become units. A scale that is null in HELLO means that a recording holds the units."""
+    """Scales from counts to units. Where HELLO's scale is null, the recording holds physical units."""
 
     gyro_lsb_per_dps: float
+    """Sensitivity of the gyroscope [LSB per deg/s]; 1 where rates are in deg/s already."""
     accel_ms2_per_lsb: float | None
-    """None where there is no scale."""
+    """Size of one count of the accelerometer [m/s²]; None where the scale is not known."""
     temperature_lsb_per_c: float
+    """Scale of the thermometer [LSB per °C]."""
     temperature_zero_c: float
-    """Of 0 counts."""
+    """Temperature at 0 counts [°C]."""
 
     @classmethod
     def of(cls, hello: Hello) -> "Scales":
-        """Return those that a HELLO gives."""
+        """Return the scales in a HELLO."""
         lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
         accel = 1.0 if per_g is None else STANDARD_GRAVITY_MS2 / per_g if per_g else None
         return cls(1.0 if lsb is None else lsb, accel, *temperature_scale(hello.who_am_i))
 
 
 def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
-    """Undo the scaling of samples of one shape."""
+    """Convert samples, all with the same fields, back to counts."""
     lsb, first = hello.gyro_lsb_per_dps, samples[0]
     gyro = np.array([sample.gyro_dps for sample in samples])
     accel = temperature = None
@@ -54,10 +56,10 @@ def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
 
 
 def resolution_dps(hello: Hello) -> float | None:
-    """Return one LSB of the gyroscope in deg/s, or None where the recording does not say."""
+    """Return one LSB of the gyroscope [deg/s], or None where the recording does not state it."""
     return None if hello.gyro_lsb_per_dps is None else 1.0 / hello.gyro_lsb_per_dps
 
 
 def accel_resolution_ms2(hello: Hello) -> float | None:
-    """Return one LSB of the accelerometer in m/s², or None where its scale is not known."""
+    """Return one LSB of the accelerometer [m/s²], or None where its scale is not known."""
     return STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g if hello.accel_lsb_per_g else None
