@@ -1,1 +1,1 @@
-"""`fltea fleet`: what the daemons of many sensors publish over MQTT, seen in one place."""
+"""`fltea fleet`: one page for all sensors whose daemons publish over MQTT."""

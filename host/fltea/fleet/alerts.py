@@ -1,7 +1,7 @@
-"""Alerts of a fleet, published when they begin and when they end (pure).
+"""Alerts of a fleet, published when they begin and when they end.
 
-A look at a fleet comes every few seconds and its figures waver, so an alert begins after three looks that see
-it in a row, and ends after three that do not.
+The fleet is compared every few seconds, and values near a limit fluctuate. So an alert begins after three
+comparisons in a row that show its cause, and ends after three that do not.
 """
 
 from collections import Counter
@@ -14,10 +14,10 @@ from fltea.fleet.summary import Look
 
 LOOKS = 3
 MOST = 10_000
-"""Alerts at a time; whatever is beyond them is counted in `dropped`."""
+"""Most alerts at the same time; further ones are counted in `dropped`."""
 
 LISTED = 1000
-"""Alerts in the list that is published: 200 kB; brokers may refuse messages of a megabyte."""
+"""Most alerts in the published list, 200 kB, since brokers may refuse messages of a megabyte."""
 
 Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 
@@ -25,7 +25,8 @@ Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
     """One alert as it is published: `<prefix>/fleet/alert`, not retained.
 
-    axis, quantity: of an outlier, else "". unix_s: when it began or ended.
+    `axis`, `quantity`: those of an outlier; empty for other kinds.
+    `unix_s`: Unix time at which the alert began or ended [s].
     """
 
     state: Literal["raised", "cleared"]
@@ -38,9 +39,11 @@ class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
 
 
 class AlertList(msgspec.Struct, frozen=True):
-    """`<prefix>/fleet/alerts`, retained. count: how many are on; alerts: the newest, `LISTED` at most.
+    """The list of raised alerts as it is published: `<prefix>/fleet/alerts`, retained.
 
-    dropped: alerts for which there was no room among the `MOST`, since the program began.
+    `count`: number of raised alerts.
+    `dropped`: number of alerts beyond `MOST` that were dropped since the program started.
+    `alerts`: the newest raised alerts, at most `LISTED`.
     """
 
     count: int
@@ -59,7 +62,7 @@ class _Seen(NamedTuple):
 
 
 class Alerts:
-    """Keeps which alerts are raised. dropped: alerts that began while there was no room for them."""
+    """Keeps the raised alerts. `dropped`: number of alerts that were dropped because there was no room."""
 
     def __init__(self, silent_s: float = SILENT_S) -> None:
         self._silent_s = silent_s
@@ -68,15 +71,15 @@ class Alerts:
         self.dropped = 0
 
     def raised(self) -> list[tuple[Key, str]]:
-        """Return the alerts that are on, with their texts."""
+        """Return the keys and texts of all raised alerts."""
         return [(key, seen.text) for key, seen in self._seen.items() if seen.raised]
 
     def counts(self) -> dict[str, int]:
-        """How many are on, by kind."""
+        """Return the number of raised alerts by kind."""
         return dict(Counter(key[0] for key, _ in self.raised()))
 
     def listed(self) -> AlertList:
-        """Return the alerts that are on, the newest first, as they are published."""
+        """Return the list of raised alerts, the newest first, as it is published."""
         raised = self.raised()
         newest = raised[: -LISTED - 1 : -1]
         names = "kind", "device_id", "axis", "quantity"
@@ -84,11 +87,14 @@ class Alerts:
         return AlertList(len(raised), self.dropped, alerts)
 
     def update(self, roll: Roll, look: Look, now: float, unix_s: float) -> list[Alert]:
-        """Take a look; what has begun or ended with it."""
-        found = self._found(roll, look, now)
+        """Update the alerts with a new comparison; return those that have begun or ended.
+
+        `look`: result of the comparison. `now`: time of the fleet's clock [s]. `unix_s`: Unix time [s].
+        """
+        causes = self._causes(roll, look, now)
         changed = []
         no_room, self._no_room = self._no_room, set()
-        for key, text in found.items():
+        for key, text in causes.items():
             before = self._seen.get(key)
             if before is None:
                 if len(self._seen) >= MOST:
@@ -101,10 +107,10 @@ class Alerts:
                 seen = seen._replace(raised=True)
                 changed.append(Alert("raised", *key, text, unix_s))
             self._seen[key] = seen
-        for key in [key for key in self._seen if key not in found]:
+        for key in [key for key in self._seen if key not in causes]:
             seen = self._seen[key]
             if not seen.raised:
-                del self._seen[key]  # it did not last
+                del self._seen[key]  # its cause ended before the alert was raised
             elif seen.unseen + 1 >= LOOKS:
                 del self._seen[key]
                 changed.append(Alert("cleared", *key, seen.text, unix_s))
@@ -112,20 +118,20 @@ class Alerts:
                 self._seen[key] = seen._replace(unseen=seen.unseen + 1)
         return changed
 
-    def _found(self, roll: Roll, look: Look, now: float) -> dict[Key, str]:
-        found: dict[Key, str] = {("outlier", *one.key): one.text for one in look.odd}
+    def _causes(self, roll: Roll, look: Look, now: float) -> dict[Key, str]:
+        causes: dict[Key, str] = {("outlier", *oddity.key): oddity.text for oddity in look.odd}
         for name in roll.flooding():
-            found["flood", name, "", ""] = f"{name}: sends more messages than any daemon does."
+            causes["flood", name, "", ""] = f"{name}: sends more messages than any daemon does."
         for sensor in roll.sensors.values():
             name, state = sensor.device_id, sensor.state(now, self._silent_s)
             if state == "silent":
-                found["silent", name, "", ""] = f"{name}: nothing was heard of it for {self._silent_s:g} s."
+                causes["silent", name, "", ""] = f"{name}: nothing was heard of it for {self._silent_s:g} s."
             elif state == "offline" and sensor.status is not None and sensor.status.reason != "ended":
-                found["offline", name, "", ""] = (
+                causes["offline", name, "", ""] = (
                     f"{name}: went offline without saying so ({sensor.status.reason or 'unknown'})."[:300]
                 )
             if sensor.has_twin(now):
-                found["twins", name, "", ""] = (
+                causes["twins", name, "", ""] = (
                     f"{name}: two programs publish under this name; their figures are mixed."
                 )
-        return found
+        return causes

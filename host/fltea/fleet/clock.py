@@ -1,20 +1,20 @@
-"""The fleet's clocks: Unix time for its records, and how long it has been listening."""
+"""The fleet's clocks: Unix time for its records, and the time for which it was connected to the broker."""
 
 import time
 from collections.abc import Callable
 
 JUMP_S = 60.0
-"""The wall clock is taken as set again if it differs from the steady one by more."""
+"""If the wall clock moves against the steady clock by more than this, it was set again [s]."""
 
 LONG_JUMP_S = 86_400.0
-"""After such a jump nothing is pruned: nobody knows how old the rows are."""
+"""After a jump longer than this, no history is deleted, since the age of the rows is unknown [s]."""
 
 
 class Clock:
-    """Unix time that does not jump with the wall clock by itself, but follows it, and counts the jumps.
+    """Unix time that runs steadily, follows the wall clock when it is set, and counts these jumps.
 
-    `hearing` is a steady time in s that stands while the broker is away: nobody is silent whom nobody could
-    have heard.
+    `hearing` is a steady time in s that stops while the broker is away, so that no sensor counts as silent
+    because of an outage.
     """
 
     def __init__(
@@ -28,7 +28,7 @@ class Clock:
         self._deaf_since: float | None = steady()
 
     def unix_s(self) -> float:
-        """Return Unix time, as of now."""
+        """Return the current Unix time [s]."""
         offset = self._wall() - self.steady()
         if abs(offset - self._offset) > JUMP_S:
             self.jumps += 1
@@ -37,7 +37,7 @@ class Clock:
         return self.steady() + self._offset
 
     def hear(self, is_up: bool) -> None:
-        """Take note of whether the broker is there."""
+        """Record whether the broker is connected."""
         if not is_up and self._deaf_since is None:
             self._deaf_since = self.steady()
         elif is_up and self._deaf_since is not None:
@@ -45,5 +45,5 @@ class Clock:
             self._deaf_since = None
 
     def hearing(self) -> float:
-        """Seconds on the clock that stands during outages."""
+        """Return the time of the clock that stops during outages [s]."""
         return (self.steady() if self._deaf_since is None else self._deaf_since) - self._deaf_s

@@ -1,4 +1,4 @@
-"""Where the history is kept: a file of SQLite, or a PostgreSQL server that is there already."""
+"""Databases for the history: a file of SQLite, or an existing PostgreSQL server."""
 
 import contextlib
 import logging
@@ -17,22 +17,23 @@ from fltea.settings.extras import load
 
 SCHEMA_VERSION = 2
 APPLICATION_ID = 0x464C5445
-"""Marks a file of SQLite as ours: "FLTE" (the pragma application_id)."""
+"""Marks a file of SQLite as one of fltea: "FLTE" (the pragma application_id)."""
 
 MEMORY_ROWS = 200_000
-"""Rows of a table that are kept where there is no file: some 100 MB."""
+"""Most rows of a table that are kept without a file: some 100 MB."""
 
 CONNECT_S = 5
 AGAIN_S = 5.0
-"""A server that did not answer is not asked again for so long."""
+"""Pause after a failed connection before the server is tried again [s]."""
 
 OPTIONS = "-c statement_timeout=10s -c lock_timeout=5s"
-"""For the server; and packets that nobody acknowledges end the connection after `SILENT_MS`."""
+"""Options for the server's session."""
 
 SILENT_MS = 10_000
+"""Time after which unacknowledged packets end the connection [ms]."""
 
 MAKING = 0x464C5445
-"""The advisory lock of who makes the tables: of two programs that make them at once, one would fail."""
+"""Advisory lock for making the tables: if two programs made them at the same time, one would fail."""
 
 SAYS = {
     "53100": ("disk_full", "is the server's disk full?"),
@@ -42,20 +43,24 @@ SAYS = {
     "55P03": ("history_lost", "does another program hold the tables?"),
     "57014": ("history_lost", "is the server too busy, or does another program hold the tables?"),
 }
-"""Codes of PostgreSQL, or the classes that they begin with: kind of the failure, and what to look for."""
+"""Kind of the error and a question for the user, by PostgreSQL's error code or the class it begins with."""
 
 Row = tuple[Any, ...]
 
 
 class Sqlite:
-    """A file; with its log ahead of the file (WAL) a transaction is there whole or not at all.
+    """A database in a file, used by one thread at a time.
 
-    It is used by one thread at a time. path: None keeps `MEMORY_ROWS` of each table in memory. name: for
-    messages, without secrets. failures: what it raises; of_a_row: those for which the values of a row are to
-    blame. After any other failure the same may work later, as when the disk was full.
+    Its write-ahead log (WAL) makes every transaction whole or absent after a crash.
+
+    `path`: the file; None keeps `MEMORY_ROWS` of each table in memory.
+    `name`: name of the database for messages, without secrets.
+    `failures`: base class of the exceptions that the methods raise.
+    `of_a_row`: those exceptions that the values of a row cause. After any other exception, such as that of a
+    full disk, the same command may succeed later.
 
     Raises:
-        UsageError: the file is no such database, or cannot be written.
+        UsageError: the file is no database of fltea fleet, or cannot be written.
     """
 
     failures: type[Exception] = sqlite3.Error
@@ -84,7 +89,7 @@ class Sqlite:
             ) from error
 
     def _check_owner(self) -> None:
-        """Refuse a database of another program, or of another version of this one, untouched."""
+        """Refuse a database of another program, or of another version of fltea, without changing it."""
         version, owner = (
             self.connection.execute(f"PRAGMA {name}").fetchone()[0]
             for name in ("user_version", "application_id")
@@ -98,21 +103,21 @@ class Sqlite:
         _check_version(self.name, version)
 
     def cause(self, error: Exception) -> tuple[str, str]:
-        """Kind of a failure, and what the user may look for."""
+        """Return the kind of an error, and a question that tells the user what to check."""
         name = getattr(error, "sqlite_errorname", "")
         if name == "SQLITE_FULL" or name.startswith("SQLITE_IOERR"):
             return "disk_full", "is the disk full?"
         return "history_lost", "is the file still there, and does another program hold it?"
 
     def rows(self, query: str, parameters: Sequence[Any] = ()) -> Iterator[Row]:
-        """Answers of a query, whose parameters are written as `?`."""
+        """Yield the rows of a query, whose parameters are written as `?`."""
         yield from self.connection.execute(query, parameters)
 
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
         """Run commands, each for many rows of parameters, in one transaction.
 
-        After a failure that is not `of_a_row` the same commands may be given again. No row is then there
-        twice.
+        After an exception that is not `of_a_row`, the same commands may be given again; no row is written
+        twice then.
         """
         try:
             self.connection.execute("BEGIN")
@@ -125,7 +130,7 @@ class Sqlite:
             raise
 
     def delete_older(self, table: str, before_unix_s: float, most: int) -> int:
-        """Delete at most so many rows; how many went."""
+        """Delete at most `most` rows older than `before_unix_s`; return the number of deleted rows."""
         chosen = f"SELECT rowid FROM {table} WHERE unix_s < ? LIMIT {most}"
         done = self.connection.execute(f"DELETE FROM {table} WHERE rowid IN ({chosen})", (before_unix_s,))
         return done.rowcount + (0 if self._is_file else self._delete_beyond(table))
@@ -137,7 +142,7 @@ class Sqlite:
         ).rowcount
 
     def interrupt(self) -> None:
-        """End, from another thread, what is being done now: it fails as if the database were away."""
+        """Abort the running command, from another thread; it raises one of `failures`."""
         self.connection.interrupt()
 
     def close(self) -> None:
@@ -146,18 +151,21 @@ class Sqlite:
 
 
 class Postgres:
-    """A database of a server, used as `Sqlite` is; a lost connection is opened again by what is asked next.
+    """A database on a PostgreSQL server, with the methods of `Sqlite`.
 
-    to_write: make the tables that are missing; without it a server that is read only may be read, too.
+    The next command after a lost connection opens it again.
+
+    `to_write`: make missing tables; without it, a read-only server can be read too.
 
     Raises:
-        UsageError: it cannot be reached, the account may not use it, or its tables are of another version.
+        UsageError: the server cannot be reached, the account may not use it, or its tables are of another
+            version.
     """
 
     def __init__(self, url: str, tables: Sequence[str], *, to_write: bool = True) -> None:
         refuse_secret("--postgres", url, "postgresql")
         self._library: ModuleType = load("psycopg", "psycopg", "postgres", "--postgres needs")
-        # It warns of what it has tidied up behind a failure, which we report ourselves.
+        # psycopg warns when it cleans up after an error; this program reports the error itself.
         logging.getLogger("psycopg").setLevel(logging.ERROR)
         self.failures: type[Exception] = self._library.Error
         self.of_a_row: tuple[type[Exception], ...] = (self._library.DataError, self._library.IntegrityError)
@@ -210,7 +218,7 @@ class Postgres:
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
         """See `Sqlite`.
 
-        Where the answer to COMMIT got lost, the server is asked what became of that transaction.
+        If the answer to the last COMMIT was lost, the server is asked whether that transaction took place.
         """
         connection = self._connected()
         if self._unsure is not None and self._is_committed(connection, self._unsure):
@@ -225,14 +233,14 @@ class Postgres:
         self._unsure = None
 
     def _is_committed(self, connection: Any, number: int) -> bool:
-        """Whether a transaction took place after all.
+        """Return whether transaction `number` took place.
 
         Raises:
-            psycopg.OperationalError: it is still under way.
+            psycopg.OperationalError: the transaction is still running.
         """
         try:
             (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
-        except self.of_a_row:  # another server, which has not come to that number
+        except self.of_a_row:  # another server, which has not reached that number
             return False
         if status == "in progress":
             raise self._library.OperationalError("what was written last is still under way")
@@ -247,11 +255,11 @@ class Postgres:
         return int(done.rowcount)
 
     def interrupt(self) -> None:
-        """See `Sqlite`. A server that stands still reads no request to cancel, so the line is cut."""
+        """See `Sqlite`. The connection is shut down, since a stuck server reads no request to cancel."""
         with contextlib.suppress(OSError, self.failures):
             if self._connection is not None:
-                with socket.socket(fileno=os.dup(self._connection.fileno())) as line:
-                    line.shutdown(socket.SHUT_RDWR)
+                with socket.socket(fileno=os.dup(self._connection.fileno())) as connection:
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
         """See `Sqlite`."""
@@ -271,7 +279,7 @@ class Postgres:
                 connect_timeout=CONNECT_S,
                 tcp_user_timeout=SILENT_MS,
                 options=self._options,
-                client_encoding="utf8",  # whatever the database has: it tells us what it cannot hold
+                client_encoding="utf8",  # the server reports characters that the database cannot hold
             )
         except self.failures as error:
             self._failure, self._again_s = str(error), time.monotonic() + AGAIN_S
@@ -284,5 +292,5 @@ Database = Sqlite | Postgres
 
 
 def _check_version(name: str, version: int) -> None:
-    if version not in (0, SCHEMA_VERSION):  # 0: a new one
+    if version not in (0, SCHEMA_VERSION):  # 0: a new database
         raise UsageError(f"{name}: is a history of another version of fltea ({version}). Give a new file.")

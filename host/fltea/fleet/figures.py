@@ -1,4 +1,4 @@
-"""The figures of an axis, each with its 95 % interval, and by which of them sensors are compared (pure)."""
+"""The noise parameters of an axis with their 95 % intervals, by which sensors are compared."""
 
 import math
 from typing import NamedTuple
@@ -9,24 +9,28 @@ from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import FLICKER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Verdicts that leave room for an order."""
+"""Verdicts with which the noise may have a fractional order."""
 
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
-"""Orders above are at the end of what is fitted."""
+"""Orders above this are at the upper end of the fitted range."""
 
 ALPHA_KNOWN = 0.05
-"""Half the width of its interval, as `live.target` has it."""
+"""Largest half-width of α's interval with which sensors are compared by α; the default of `live.target`."""
 
 MOST_POINTS = 200
-"""Of a curve; a daemon sends some forty."""
+"""Most points of a curve that are read; a daemon sends some forty."""
 
 
 LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
-"""Slope and logarithm of the Allan deviation at 1 s of a unit of each."""
+"""The straight line of N, B and K in a log-log Allan plot: slope, and logarithm at 1 s for the value 1."""
 
 
 class Quantity(NamedTuple):
-    """What sensors are compared by. log: by ratios, not by differences. unit: behind the axis's own."""
+    """A parameter by which sensors are compared.
+
+    `log`: it is compared by ratios, not by differences.
+    `unit`: its unit, appended to the unit of the axis.
+    """
 
     name: str
     meaning: str
@@ -43,7 +47,8 @@ QUANTITIES = (
     Quantity("f", "parameter f", False, "s^-α"),
 )
 SHOWN = (Quantity("bias", "bias now: offset and state of the noise", False, ""), *QUANTITIES)
-"""Nobody is judged by the bias: each sensor has an offset of its own, and another one after it was off."""
+"""Quantities that are shown. Sensors are not compared by the bias: it differs from sensor to sensor, and
+after each power-up."""
 
 
 class Figure(NamedTuple):
@@ -64,7 +69,7 @@ class Point(NamedTuple):
 
 
 def bias_of(tracker: Tracker) -> Figure | None:
-    """Return the bias, to be shown."""
+    """Return the tracker's bias with its interval; None if it is not known."""
     bias, std = tracker.bias, tracker.bias_std
     if bias is None or std is None:
         return None
@@ -72,46 +77,50 @@ def bias_of(tracker: Tracker) -> Figure | None:
 
 
 def order_of(fit: AxisFit) -> dict[str, Figure]:
-    """α and f as the fit has them, to be shown whether or not they can be compared yet."""
+    """Return α and f of a fit for showing, even where they are not known well enough for comparisons."""
     if fit.verdict not in WITH_ORDER:
         return {}
-    found = {"alpha": _figure(fit.alpha), "f": _figure(fit.f)}
-    return {name: figure for name, figure in found.items() if figure is not None}
+    figures = {"alpha": _figure(fit.alpha), "f": _figure(fit.f)}
+    return {name: figure for name, figure in figures.items() if figure is not None}
 
 
 def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -> dict[str, Figure]:
-    """What sensors are compared by; an Allan deviation does not come with each, so the last one counts."""
-    found = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
+    """Return the parameters of a fit by which sensors are compared.
+
+    `before`: parameters of the previous fit; N, B and K are taken from them where the new fit comes without
+    an Allan deviation.
+    """
+    figures = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
     if fit.allan is not None:
-        found |= _of_allan(fit.allan)
+        figures |= _of_allan(fit.allan)
     density = _density(fit, rate_hz)
     if density is not None:
-        found["density"] = density
-    if "N" in found:
-        # Of the same white noise: where its share is not known, neither is what the angle walks by.
-        del found["N"]
+        figures["density"] = density
+    if "N" in figures:
+        # N is taken from the density of the same white noise; where that is not known, N is not known.
+        del figures["N"]
         if density is not None:
-            found["N"] = Figure(*(value / math.sqrt(2) for value in density))
+            figures["N"] = Figure(*(value / math.sqrt(2) for value in density))
     if fit.verdict in WITH_ORDER:
-        found |= _of_order(_figure(fit.alpha), _figure(fit.f))
-    return found
+        figures |= _of_order(_figure(fit.alpha), _figure(fit.f))
+    return figures
 
 
 def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
-    """α and f, once α is known as well as a daemon aims at.
+    """Return α and f if the half-width of α's interval is at most `ALPHA_KNOWN`.
 
-    Before that the likelihood may have two maxima, and an interval the wrong one alone: in one of a hundred
-    fits α is then twenty of its deviations off. An interval that ends where the range of its parameter does
-    is cut off there, and its width says too little.
+    With a wider interval the likelihood may have two maxima, and the interval may hold only the wrong one: in
+    one of a hundred fits α is then wrong by twenty standard deviations. A parameter whose interval reaches
+    the end of its range is left out, since the interval is cut off there and too narrow.
     """
     if alpha is None or alpha.high - alpha.low > 2 * ALPHA_KNOWN:
         return {}
-    found = {"alpha": alpha} if alpha.low > 0 and alpha.high < HIGHEST_FITTED else {}
-    return found | {"f": f} if f is not None and f.high < 0 else found
+    known = {"alpha": alpha} if alpha.low > 0 and alpha.high < HIGHEST_FITTED else {}
+    return known | {"f": f} if f is not None and f.high < 0 else known
 
 
 def _density(fit: AxisFit, rate_hz: float | None) -> Figure | None:
-    """Of white noise, one-sided: √(2 R / rate) of the fit."""
+    """Return the one-sided density of the white noise, √(2 R / rate)."""
     R = _figure(fit.R)
     if R is None or rate_hz is None or rate_hz <= 0 or R.low <= 0:
         return None
@@ -132,16 +141,17 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
 
 
 def _of_allan(allan: Allan) -> dict[str, Figure]:
-    """N, B and K with the relative interval of a point of the curve.
+    """Return N, B and K, each with the relative interval of a point of the Allan curve.
 
-    N is a mean that is known about as well as the best known point of its line. B and K are not: the points
-    of long averaging times go up and down together. So theirs is of the point next to the line.
+    For N it is the narrowest interval of all points on the line of N, since N averages these points. For B
+    and K it is the interval of the point nearest to their line, since points at long averaging times are
+    correlated.
     """
     curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
-    points = [Point(*one) for one in curve if min(one) > 0 and max(one) < math.inf]
+    points = [Point(*values) for values in curve if min(values) > 0 and max(values) < math.inf]
     log_tau = [math.log(point.tau_s) for point in points]
     log_adev = [math.log(point.adev) for point in points]
-    found = {}
+    figures = {}
     for name, value in (("N", allan.N), ("B", allan.B), ("K", allan.K)):
         if value is None or not points or not 0 < value < math.inf:
             continue
@@ -156,5 +166,5 @@ def _of_allan(allan: Allan) -> dict[str, Figure]:
             point = min(on_line, key=lambda p: p.high / p.low, default=point)
         figure = _sound(value, value * point.low / point.adev, value * point.high / point.adev)
         if figure is not None:
-            found[name] = figure
-    return found
+            figures[name] = figure
+    return figures

@@ -1,6 +1,7 @@
-"""Earlier fits of sensors: pruned by age, bounded for each of them, whole after kill -9.
+"""The history of sensors' fits and of alerts in a database; old rows are deleted.
 
-Usually in a file of SQLite, which is in Python; DuckDB reads it as it is: ATTACH 'fleet.db' (TYPE sqlite).
+It is usually a file of SQLite, which is part of Python, and stays intact after kill -9. DuckDB can read the
+file: ATTACH 'fleet.db' (TYPE sqlite).
 """
 
 import math
@@ -20,19 +21,19 @@ FIGURES = [f"{quantity.name}{end}" for quantity in SHOWN for end in ("", "_low",
 COLUMNS = ["unix_s", "device_id", "axis", "verdict", "samples", *FIGURES]
 ALERT_COLUMNS = ("unix_s", "state", "kind", "device_id", "text")
 AT_ONCE = 5_000
-"""Rows that one transaction writes, and one pruning deletes."""
+"""Most rows that one transaction writes, or one deletion of old rows removes."""
 
 CHANGE_S = 60.0
-"""New verdicts of an axis are kept this often at most, so that one that alternates does not fill the disk."""
+"""Least time between two kept changes of an axis's verdict [s]: alternation must not fill the disk."""
 
 MOST_WAITING = 50_000
-"""Rows that wait while the database cannot be written: 30 MB; an hour of 5,000 sensors."""
+"""Most rows that wait while the database cannot be written: 30 MB, or an hour of 5,000 sensors."""
 
 STUCK_S = 30.0
-"""Longer than a server needs that is only busy."""
+"""Time after which work on the database is interrupted [s]; a server that is only busy needs less."""
 
 LAST_S = 5.0
-"""The end of the program waits so long for the last rows."""
+"""Longest wait for the last rows to be written when the program ends [s]."""
 
 TABLES = (
     "CREATE TABLE IF NOT EXISTS fit (unix_s REAL NOT NULL, device_id TEXT NOT NULL, axis TEXT NOT NULL, "
@@ -51,7 +52,7 @@ Row = tuple[Any, ...]
 
 
 class _Kept(NamedTuple):
-    """The last row of an axis. changed_s: when a row of a new verdict was kept."""
+    """The last kept row of an axis. `changed_s`: Unix time of the last kept change of verdict [s]."""
 
     unix_s: float
     verdict: str
@@ -62,12 +63,16 @@ _NOTHING = _Kept(-math.inf, "", -math.inf)
 
 
 class History:
-    """The fits and alerts of the past. every_s: how far apart fits of an axis are; new verdicts are kept too.
+    """The history of fits and alerts.
 
-    All work on the database is done in a thread of its own, so that one that is slow or away holds up nobody:
-    what is due waits, `MOST_WAITING` rows at most. lost: rows that had no room there, or that the database
-    refused as such; pruned: rows that were deleted by age. trouble: why the database cannot be used, "" when
-    all is well; trouble_kind: of which kind that is.
+    A separate thread does all work on the database, so that a slow or absent database blocks nothing else.
+    Meanwhile rows wait, at most `MOST_WAITING` of them.
+
+    `every_s`: least time between two kept fits of an axis [s]; changes of verdict are kept in addition.
+    `lost`: number of rows for which there was no room, or which the database refused.
+    `pruned`: number of rows that were deleted because of their age.
+    `trouble`: why the database cannot be used; empty if it can.
+    `trouble_kind`: kind of the error for `trouble`.
     """
 
     def __init__(self, database: Database, every_s: float) -> None:
@@ -77,7 +82,7 @@ class History:
         self._last: dict[str, dict[str, _Kept]] = {}
         self._waiting: deque[tuple[str, Row]] = deque()
         self._batch: list[tuple[str, Row]] = []
-        """Rows of the transaction that is under way, or that failed and is tried again as it was."""
+        """Rows of the current transaction, or of a failed one that is tried again unchanged."""
         self._lock = threading.Lock()
         self._thread = ThreadPoolExecutor(1, "history")
         self._work: Future[None] | None = None
@@ -85,11 +90,11 @@ class History:
 
     @property
     def waiting(self) -> int:
-        """Rows that are due and not written yet."""
+        """Number of rows that are not written yet."""
         return len(self._waiting) + len(self._batch)
 
     def add(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> None:
-        """Keep the axes of a fit, those that are due."""
+        """Add the axes of a fit for which a row is due."""
         last = self._last.setdefault(device_id, {})
         rows = []
         for name, axis in axes.items():
@@ -98,7 +103,7 @@ class History:
             if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
                 continue
             if name not in last and len(last) >= MOST_AXES:
-                self.lost += 1  # a device has so many axes, and does not rename them
+                self.lost += 1  # no device has more axes, or renames them
                 continue
             last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
             figures = [axis.figure(quantity.name) or (None, None, None) for quantity in SHOWN]
@@ -107,16 +112,19 @@ class History:
         self._put(rows)
 
     def add_alert(self, unix_s: float, state: str, kind: str, device_id: str, text: str) -> None:
-        """Keep an alert."""
+        """Add an alert."""
         self._put([(INSERT_ALERT, (unix_s, state, kind, device_id, text))])
 
     def forget(self, device_ids: Iterable[str]) -> None:
-        """Drop what is remembered of sensors that are there no more; their rows stay."""
+        """Release the memory for sensors that are gone; their rows stay in the database."""
         for name in device_ids:
             self._last.pop(name, None)
 
     def work(self, before_unix_s: float = -math.inf) -> None:
-        """Begin to write what waits, and to delete what is older; what takes too long is broken off."""
+        """Start to write waiting rows and to delete rows older than `before_unix_s`, in the other thread.
+
+        Work that takes longer than `STUCK_S` is interrupted.
+        """
         now_s = time.monotonic()
         if self._work is None or self._work.done():
             self.settle()
@@ -127,22 +135,22 @@ class History:
             self._database.interrupt()
 
     def settle(self) -> None:
-        """Wait for the work that was begun."""
+        """Wait for the work that was started."""
         if self._work is not None:
             self._work.result()
 
     def of_device(self, device_id: str, most: int = 2000) -> "Future[list[dict[str, Any]]]":
-        """The newest rows of a sensor, the oldest of them first."""
+        """Return a future of the newest `most` rows of a sensor, in order of time."""
         query = f"SELECT {', '.join(COLUMNS)} FROM fit WHERE device_id = ? ORDER BY unix_s DESC LIMIT {most}"
         return self._thread.submit(lambda: self._answers(COLUMNS, query, (device_id,))[::-1])
 
     def alerts(self, most: int = 200) -> "Future[list[dict[str, Any]]]":
-        """The newest alerts, the newest first."""
+        """Return a future of the newest `most` alerts, the newest first."""
         query = f"SELECT {', '.join(ALERT_COLUMNS)} FROM alert ORDER BY unix_s DESC LIMIT {most}"
         return self._thread.submit(self._answers, ALERT_COLUMNS, query, ())
 
     def close(self) -> None:
-        """Write what waits, and close the file. What a database that is away did not take is lost."""
+        """Write waiting rows and close the database. Rows that cannot be written in time are lost."""
         last = self._thread.submit(self._write_and_prune, -math.inf)
         while not last.done():
             if wait([last], LAST_S).not_done:
@@ -172,7 +180,7 @@ class History:
             self._explain(error, "written")
 
     def _write(self) -> None:
-        """A transaction; whole fits, since the rows of a fit are put there together."""
+        """Write one transaction; it holds whole fits, so that the rows of a fit appear together."""
         with self._lock:
             rows = self._batch
             if not rows:
@@ -184,7 +192,7 @@ class History:
         except Exception as error:
             if self._is_of_the_database(error):
                 raise
-            self._write_one_by_one()  # a row is to blame: the others have to go on
+            self._write_one_by_one()  # one row is to blame: write the others
         self._batch = []
 
     def _write_one_by_one(self) -> None:
@@ -203,7 +211,7 @@ class History:
                 self.lost += 1
 
     def _is_of_the_database(self, error: Exception) -> bool:
-        """Whether no row is to blame, so that the same may be written later."""
+        """Return whether the database caused the error, and no row, so that the rows may be written later."""
         return isinstance(error, self._database.failures) and not isinstance(error, self._database.of_a_row)
 
     def _answers(self, names: Iterable[str], query: str, parameters: tuple[Any, ...]) -> list[dict[str, Any]]:
@@ -222,13 +230,13 @@ class History:
 
 
 def _is_past(then_s: float, now_s: float, period_s: float) -> bool:
-    """Whether a period is over; it is too when the clock was set back."""
+    """Return whether a period since `then_s` is over; it is also over if the clock was set back."""
     return not 0 <= now_s - then_s < period_s
 
 
 def _by_command(rows: list[tuple[str, Row]]) -> list[tuple[str, list[Row]]]:
-    """The rows of each command."""
-    found: dict[str, list[Row]] = {}
+    """Return the rows grouped by their SQL command."""
+    grouped: dict[str, list[Row]] = {}
     for command, row in rows:
-        found.setdefault(command, []).append(row)
-    return list(found.items())
+        grouped.setdefault(command, []).append(row)
+    return list(grouped.items())

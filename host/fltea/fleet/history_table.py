@@ -1,4 +1,4 @@
-"""The history as a Parquet file, for whatever reads tables."""
+"""Write the history as a Parquet file, which many programs for tables can read."""
 
 import itertools
 from pathlib import Path
@@ -25,7 +25,7 @@ SCHEMA = pa.schema(
 
 
 def write(database: Database, out: Path) -> int:
-    """Write all rows; how many there were. The file appears whole or not at all."""
+    """Write all rows of fits to `out` and return their number. The file appears whole or not at all."""
     count = 0
     try:
         with whole_file(out) as file, pq.ParquetWriter(file, SCHEMA) as writer:

@@ -1,4 +1,4 @@
-"""What arrives from the broker. The library's thread hands each message on; it reconnects by itself."""
+"""The fleet's connection to the broker. Paho's thread passes each message on and reconnects automatically."""
 
 import contextlib
 import secrets
@@ -19,18 +19,19 @@ from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 RETAINED = ("hello", "fit")
 LONGEST_WAIT_S = 5
 IN_FLIGHT = 65_535
-"""Messages that the broker may send before we acknowledge one: after an outage it has one of each sensor."""
+"""Most unacknowledged messages that the broker may send: after an outage it has one from each sensor."""
 
 
 class Listener:
-    """Subscribes to what a fleet is made of, and publishes alerts.
+    """Subscribes to the messages of all sensors, and publishes alerts.
 
-    take: is given topic and payload, in the library's thread; the broker waits for it, so nothing piles up
-    here. report: is given kind and text of what is wrong with the connection, once an outage. back: is called
-    when all is well again.
+    `take`: function that processes topic and payload of a message, in paho's thread. The broker waits for it,
+    so messages do not pile up here.
+    `report`: function that reports the kind and text of a connection error, once in each outage.
+    `back`: function that is called when the connection works again.
 
     Raises:
-        UsageError: settings or secrets that cannot be used.
+        UsageError: settings or secrets cannot be used.
     """
 
     def __init__(
@@ -57,21 +58,21 @@ class Listener:
         client.connect_async(address.host, address.port, KEEPALIVE_S, properties=wishes)
 
     def start(self) -> None:
-        """Connect, in the background."""
+        """Connect in the background."""
         self._broker.report_plain(self._report)
         self._client.loop_start()
 
     def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
-        """Publish below the prefix; lost where the broker is away."""
-        with contextlib.suppress(ValueError, RuntimeError):  # its queue is full, or it was never connected
+        """Publish a message under the topic prefix; it is lost if the broker is away."""
+        with contextlib.suppress(ValueError, RuntimeError):  # paho's queue is full, or it never connected
             if self.is_up.is_set():
                 self._client.publish(f"{self._prefix}/{topic}", payload, qos=1, retain=retain)
 
     def fetch(self, device_ids: list[str]) -> None:
-        """Ask for what the broker retains of some sensors; those of the call before have been answered.
+        """Subscribe to the retained messages of some sensors, in place of those of the previous call.
 
-        Of all at once it would drop most: mosquitto keeps 1,000 messages for a client that reads more slowly
-        than it writes, and a fit has 25 kB.
+        If all sensors were asked for at the same time, the broker would drop most messages: mosquitto queues
+        1,000 messages for a client that reads more slowly than the broker writes, and a fit has 25 kB.
         """
         if self._asked:
             self._client.unsubscribe(self._asked)

@@ -1,6 +1,6 @@
-"""What a fleet reads of the messages that daemons publish: a few fields, so that many can be read (pure).
+"""Decode the messages that daemons publish: only the fields that a fleet uses, so that it can read many.
 
-Whoever may write to the broker may write anything, so nothing here is believed beyond its type and length.
+Any client of the broker can publish anything, so the type and length of every field are checked.
 """
 
 import re
@@ -12,26 +12,26 @@ from fltea.records.fit import VerdictKind
 from fltea.records.visible import visible
 
 LONGEST_ID = 64
-"""Characters; a daemon makes no longer level of its topics."""
+"""Longest device id in characters; daemons use no longer ones in their topics."""
 
 LARGEST = 1 << 20
-"""Bytes; a fit of three axes with its curves has 30 kB."""
+"""Largest payload in bytes; a fit of three axes with its curves has 30 kB."""
 
 MOST_AXES = 6
 LONGEST_TEXT = 2000
 LONGEST_WORD = 100
-"""Characters of a name, a state or a reason; what is longer is cut."""
+"""Longest name, state or reason in characters; longer ones are cut."""
 
 VERDICTS = frozenset(get_args(VerdictKind))
 OTHER = "other"
-"""In place of a verdict that this version does not know: a label of metrics must be one of a few."""
+"""Replaces a verdict that this version does not know, so that labels of metrics have few values."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-"""What a database can keep."""
+"""A count that fits into a database's 64-bit integer."""
 
 
 Points = Annotated[list[float], msgspec.Meta(max_length=1000)]
-"""Of a curve; a daemon sends some dozens."""
+"""Values of a curve; a daemon sends some dozens."""
 
 
 class Status(msgspec.Struct, frozen=True):
@@ -62,7 +62,7 @@ class Interval(msgspec.Struct, frozen=True):
 
 
 class Allan(msgspec.Struct, frozen=True):
-    """The Allan deviation, and what is read off it."""
+    """The Allan deviation, and the parameters N, B and K from it."""
 
     tau_s: Points
     adev: Points
@@ -95,7 +95,7 @@ class Fit(msgspec.Struct, frozen=True):
 
 
 class Samples(msgspec.Struct, frozen=True):
-    """A part of `stats`."""
+    """Counts of samples in `stats`."""
 
     delivered: Count = 0
     lost: Count = 0
@@ -137,28 +137,28 @@ KINDS: dict[str, type[Content]] = {
     "stats": Stats,
     "error": Error,
 }
-"""Last level of a topic, and what is read there."""
+"""Type of the content by the last level of a topic."""
 
 _DECODERS: dict[str, Any] = {kind: msgspec.json.Decoder(content) for kind, content in KINDS.items()}
 _WORD = re.compile(r"[a-z0-9_/^. -]{1,40}", re.IGNORECASE)
 
 
 class Message(NamedTuple):
-    """One message of a device. `content` is None where a retained one was deleted."""
+    """One message of a device. `content` is None if a retained message was deleted."""
 
     device_id: str
     content: Content | None
 
 
 class Bad(ValueError):
-    """A message that no daemon sends; its text is the reason's name."""
+    """A message that no daemon sends; its text is the name of the reason."""
 
 
 def read(topic: str, payload: bytes, prefix: str) -> Message:
-    """What a message says.
+    """Decode a message.
 
     Raises:
-        Bad: it is too long, of another topic, no JSON, or of other types.
+        Bad: the payload is too long, no JSON or of other types, or the topic is no daemon's.
     """
     device_id, slash, kind = topic.removeprefix(f"{prefix}/").partition("/")
     if not slash or kind not in KINDS or not 1 <= len(device_id) <= LONGEST_ID or not device_id.isprintable():
@@ -175,10 +175,10 @@ def read(topic: str, payload: bytes, prefix: str) -> Message:
 
 
 def _clean(content: Content) -> Content:
-    """The same with texts of one printable line, and of bounded length: they go to pages and databases.
+    """Return the content with texts made printable and cut, since pages and databases show them.
 
     Raises:
-        Bad: names in a fit do not look like ours.
+        Bad: names of axes or units in a fit have other characters than a daemon's.
     """
     if isinstance(content, Fit):
         return _clean_fit(content)
@@ -189,7 +189,7 @@ def _clean(content: Content) -> Content:
 
 
 def _clean_fit(fit: Fit) -> Fit:
-    """Names of axes and units become keys, labels and parts of pages: they have to look like ours."""
+    """Check names of axes and units, which become keys, labels and parts of pages, and clean the texts."""
     if len(fit.axes) > MOST_AXES or not all(
         _WORD.fullmatch(word) for name, axis in fit.axes.items() for word in (name, axis.unit)
     ):

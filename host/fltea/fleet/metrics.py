@@ -1,4 +1,4 @@
-"""What the fleet says to Prometheus."""
+"""The fleet's metrics for Prometheus."""
 
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -24,7 +24,7 @@ METRICS = (
     counter("history_lost", "rows of history that could not be written", lambda found: found.history["lost"]),
     counter("bad_messages", "messages that fltea does not send", key="reason"),
 )
-"""Of a summary, for Prometheus: counts only, so that the number of series does not grow with the fleet."""
+"""Metrics made from a summary. They are counts only, so the number of series does not grow with the fleet."""
 
 
 class _Collector:
@@ -32,12 +32,12 @@ class _Collector:
         self._fleet = fleet
 
     def collect(self) -> Iterator[Metric]:
-        """All families, from one summary."""
+        """Yield all metric families, from one summary."""
         yield from families("fleet_", (), METRICS, [((), SimpleNamespace(**self._fleet.summary()))])
 
 
 def metrics_text(fleet: Fleet) -> bytes:
-    """Return what /metrics answers."""
+    """Return the answer to a request for /metrics."""
     registry = CollectorRegistry(auto_describe=False)
     registry.register(_Collector(fleet))
     return bytes(generate_latest(registry))

@@ -1,12 +1,12 @@
-"""Who is unlike the others: robust, and by the intervals, not by eye (pure).
+"""Find sensors that differ from the others of their kind, robustly and with regard to their intervals.
 
-The model is that of a meta-analysis with random effects: sensors of a kind differ by themselves, and each is
-known as well as its interval says. Estimate i is normal about the fleet's middle μ with variance τ² + s_i².
-μ and τ are found so that the odd ones do not move them: μ is a weighted median, and τ makes the median of
-|estimate - μ| / √(τ² + s_i²) that of a normal variable. A sensor is odd if its distance has a probability
-below the level after Bonferroni, over all that is compared at a time; so of fleets without an odd sensor at
-most that share shows any at a look. τ itself is known from so many sensors only: distances are judged by
-Student's t.
+The model is that of a meta-analysis with random effects: sensors of a kind differ by a true spread τ, and
+each estimate has an error s_i given by its interval. Estimate i is normally distributed about the fleet's
+middle μ with variance τ² + s_i². μ and τ are estimated robustly, so that outliers do not move them: μ is a
+weighted median, and τ makes the median of |estimate - μ| / √(τ² + s_i²) equal that of a normal variable. A
+sensor is odd if the p-value of its distance is below the level, after Bonferroni's correction for all
+comparisons made at the same time. So among fleets without odd sensors, at most the share `level` shows one in
+a comparison. Distances are judged by Student's t, since τ is estimated from a limited number of sensors.
 """
 
 import math
@@ -21,27 +21,31 @@ from fltea.noise.distributions import student_quantile, student_tail
 from fltea.records.plus_minus import NORMAL_95
 
 FEWEST = 8
-"""Sensors of a kind; with fewer nobody knows what is usual."""
+"""Fewest sensors of a kind that are compared; with fewer, the usual value is not known well enough."""
 
 LEVEL = 0.001
-"""Share of fleets without an odd sensor in which any is called odd, at one look.
+"""Share of fleets without odd sensors in which a comparison reports one.
 
-Records grow, so that the looks of a day are as good as some tens of independent ones: with 1 % a look a
-tenth of healthy fleets of 60 sensors raised an alert within their first day, with this none of 160 did.
+Fits change as samples are added, so the comparisons of one day count like some tens of independent ones. With
+a level of 1 %, a tenth of healthy fleets of 60 sensors raised an alert within the first day; with this level,
+none of 160 fleets did.
 """
 
 MIDDLE = NormalDist().inv_cdf(0.75)
 """Median of |x| of a standard normal x."""
 
 EFFICIENCY = 0.3
-"""Degrees of freedom of τ for each sensor: a median absolute deviation is worth 0.37 of them (Rousseeuw
-& Croux 1993), and μ and the intervals cost some."""
+"""Degrees of freedom of τ per sensor: the median absolute deviation has an efficiency of 0.37 (Rousseeuw
+& Croux 1993), and estimating μ and the intervals lowers it further."""
 
 Floats = NDArray[np.float64]
 
 
 class Fleet(NamedTuple):
-    """What is usual: the middle and how much sensors differ by themselves, on the scale of comparison."""
+    """Usual value and spread of a group of sensors, on the scale of comparison.
+
+    `spread`: standard deviation between the sensors, without the errors of the estimates.
+    """
 
     middle: float
     spread: float
@@ -49,7 +53,11 @@ class Fleet(NamedTuple):
 
 
 class Odd(NamedTuple):
-    """place: in the sequences that were given. distance: in deviations. p: two-sided, of one comparison."""
+    """A value that differs from the others.
+
+    `place`: index of the value. `distance`: distance from the middle in standard deviations. `p`: two-sided
+    p-value of this one comparison.
+    """
 
     place: int
     distance: float
@@ -59,18 +67,23 @@ class Odd(NamedTuple):
 def judge(
     value: Floats, low: Floats, high: Floats, *, comparisons: int, level: float = LEVEL
 ) -> tuple[Fleet | None, list[Odd]]:
-    """The usual sensor of a kind, and who is unlike it.
+    """Return the usual value of a group of sensors, and the values that differ from it.
 
-    value, low, high: (n,) on a scale on which intervals are symmetric, such as logarithms. comparisons: how
-    many are made at this look, of all kinds and figures. None with fewer than `FEWEST`.
+    With fewer than `FEWEST` sensors, return None and an empty list.
+
+    `value`, `low`, `high`: values and ends of their intervals (n,), on a scale on which intervals are
+    symmetric, such as logarithms.
+    `comparisons`: number of comparisons made at the same time, over all groups.
+    `level`: significance level for all these comparisons together.
     """
     n = len(value)
     if n < FEWEST:
         return None, []
     std = np.maximum(high - low, 1e-300) / (2 * NORMAL_95)
     middle, spread = _usual(value, std)
-    # An interval may be too narrow by chance, as where a likelihood has two maxima and it holds the wrong one
-    # alone: of 150 fits of one fractional noise one has an order 20 of its own deviations away.
+    # An interval may be too narrow by chance, for instance if the likelihood has two maxima and the interval
+    # holds only the wrong one: of 150 fits of one fractional noise, one order was wrong by 20 of its standard
+    # deviations. So no interval counts as narrower than the median.
     distance = (value - middle) / np.hypot(spread, np.maximum(std, np.median(std)))
     limit = student_quantile(1 - level / (2 * max(1, comparisons)), EFFICIENCY * (n - 1))
     odd = [
@@ -81,19 +94,22 @@ def judge(
 
 
 def _usual(value: Floats, std: Floats) -> tuple[float, float]:
-    """μ and τ; a few turns, for each needs the other."""
+    """Return μ and τ, by iteration, since each depends on the other."""
     middle, spread = float(np.median(value)), 0.0
     for _ in range(20):
         spread = _spread(np.abs(value - middle), std)
-        found = _weighted_median(value, 1 / (spread**2 + std**2))
-        if math.isclose(found, middle, rel_tol=1e-12, abs_tol=1e-15):
+        median = _weighted_median(value, 1 / (spread**2 + std**2))
+        if math.isclose(median, middle, rel_tol=1e-12, abs_tol=1e-15):
             break
-        middle = found
+        middle = median
     return middle, spread
 
 
 def _spread(away: Floats, std: Floats) -> float:
-    """τ at which the median of away / √(τ² + std²) is a normal variable's; 0 if it is below that."""
+    """Return τ at which the median of away / √(τ² + std²) equals that of |x| for a standard normal x.
+
+    Return 0 if the median is smaller even with τ = 0.
+    """
     least, most = 0.0, float(np.median(away)) / MIDDLE + 1e-300
     if np.median(away / std) <= MIDDLE:
         return 0.0
@@ -107,8 +123,8 @@ def _spread(away: Floats, std: Floats) -> float:
 
 
 def _weighted_median(value: Floats, weight: Floats) -> float:
-    """Half of the weight is on either side; between two values where it is so for both."""
-    weight = np.minimum(weight, 3 * np.median(weight))  # no sensor alone decides, however well it is known
+    """Return the value with half of the weight on either side, or the mean of two values that have it."""
+    weight = np.minimum(weight, 3 * np.median(weight))  # so that no single well-known sensor decides
     order = np.argsort(value)
     value, below = value[order], np.cumsum(weight[order])
     half = below[-1] / 2
@@ -118,5 +134,5 @@ def _weighted_median(value: Floats, weight: Floats) -> float:
 
 
 def comparisons_of(counts: Sequence[int]) -> int:
-    """Comparisons at one look: those of groups that are large enough to be judged."""
+    """Return the number of comparisons in groups of these sizes, without groups smaller than `FEWEST`."""
     return sum(count for count in counts if count >= FEWEST)

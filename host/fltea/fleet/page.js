@@ -1,4 +1,4 @@
-// The fleet's page: asks for what is shown every five seconds.
+// The fleet's page: it requests the data that it shows every five seconds.
 import {ask, button, byId, draw, follow, make, put, short} from "./common.js"
 
 const EVERY_MS = 5000, COUNT = 50
@@ -9,7 +9,7 @@ const json = async (path, parameters) => (await ask(path, parameters)).json()
 const link = device => make("a", {href: `#${encodeURIComponent(device)}`}, device)
 const text = (tag, words, attributes = {}) => make(tag, attributes, words)
 
-function plusMinus(value, std) {  // what is behind ± is half of the 95 % interval, as records/plus_minus.py has it
+function plusMinus(value, std) {  // the number after ± is the half-width of the 95 % interval, as in records/plus_minus.py
   const half = 1.96 * std, places = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(half))))
   return `${value.toFixed(places)} ± ${half.toFixed(places)}`.replace("-", "\u2212")
 }
@@ -121,7 +121,7 @@ async function showTable() {
   byId("later").disabled = end >= found.total
 }
 
-// How a figure of an axis went; words where there are no two of it.
+// Return a drawing of a quantity over time; text if the history has fewer than two values.
 function course(history, axis, {name, log}, figures) {
   const rows = history.filter(row => row.axis === axis && row[name] !== null && (!log || row[`${name}_low`] > 0))
   const column = suffix => rows.map(row => row[name + suffix])

@@ -1,4 +1,7 @@
-"""`fltea fleet` as a whole: messages in, a look every few seconds, history, alerts, and a summary."""
+"""The program `fltea fleet`: it takes messages, compares sensors every few seconds, and keeps the history.
+
+It also publishes alerts and makes the summary for the page.
+"""
 
 import math
 import sys
@@ -21,7 +24,8 @@ from fltea.fleet.summary import Look, counts, look
 from fltea.settings.mqtt import MqttConfig
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
-"""So many sensors a turn; so often for one of which the broker retains nothing."""
+"""Retained messages are asked for of this many sensors per turn; if the broker has none for a sensor, they
+are asked for this often, at this interval [s]."""
 
 MOST_UNSENT = 10_000
 """Alerts that wait while the broker is away; further ones are counted."""
@@ -30,7 +34,16 @@ TURN_S = 0.2
 
 
 class Plan(NamedTuple):
-    """What a fleet does. history: a file, postgres: a server in its place; keep_s: how long rows are kept."""
+    """Settings of a fleet.
+
+    `mqtt`: the broker.
+    `history`: file of the history; None: in memory. `postgres`: URL of a server in place of a file.
+    `history_every_s`: least time between two kept fits of an axis [s].
+    `keep_s`: how long rows and sensors are kept [s].
+    `silent_s`: time without messages after which a sensor is silent [s].
+    `look_every_s`: time between comparisons of all sensors [s].
+    `most`: most sensors that are kept.
+    """
 
     mqtt: MqttConfig
     history: Path | None = None
@@ -49,10 +62,10 @@ def _database(plan: Plan) -> Database:
 
 
 class Fleet:
-    """The program. All state is behind `lock`; `turn` is called every `TURN_S` by whoever runs it.
+    """The program. `lock` protects all its state. The caller must call `turn` every `TURN_S` seconds.
 
     Raises:
-        UsageError: settings, or a history, that cannot be used.
+        UsageError: settings or the history cannot be used.
     """
 
     def __init__(self, plan: Plan, write: Callable[[str], None] | None = None) -> None:
@@ -69,7 +82,7 @@ class Fleet:
         self._look_due = 0.0
         self._asked: dict[str, tuple[int, float]] = {}
         self._asked_over = 0
-        self._told = ""
+        self._reported_trouble = ""
         self._unsent: deque[Alert] = deque()
         self._list_sent = 0
         self.listener = Listener(
@@ -81,7 +94,7 @@ class Fleet:
         self.listener.start()
 
     def take(self, topic: str, payload: bytes) -> None:
-        """One message, from the listener's thread."""
+        """Process one message; the listener's thread calls this."""
         with self.lock:
             before = self.roll.fits
             sensor = self.roll.take(topic, payload, self.clock.hearing())
@@ -89,7 +102,7 @@ class Fleet:
                 self.history.add(self.clock.unix_s(), sensor.device_id, sensor.axes)
 
     def turn(self) -> None:
-        """What is due: a look, alerts, history, and what the broker retains of sensors that are new."""
+        """Do what is due: compare sensors, publish alerts, write the history, ask for retained messages."""
         now, is_up = self.clock.steady(), self.listener.is_up.is_set()
         with self.lock:
             self.clock.hear(is_up)
@@ -106,19 +119,22 @@ class Fleet:
             known = {one.device_id for one in self.roll.everybody()}
             self._asked = {name: asked for name, asked in self._asked.items() if name in known}
         self.history.work(-math.inf if self.clock.long_jump else unix_s - self.plan.keep_s)
-        self._tell_of_history()
+        self._report_history()
 
-    def _tell_of_history(self) -> None:
+    def _report_history(self) -> None:
         kind, trouble = self.history.trouble_kind, self.history.trouble
-        if kind and kind != self._told:
+        if kind and kind != self._reported_trouble:
             self.report(kind, f"{trouble} Rows that wait: {self.history.waiting}; lost: {self.history.lost}.")
-        elif self._told and not kind:
+        elif self._reported_trouble and not kind:
             self.report("history_back", f"the history is written again. Rows lost: {self.history.lost}.")
-        self._told = kind
+        self._reported_trouble = kind
 
     def _lacking(self, now: float) -> list[str]:
-        """Some sensors that were not asked for over this connection, or still lack a fit or a HELLO."""
-        found: list[str] = []
+        """Return sensors whose retained messages are to be asked for.
+
+        These were not asked for since the connection was made, or still lack a fit or a HELLO.
+        """
+        lacking: list[str] = []
         with self.lock:
             if self._asked_over != self.listener.connections:
                 self._asked_over = self.listener.connections
@@ -128,19 +144,19 @@ class Fleet:
                 times, due = self._asked.get(name, (0, 0.0))
                 if times < (1 if is_whole else ASK_TIMES) and now >= due:
                     self._asked[name] = times + 1, now + ASK_EVERY_S
-                    found.append(name)
-                    if len(found) == ASK_AT_ONCE:
+                    lacking.append(name)
+                    if len(lacking) == ASK_AT_ONCE:
                         break
-        return found
+        return lacking
 
     @property
     def is_complete(self) -> bool:
-        """Whether all that the broker retains has been asked for."""
+        """Whether the retained messages of all sensors have been asked for."""
         with self.lock:
             return all(one.device_id in self._asked for one in self.roll.everybody())
 
     def look_now(self) -> None:
-        """Compare all sensors, and publish what has begun or ended."""
+        """Compare all sensors, and publish the alerts that have begun or ended."""
         with self.lock:
             begin = time.perf_counter()
             now, unix_s = self.clock.hearing(), self.clock.unix_s()
@@ -156,7 +172,7 @@ class Fleet:
             self._publish_alerts()
 
     def _publish_alerts(self) -> None:
-        # The list of an earlier run, or of before an outage, may be retained there.
+        # The broker may retain the list of an earlier run, or from before an outage.
         if self._unsent or self._list_sent != self.listener.connections:
             self._list_sent = self.listener.connections
             with self.lock:
@@ -167,7 +183,7 @@ class Fleet:
             self.listener.publish("fleet/alert", msgspec.json.encode(alert), retain=False)
 
     def summary(self) -> dict[str, Any]:
-        """The fleet in numbers, with its odd sensors and alerts."""
+        """Return the counts of the fleet, its outliers and its alerts."""
         with self.lock:
             listed = self.alerts.listed()
             found = counts(self.roll, self.clock.hearing(), self.plan.silent_s)
@@ -194,7 +210,7 @@ class Fleet:
         return found
 
     def close(self) -> None:
-        """Disconnect, and write what waits."""
+        """Disconnect, and write the waiting rows of the history."""
         self.listener.close()
         lost = self.history.lost
         self.history.close()
@@ -203,5 +219,5 @@ class Fleet:
             self.report("history_lost", f"{self.history.trouble} Rows that waited and are lost: {rows}.")
 
     def report(self, kind: str, text: str) -> None:
-        """Write a line about something that a person should know; from any thread."""
+        """Write a line about a problem for a person; any thread may call this."""
         self._write(f"{kind}: {text}")

@@ -1,6 +1,6 @@
-"""The roll of all sensors: what each sent last, when, and what is wrong with it. Bounded.
+"""The list of all sensors: what each sent last, when, and what is wrong with it. Its size is bounded.
 
-All times are those of the fleet's hearing: seconds of a steady clock that stands while the broker is away.
+All times are those of `Clock.hearing`: seconds of a steady clock that stops while the broker is away.
 """
 
 from collections import Counter, OrderedDict, deque
@@ -15,24 +15,29 @@ MOST_SENSORS = 20_000
 NAMES_KEPT = 5
 ERRORS_KEPT = 5
 FLOOD_PER_S, FLOOD_S = 50, 10.0
-"""More messages a second than this, over so long, are no daemon's: it sends two or three."""
+"""A name floods if it sends more messages per second than this, over this time [s]; a daemon sends 2 or 3."""
 
 TWINS, TWINS_S = 3, 600.0
-"""So often within so long fits run back before two programs under one name are reported."""
+"""If the numbers of fits run back this often within this time [s], two programs publish under one name."""
 
 SILENT_S = 90.0
-"""A daemon publishes its status every 30 s."""
+"""A sensor that sends nothing for this time is silent [s]; a daemon publishes its status every 30 s."""
 
 CANDIDATE_S = 120.0
-"""A name of which one message came is given up after so long."""
+"""A candidate is dropped if it has not become a sensor after this time [s]."""
 
 WITHOUT_FIT_S = 3600.0
-"""A sensor of which no fit ever came is given up when it has been silent for so long."""
+"""A sensor that never sent a fit is dropped when it has been silent for this time [s]."""
 
 
 @dataclass(slots=True)
 class Axis:
-    """The newest fit of one axis. figures: to be compared; shown: others. at: when it came."""
+    """The newest fit of one axis.
+
+    `figures`: values by which sensors are compared.
+    `at`: time of arrival.
+    `shown`: values that are only shown.
+    """
 
     verdict: str
     text: str
@@ -43,13 +48,13 @@ class Axis:
     shown: dict[str, Figure] = field(default_factory=dict)
 
     def figure(self, name: str) -> Figure | None:
-        """What is shown of a quantity."""
+        """Return the value of a quantity; None if it is not known."""
         return self.figures.get(name) or self.shown.get(name)
 
 
 @dataclass(slots=True)
 class Sensor:
-    """One device. heard: when anything of it came, on the fleet's clock; first: the first time."""
+    """One device. `first`, `heard`: times of its first and its newest message."""
 
     device_id: str
     first: float
@@ -70,13 +75,13 @@ class Sensor:
 
     @property
     def kind(self) -> str:
-        """The kind within which it is compared: the same chip at the same rate."""
+        """Kind of sensor (chip and rate); a sensor is compared with others of its kind."""
         if self.hello is None:
             return "?"
         return f"{(self.hello.sensor or '?')[:40]}, {self.hello.rate_hz:.4g} Hz"
 
     def state(self, now: float, silent_s: float = SILENT_S) -> str:
-        """`online`, `stalled`, `offline`, `silent` (nothing was heard for long) or `unknown`."""
+        """Return `online`, `stalled`, `offline`, `silent` (no message for `silent_s`) or `unknown`."""
         if self.status is not None and self.status.status == "offline":
             return "offline"
         if now - self.heard > silent_s:
@@ -87,15 +92,18 @@ class Sensor:
 
     @property
     def is_known(self) -> bool:
-        """Whether it counts as a sensor: it sent two kinds of messages, a HELLO or a fit among them."""
+        """Whether the device counts as a sensor.
+
+        It has then sent two fits, or two kinds of messages with a HELLO or a fit among them.
+        """
         return self.fits > 1 or (len(self.kinds) > 1 and (self.hello is not None or self.fits > 0))
 
     def has_twin(self, now: float) -> bool:
-        """Whether two programs seem to publish under its name."""
+        """Return whether two programs seem to publish under the sensor's name."""
         return len(self.twins) == TWINS and now - self.twins[0] < TWINS_S
 
     def count(self, now: float) -> None:
-        """One more message of it."""
+        """Count one more message of the sensor."""
         self.heard = now
         self.messages += 1
         begin, count = self._window
@@ -107,27 +115,27 @@ class Sensor:
             self.flooding = self.flooding or count + 1 > FLOOD_PER_S * FLOOD_S
 
     def take_fit(self, fit: Fit, now: float) -> bool:
-        """Its newest fit; False if it is the one that was there, which MQTT may bring twice."""
-        place = fit.epoch, fit.seq
-        if place == self._seq and self.axes:
+        """Store the newest fit; return False if it was stored before, since MQTT may deliver it twice."""
+        position = fit.epoch, fit.seq
+        if position == self._seq and self.axes:
             return False
-        if place < self._seq:
+        if position < self._seq:
             self.twins.append(now)
-        self._seq = place
+        self._seq = position
         self.fits += 1
         rate_hz = None if self.hello is None else self.hello.rate_hz
         before = self.axes
         self.axes = {
             name: Axis(
-                one.verdict,
-                one.text,
-                one.unit,
+                axis_fit.verdict,
+                axis_fit.text,
+                axis_fit.unit,
                 fit.samples,
-                figures_of(one, rate_hz, before[name].figures if name in before else {}),
+                figures_of(axis_fit, rate_hz, before[name].figures if name in before else {}),
                 now,
-                order_of(one),
+                order_of(axis_fit),
             )
-            for name, one in fit.axes.items()
+            for name, axis_fit in fit.axes.items()
         }
         for name, axis in self.axes.items():
             if name in before and "bias" in before[name].shown:
@@ -135,7 +143,7 @@ class Sensor:
         return True
 
     def take_stats(self, stats: Stats) -> None:
-        """Count samples, and keep the bias of the axes that have a fit."""
+        """Store the counts of samples, and the bias of the axes that have a fit."""
         self.delivered, self.lost = stats.sample_counts.delivered, stats.sample_counts.lost
         for name, axis in self.axes.items():
             bias = bias_of(stats.axes.get(name, AxisStats()).tracker or Tracker())
@@ -144,20 +152,21 @@ class Sensor:
                 axis.shown["bias"] = bias
 
     def take_hello(self, hello: Hello) -> None:
-        """A program that begins may count from the beginning."""
+        """Store the HELLO; after a new boot the numbers of fits may start again."""
         if self.hello is None or hello.boot_id != self.hello.boot_id:
             self._seq = (-1, -1)
         self.hello = hello
 
 
 class Roll:
-    """All sensors that were heard of.
+    """The list of all sensors from which messages came.
 
-    A name is a sensor once it has sent two kinds of messages; until then it is a candidate,
-    and takes nobody's place.
-    Of both there are at most `most`. refused: messages of names that were no sensors, or came when there was
-    no room; `refused_names` are some of them. bad: messages that no daemon sends, by reason. fits: that were
-    new; repeated: that came twice.
+    A name is a candidate until it has sent two kinds of messages or two fits; then it is a sensor. Candidates
+    do not displace sensors. There are at most `most` sensors and `most` candidates.
+
+    `refused`: number of messages of candidates that were dropped; `refused_names`: some of their names.
+    `bad`: number of messages that no daemon sends, by reason.
+    `fits`: number of new fits. `repeated`: number of fits that came twice.
     """
 
     def __init__(self, prefix: str = "fltea", most: int = MOST_SENSORS) -> None:
@@ -169,7 +178,7 @@ class Roll:
         self.bad: Counter[str] = Counter()
 
     def take(self, topic: str, payload: bytes, now: float) -> Sensor | None:
-        """Take one message; of which sensor it was, or None if it is not of a sensor."""
+        """Process one message; return its sensor, or None if it is not from a sensor."""
         self.messages += 1
         self.bytes += len(payload)
         try:
@@ -189,13 +198,13 @@ class Roll:
         sensor.kinds.add(type(message.content).__name__)
         self._take(sensor, message, now)
         if name in self.candidates:
-            return self._meet(sensor)
+            return self._admit(sensor)
         return sensor
 
     def forget(self, now: float, keep_s: float) -> list[str]:
-        """Drop sensors that have been silent for `keep_s`, and who never became one; their names.
+        """Drop sensors that have been silent for `keep_s`, and old candidates; return their names.
 
-        Where there is no room for others, those go first that have been silent longest.
+        If there is no room for new sensors, those that have been silent longest are dropped too.
         """
         gone = [
             name
@@ -203,7 +212,7 @@ class Roll:
             if sensor.heard < now - (keep_s if sensor.fits else min(keep_s, WITHOUT_FIT_S))
         ]
         if not gone and len(self.sensors) >= self.most:
-            silent = [one for one in self.sensors.values() if one.heard < now - WITHOUT_FIT_S]
+            silent = [sensor for sensor in self.sensors.values() if sensor.heard < now - WITHOUT_FIT_S]
             silent.sort(key=lambda sensor: sensor.heard)
             gone = [sensor.device_id for sensor in silent[: 1 + self.most // 100]]
         for name in gone:
@@ -214,21 +223,21 @@ class Roll:
         return gone + [candidate.device_id for candidate in candidates]
 
     def axes(self) -> Iterator[tuple[Sensor, str, Axis]]:
-        """All axes of all sensors."""
+        """Yield all axes of all sensors."""
         for sensor in self.sensors.values():
             for name, axis in sensor.axes.items():
                 yield sensor, name, axis
 
     def everybody(self) -> Iterator[Sensor]:
-        """Yield sensors, and candidates behind them."""
+        """Yield all sensors, then all candidates."""
         return chain(self.sensors.values(), self.candidates.values())
 
     def flooding(self) -> list[str]:
-        """Names under which more is published than by any daemon, candidates' among them."""
-        return [one.device_id for one in self.everybody() if one.flooding]
+        """Return the names of sensors and candidates that send more messages than any daemon does."""
+        return [sensor.device_id for sensor in self.everybody() if sensor.flooding]
 
-    def _meet(self, candidate: Sensor) -> Sensor | None:
-        """Let a candidate in that is known by now, if there is room."""
+    def _admit(self, candidate: Sensor) -> Sensor | None:
+        """Make a candidate a sensor if it has sent enough and there is room; return it if so."""
         if not candidate.is_known:
             return None
         if len(self.sensors) >= self.most:

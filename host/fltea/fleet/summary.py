@@ -1,4 +1,4 @@
-"""The fleet in numbers: how many of what, a table, distributions, and who is unlike the others."""
+"""Summaries of the fleet: counts, a table, distributions, and sensors that differ from the others."""
 
 import math
 import re
@@ -14,17 +14,19 @@ from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
 from fltea.records.plus_minus import NORMAL_95
 
 SOME = 20
-"""Names in a summary."""
+"""Most names in a summary."""
 
 Group = tuple[str, str, str]
-"""Kind of sensor, axis, and quantity."""
+"""Kind of sensor, axis, and quantity: values of a group are compared with each other."""
 
 
 class Oddity(msgspec.Struct, frozen=True):
-    """A figure of an axis that is unlike those of the other sensors of its kind.
+    """A value of an axis that differs from those of the other sensors of its kind.
 
-    middle, spread: of these; spread is their own, as a ratio for quantities that are compared by ratios.
-    times: deviations away. p: of one comparison.
+    `middle`: usual value of the kind.
+    `spread`: standard deviation between sensors, or its ratio for quantities that are compared by ratios.
+    `times`: distance from `middle` in standard deviations.
+    `p`: p-value of this one comparison.
     """
 
     device_id: str
@@ -42,7 +44,7 @@ class Oddity(msgspec.Struct, frozen=True):
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What it is about."""
+        """Device, axis and quantity of the value."""
         return self.device_id, self.axis, self.quantity
 
     @property
@@ -57,14 +59,18 @@ class Oddity(msgspec.Struct, frozen=True):
 
 
 class Look(NamedTuple):
-    """One look at the whole fleet. usual: of each group that is large enough, on its own scale."""
+    """Result of one comparison of the whole fleet.
+
+    `odd`: the values that differ from the others.
+    `usual`: middle and spread of each group that is large enough, on the group's scale.
+    """
 
     odd: list[Oddity]
     usual: dict[Group, Fleet]
 
 
 def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVEL) -> Look:
-    """Compare every sensor that speaks with the others of its kind."""
+    """Compare every sensor that is neither offline nor silent with the others of its kind."""
     groups: dict[Group, list[tuple[Sensor, Axis, Figure]]] = {}
     for sensor, name, axis in roll.axes():
         if sensor.state(now, silent_s) in ("offline", "silent"):
@@ -80,12 +86,12 @@ def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVE
         scale = scales[group[2]]
         figures = np.array([figure for _, _, figure in members])
         columns = (np.log(figures) if scale.log else figures).T
-        fleet, found = judge(*columns, comparisons=comparisons, level=level)
+        fleet, outliers = judge(*columns, comparisons=comparisons, level=level)
         if fleet is None:
             continue
         usual[group] = fleet
-        for one in found:
-            sensor, axis, figure = members[one.place]
+        for outlier in outliers:
+            sensor, axis, figure = members[outlier.place]
             middle, spread = (math.exp(fleet.middle), math.exp(fleet.spread)) if scale.log else fleet[:2]
             odd.append(
                 Oddity(
@@ -95,8 +101,8 @@ def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVE
                     *figure,
                     middle,
                     spread,
-                    one.distance,
-                    one.p,
+                    outlier.distance,
+                    outlier.p,
                     group[0],
                     unit_of(scale, axis.unit),
                 )
@@ -106,14 +112,14 @@ def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVE
 
 
 def unit_of(quantity: Quantity, unit: str) -> str:
-    """Unit of a quantity of an axis."""
+    """Return the unit of a quantity of an axis whose samples are in `unit`."""
     if quantity.name in ("alpha", "f"):
         return quantity.unit
     return unit + quantity.unit
 
 
 def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]:
-    """How many sensors there are, in which state, and how many axes of which verdict."""
+    """Return the counts of sensors by state, kind and verdict, of axes by verdict, and of messages."""
     states: Counter[str] = Counter(sensor.state(now, silent_s) for sensor in roll.sensors.values())
     axes: Counter[str] = Counter()
     sensors: Counter[str] = Counter()
@@ -152,13 +158,13 @@ COLUMNS = (
     "age_s",
     "odd",
 )
-"""Of the table; figures are numbers, the rest texts."""
+"""Columns of the table; parameters are numbers, the other columns texts."""
 
 Row = dict[str, Any]
 
 
 def rows(roll: Roll, seen: Look, now: float, silent_s: float = SILENT_S) -> list[Row]:
-    """One row an axis, and one of a sensor without a fit."""
+    """Return one row for each axis, and one for each sensor without a fit."""
     odd: dict[tuple[str, str], list[str]] = {}
     for one in seen.odd:
         odd.setdefault((one.device_id, one.axis), []).append(one.quantity)
@@ -191,10 +197,10 @@ _TERM = re.compile(r'(device|kind|state|axis|verdict):(?:"([^"]*)"|(\S+))|(\S+)'
 def table(
     found: list[Row], sort: str, order: Literal["up", "down"], words: str, begin: int, count: int
 ) -> tuple[int, list[Row]]:
-    """A part of the rows that `words` are about, sorted, and how many there are. Missing figures come last.
+    """Return the number of rows that match `words`, and `count` of them from `begin` on, sorted.
 
-    `state:online` and `verdict:"too few samples"` compare whole entries of a column; other words may stand
-    anywhere in a row.
+    `state:online` and `verdict:"too few samples"` match the whole entry of a column; other words may be
+    anywhere in a row. Rows without a value in the column `sort` come last.
     """
     exact, anywhere = [], []
     for column, quoted, plain, term in _TERM.findall(words):
@@ -220,7 +226,7 @@ def _text_of(row: Row) -> str:
 
 
 def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:
-    """All sensors' figures of one group, the odd ones marked, and what is usual."""
+    """Return the values of all sensors of one group, with outliers marked, and the usual value."""
     kind, axis_name, quantity = group
     points: list[dict[str, Any]] = []
     odd = {one.key for one in seen.odd}
@@ -234,5 +240,5 @@ def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:
 
 
 def groups(seen: Look) -> list[Group]:
-    """What can be shown as a distribution, the largest first."""
+    """Return the groups that can be shown as a distribution, the largest first."""
     return sorted(seen.usual, key=lambda group: (-seen.usual[group].sensors, group))

@@ -1,6 +1,6 @@
-"""The fleet's page, and the JSON that it asks for.
+"""The server of the fleet's page, and of the JSON that the page requests.
 
-All that sensors send reaches the page as JSON and is put there as text, never as HTML.
+Everything from sensors is sent to the page as JSON and shown as text, never as HTML.
 """
 
 import asyncio
@@ -25,19 +25,19 @@ from fltea.sinks.web.handler import Handler, Site
 MOST_ROWS = 500
 
 REQUESTS_A_SECOND = 50.0
-"""Of a page there are five every five seconds."""
+"""Most requests per second; one page sends five every five seconds."""
 
 FULL = "More requests than the fleet's page answers: 50 a second. It is tried again in a moment."
 
 HISTORY_S = 2.0
-"""A page waits so long for the history."""
+"""Longest wait of a request for the history [s]."""
 
 ROWS_S = 2.0
-"""The rows of the table are gathered this often at most, however many look at them."""
+"""Least time between two computations of the table's rows [s], however many pages request them."""
 
 
 class FleetSite(Site):
-    """What all requests about a fleet share."""
+    """The data that all requests about a fleet share."""
 
     def __init__(self, fleet: Fleet, names: Collection[str], password: str | None) -> None:
         super().__init__(__package__, names, fleet.report, REQUESTS_A_SECOND, FULL, password)
@@ -45,7 +45,7 @@ class FleetSite(Site):
         self._rows: tuple[float, list[dict[str, Any]]] = (-ROWS_S, [])
 
     def rows(self) -> list[dict[str, Any]]:
-        """The table as of the last seconds."""
+        """Return the rows of the table, at most `ROWS_S` old."""
         now = time.monotonic()
         if now - self._rows[0] >= ROWS_S:
             fleet = self.fleet
@@ -63,7 +63,7 @@ class _Handler(Handler):
         return self.site.fleet
 
     async def rows_of(self, asked: "Future[list[dict[str, Any]]]") -> list[dict[str, Any]]:
-        """What the history answers; nothing if it takes too long, as while its server is away."""
+        """Return rows of the history; none if that takes too long, for instance while its server is away."""
         try:
             return await asyncio.wait_for(asyncio.wrap_future(asked), HISTORY_S)
         except TimeoutError:
@@ -175,12 +175,13 @@ def serve(
     ready: Callable[[int], None],
     stop: Callable[[IOLoop], None],
 ) -> None:
-    """Serve the page and let the fleet take its turns, until the loop is stopped.
+    """Serve the page and call `fleet.turn` regularly, until the event loop is stopped.
 
-    ready: is given the port. stop: is given the loop, for a signal handler.
+    `ready`: function that is called with the port once the server listens.
+    `stop`: function that is called with the event loop, to install signal handlers that stop it.
 
     Raises:
-        FlteaError: the address cannot be listened at.
+        FlteaError: the server cannot listen at the address.
     """
     sockets = bind("--listen", host, port)
     LibraryErrors(fleet.report)
@@ -189,7 +190,7 @@ def serve(
     loop = IOLoop.current()
 
     def turn() -> None:
-        # Not a PeriodicCallback, which stands still when the wall clock is set back.
+        # A PeriodicCallback would stop when the wall clock is set back.
         loop.call_later(TURN_S, turn)
         fleet.turn()
 

@@ -1,1 +1,1 @@
-"""This machine: ports, boards, permissions, flashing."""
+"""The machine's hardware: ports, boards, permissions, flashing."""

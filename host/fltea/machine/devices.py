@@ -1,4 +1,4 @@
-"""What is plugged in: serial ports under names that stay, I²C buses, and sensors of the kernel (IIO)."""
+"""List the devices of this machine: serial ports, I²C buses, and sensors with a kernel driver (IIO)."""
 
 import os
 
@@ -12,7 +12,7 @@ from fltea.sources.iio.buffer import rate_of
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
 
 STABLE = (("/dev", "fltea-*"), ("/dev/serial/by-id", "*"), ("/dev/serial/by-path", "*"))
-"""Where udev puts links that survive a reboot and another socket: the rule of fltea first."""
+"""Folders and patterns of udev's stable links to serial ports; links of fltea's own rule come first."""
 
 PROGRAMMING, NATIVE = "Arduino Due, programming port", "Arduino Due, native port"
 NATIVE_REMEDY = (
@@ -23,8 +23,10 @@ NATIVE_REMEDY = (
 class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
     """A serial port.
 
-    path: the name to use, stable if there is such a one. remedy: what opens it to this user, or null.
-    hello, trouble: what the board said, if it was asked.
+    `path`: name to use: a stable link if there is one. `device`: its name in /dev.
+    `remedy`: how this user gets permission; null if the user has it.
+    `holders`: programs that have the port open.
+    `hello`, `trouble`: HELLO of the board, or why none came, if the board was asked.
     """
 
     path: str
@@ -39,12 +41,12 @@ class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
 
     @property
     def is_board(self) -> bool:
-        """Whether it is a Due's programming port."""
+        """Whether the port is a Due's programming port."""
         return self.kind == PROGRAMMING
 
 
 class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
-    """An I²C bus. driver: name of its adapter. remedy: what opens it to this user, or null."""
+    """An I²C bus. `driver`: name of its adapter. `remedy`: how this user gets permission, or null."""
 
     path: str
     driver: str
@@ -54,10 +56,15 @@ class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
 class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"):
     """A gyroscope or IMU that the kernel has a driver for.
 
-    path: its node in /dev. name: what to call it in a URL. sensors: such as `gyroscope`. rate_hz: as its
-    driver says it, or null. trigger: its name, "" for none, null where the chip needs none. remedy: what
-    opens it to this user, or null. holders: programs that read it. mount_matrix: that turns the gyroscope's
-    axes (the accelerometer's, if it has none), "" if none is stated.
+    `path`: its node in /dev.
+    `name`: its name in a URL.
+    `sensors`: kinds of sensors in it, such as `gyroscope`.
+    `rate_hz`: rate that its driver states [Hz], or null.
+    `trigger`: name of its trigger; "" for none, null where the chip needs no trigger.
+    `remedy`: how this user gets permission; null if the user has it.
+    `holders`: programs that read it.
+    `mount_matrix`: matrix that rotates the axes of the gyroscope (of the accelerometer, if there is no
+    gyroscope); "" if none is stated.
     """
 
     path: str
@@ -71,21 +78,21 @@ class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"
 
 
 def find_iio(system: System) -> list[IioDevice]:
-    """Return the gyroscopes and IMUs that the kernel has drivers for and whose samples a buffer may hold."""
-    found = [one for one in iio.devices(system.root) if one.is_imu]
-    names = [one.name for one in found]
+    """Return the gyroscopes and IMUs with a kernel driver that can buffer their samples."""
+    imus = [device for device in iio.devices(system.root) if device.is_imu]
+    names = [imu.name for imu in imus]
     return [
         IioDevice(
-            path=f"/dev/{one.id}",
-            name=one.name if names.count(one.name) == 1 else one.id,
-            sensors=[text for kind, text in iio.SENSORS.items() if one.channels(kind)],
-            rate_hz=rate_of(system.root, one),
-            trigger=one.text("trigger/current_trigger") if one.has("trigger/current_trigger") else None,
-            remedy=permission_remedy(system, f"/dev/{one.id}"),
-            holders=system.holders(f"/dev/{one.id}"),
-            mount_matrix=one.mount_matrix(iio.GYRO if one.channels(iio.GYRO) else iio.ACCEL),
+            path=f"/dev/{imu.id}",
+            name=imu.name if names.count(imu.name) == 1 else imu.id,
+            sensors=[text for kind, text in iio.SENSORS.items() if imu.channels(kind)],
+            rate_hz=rate_of(system.root, imu),
+            trigger=imu.text("trigger/current_trigger") if imu.has("trigger/current_trigger") else None,
+            remedy=permission_remedy(system, f"/dev/{imu.id}"),
+            holders=system.holders(f"/dev/{imu.id}"),
+            mount_matrix=imu.mount_matrix(iio.GYRO if imu.channels(iio.GYRO) else iio.ACCEL),
         )
-        for one in found
+        for imu in imus
     ]
 
 
@@ -110,12 +117,12 @@ def find_buses(system: System) -> list[Bus]:
 
 
 def is_raspberry_pi(system: System) -> bool:
-    """Return whether this machine says that it is a Raspberry Pi."""
+    """Return whether this machine is a Raspberry Pi, by its device tree."""
     return "Raspberry Pi" in system.text("/proc/device-tree/model")
 
 
 def stable_name(system: System, device: str) -> str:
-    """Return the link that keeps leading to the same board; the device itself if there is none."""
+    """Return udev's stable link to a device, which survives a reboot; the device itself if there is none."""
     target = system.path(device).resolve()
     for folder, pattern in STABLE:
         for link in system.names(folder, pattern):

@@ -1,7 +1,7 @@
-"""Putting the firmware on an Arduino Due: find the board, choose a tool, write, and hear the new build speak.
+"""Flash the firmware to an Arduino Due: find the board, choose a tool, write, and wait for the new HELLO.
 
-This is the only module that opens a port at 1200 baud, which erases a Due. Facts about ids, baud touch and
-bossac: firmware/README.md.
+This is the only module that opens a port at 1200 baud, which erases a Due. firmware/README.md explains the
+USB ids, the opening at 1200 baud ("touch") and bossac.
 """
 
 import errno
@@ -43,14 +43,15 @@ Method = Literal["auto", "arduino-cli", "platformio", "bossac"]
 FQBN = "arduino:sam:arduino_due_x_dbg"
 
 HOLD_S = 1.0
-"""Seconds to hold the port open at 1200 baud: the USB chip erases for 0.49 s and then resets, 0.74 s in all
-(180 ticks of 4.1 ms in ArduinoCore-sam's Arduino-usbserial.c). Changing a line meanwhile starts it again."""
+"""Time to hold the port open at 1200 baud [s]: the USB chip erases for 0.49 s and then resets, 0.74 s in all
+(180 ticks of 4.1 ms in ArduinoCore-sam's Arduino-usbserial.c). Changing DTR or the speed during this time
+starts it again."""
 
 SAFE_BAUD = 115200
-"""The rate that the terminal keeps, since opening raises DTR before a program can set another."""
+"""Speed that the port keeps afterwards, since opening raises DTR before a program can set the speed."""
 
 SETTLE_S = 0.5
-"""Seconds between the touch and the tool, in which the board starts its boot loader."""
+"""Pause after the touch [s], in which the board starts its boot loader."""
 
 FLASH_BEGIN = 0x0008_0000
 FLASH_BYTES = 512 * 1024
@@ -59,7 +60,7 @@ RAM_END = 0x2008_8000
 """Flash and RAM of the ATSAM3X8E (datasheet, 7 Memories)."""
 
 VERIFY_S = 15.0
-"""HELLO comes at boot and every second; the rest is for a port that comes back late."""
+"""Longest wait for HELLO after flashing [s]. HELLO comes every second, but the port may come back late."""
 
 WRONG_PORT = (
     "is the Due's native port; the firmware speaks on the programming port, the one beside the power socket"
@@ -67,23 +68,23 @@ WRONG_PORT = (
 
 
 ERASE_UNKNOWN = "--erase-unknown-board"
-"""The option that lets a port be opened at 1200 baud whose USB id does not name a Due."""
+"""Option that allows opening a port at 1200 baud whose USB id is not that of a Due."""
 
 
 class Plan(NamedTuple):
-    """The steps of flashing, in their order."""
+    """The tool, port and command for flashing."""
 
     method: str
     port: str
     touch: bool
-    """Whether the port is opened at 1200 baud first."""
+    """Whether the port is first opened at 1200 baud, which erases the board."""
     command: list[str]
     build_id: str | None
-    """The build that HELLO has to name afterwards, or None if any build will do."""
+    """The build that HELLO must name afterwards; None if any build is accepted."""
     warning: str | None = None
 
     def lines(self) -> list[str]:
-        """Return the plan as a shell would have it."""
+        """Return the plan as shell commands."""
         touch = [
             f"stty -F {self.port} {FORBIDDEN_BAUD}   # erases the board when it closes the port",
             f"sleep {HOLD_S:g}",
@@ -102,10 +103,11 @@ def clone_root() -> Path | None:
 def find_port(wanted: str | None, *, erase_unknown: bool = False) -> str:
     """Return the path of the programming port: `wanted`, or that of the only Due of this machine.
 
-    erase_unknown: `wanted` may be a port whose USB id does not name the programming port of a Due.
+    `wanted`: path of a port; None: find the port of the only Due.
+    `erase_unknown`: accept a `wanted` whose USB id is not that of a Due's programming port.
 
     Raises:
-        UsageError: `wanted` is another device, or nobody knows what it is, or there are several Dues.
+        UsageError: `wanted` is another or an unknown device, or there are several Dues.
         FlteaError: there is no such port.
     """
     ports = {os.path.realpath(p.device): (p.vid, p.pid) for p in list_ports.comports()}
@@ -145,12 +147,14 @@ def _unknown(port: str, vid: int | None, pid: int | None) -> str:
 
 
 def make_plan(method: Method, port: str, image: Path | None, root: Path | None) -> Plan:
-    """Choose the tool and put its command together.
+    """Choose the tool for flashing, and return the plan with its command.
 
-    auto takes arduino-cli, else PlatformIO, else bossac; with an image only bossac is possible.
+    `method`: the tool; `auto` is the first installed one of arduino-cli, PlatformIO and bossac.
+    `image`: a binary for bossac, the only tool that takes one.
+    `root`: folder of the clone; None if there is none.
 
     Raises:
-        UsageError: a combination that cannot be, or files that are missing.
+        UsageError: the arguments contradict each other, or files are missing.
         FlteaError: the tool is not installed.
     """
     if image is not None and method not in ("auto", "bossac"):
@@ -237,7 +241,7 @@ def check_image(image: Path) -> None:
 
 
 def _bossac() -> str | None:
-    """Return the one of the Arduino core where there is one: it is known to work."""
+    """Return the path of bossac; the Arduino core's bossac is preferred, since it is known to work."""
     arduino = Path.home() / ".arduino15/packages/arduino/tools/bossac/1.6.1-arduino/bossac"
     return str(arduino) if os.access(arduino, os.X_OK) else shutil.which("bossac")
 
@@ -262,7 +266,7 @@ def _build_id_of_sources(root: Path) -> str:
 
 
 def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Touch the port if need be, and run the command; its output goes to the terminal.
+    """Touch the port if the plan says so, and run the command; its output is shown on the terminal.
 
     Raises:
         FlteaError: the port cannot be opened, or the command failed.
@@ -287,27 +291,27 @@ def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
 
 
 def touch(port: str, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Drop DTR at 1200 baud: the Due's USB chip then erases the flash and resets the Due.
+    """Drop DTR at 1200 baud; the Due's USB chip then erases the flash and resets the Due.
 
-    The port is held until that is over, and is left at SAFE_BAUD, also by an exception.
+    The port stays open until that has ended, and its speed is set to SAFE_BAUD, also after an exception.
 
     Raises:
         FlteaError: the port cannot be opened, or was lost.
     """
-    line = serial.Serial(baudrate=SAFE_BAUD, exclusive=True)
-    line.port = port
+    connection = serial.Serial(baudrate=SAFE_BAUD, exclusive=True)
+    connection.port = port
     try:
-        line.open()
+        connection.open()
     except (OSError, termios.error) as error:
         raise FlteaError(explain_open_failure(port, error)[1]) from error
     try:
-        with line:
+        with connection:
             try:
-                line.baudrate = FORBIDDEN_BAUD
-                _drop_dtr(line)
+                connection.baudrate = FORBIDDEN_BAUD
+                _drop_dtr(connection)
                 sleep(HOLD_S)
             finally:
-                line.baudrate = SAFE_BAUD
+                connection.baudrate = SAFE_BAUD
     except (OSError, termios.error) as error:
         raise FlteaError(
             f"{port} was lost during the touch at {FORBIDDEN_BAUD} baud ({error}): is the cable loose? The "
@@ -315,19 +319,19 @@ def touch(port: str, sleep: Callable[[float], None] = time.sleep) -> None:
         ) from error
 
 
-def _drop_dtr(line: serial.Serial) -> None:
+def _drop_dtr(connection: serial.Serial) -> None:
     try:
-        line.dtr = False
+        connection.dtr = False
     except OSError as error:
-        if error.errno not in (errno.ENOTTY, errno.EINVAL):  # as a pseudo-terminal says: it has no such line
+        if error.errno not in (errno.ENOTTY, errno.EINVAL):  # these mean a pseudo-terminal, without DTR
             raise
 
 
 def wait_for_hello(port: str, build_id: str | None, timeout_s: float = VERIFY_S) -> wire.Hello:
-    """Return the HELLO of the board at `port` if it is of the build that was written.
+    """Return the HELLO of the board at `port`, after checking that it names build `build_id`.
 
     Raises:
-        FlteaError: no HELLO in `timeout_s`, one of another protocol, or one of another build.
+        FlteaError: no HELLO came within `timeout_s`, or it is of another protocol version or another build.
     """
     reader, frames = Reader(Port(port, wire.BAUD)), FrameReader()
     deadline_s = time.monotonic() + timeout_s
@@ -342,7 +346,7 @@ def wait_for_hello(port: str, build_id: str | None, timeout_s: float = VERIFY_S)
                     if isinstance(frame, Refused):
                         raise FlteaError(f"{port}: {frame.message}. The upload did not take.")
                     if isinstance(frame.message, wire.Hello):
-                        return _judged(frame.message, port, build_id)
+                        return _checked(frame.message, port, build_id)
             if time.monotonic() > deadline_s:
                 break
     finally:
@@ -353,7 +357,7 @@ def wait_for_hello(port: str, build_id: str | None, timeout_s: float = VERIFY_S)
     )
 
 
-def _judged(hello: wire.Hello, port: str, build_id: str | None) -> wire.Hello:
+def _checked(hello: wire.Hello, port: str, build_id: str | None) -> wire.Hello:
     running = hello.firmware_version.split()[-1:]
     if build_id is not None and running != [build_id]:
         raise FlteaError(

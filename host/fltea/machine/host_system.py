@@ -1,4 +1,4 @@
-"""What `fltea devices` and `fltea doctor` ask the machine, in one place, so that tests can answer."""
+"""All queries of `fltea devices` and `fltea doctor` to the machine, in one class that tests can replace."""
 
 import contextlib
 import ctypes
@@ -17,7 +17,7 @@ from fltea.wire.permission import Group, User, group_of, join_remedy, this_user
 
 COMMAND_S = 5.0
 TIME_ERROR = 5
-"""What adjtimex(2) returns while nothing keeps the clock right."""
+"""Return value of adjtimex(2) that means that the clock is not synchronised."""
 
 PROGRAM_WORDS = 4
 
@@ -33,16 +33,13 @@ class Holder(msgspec.Struct, frozen=True):
 
 
 class System:
-    """The machine as `fltea devices` and `fltea doctor` see it.
-
-    root: the folder that stands for /.
-    """
+    """The machine as `fltea devices` and `fltea doctor` see it. `root`: folder that is used as /."""
 
     def __init__(self, root: Path = Path("/")) -> None:
         self.root = root
 
     def path(self, name: str) -> Path:
-        """Return where `name`, which begins with /, really is."""
+        """Return the path of `name`, which begins with /, under `root`."""
         return self.root / name.lstrip("/")
 
     def exists(self, name: str) -> bool:
@@ -50,12 +47,12 @@ class System:
         return self.path(name).exists()
 
     def names(self, folder: str, pattern: str = "*") -> list[str]:
-        """Return the sorted absolute names of what is in a folder; none if it cannot be read."""
+        """Return the sorted absolute names of entries of a folder; none if the folder cannot be read."""
         try:
-            found = sorted(self.path(folder).glob(pattern))
+            paths = sorted(self.path(folder).glob(pattern))
         except OSError:
             return []
-        return [f"/{path.relative_to(self.root)}" for path in found]
+        return [f"/{path.relative_to(self.root)}" for path in paths]
 
     def read(self, name: str) -> bytes | None:
         """Return the content of a small file, or None if it cannot be read."""
@@ -65,7 +62,7 @@ class System:
             return None
 
     def text(self, name: str) -> str:
-        """Return the same as text without white space and zeros at its end; "" if it cannot be read."""
+        """Return a small file as text, without white space and zeros at its end; "" if it cannot be read."""
         return (self.read(name) or b"").decode("utf-8", "replace").rstrip("\0 \t\r\n")
 
     def serial_ports(self) -> Sequence[ListPortInfo]:
@@ -75,7 +72,7 @@ class System:
     def run(self, *command: str) -> str | None:
         """Return the stripped output of a command, or None if it is missing or fails to run.
 
-        Its exit code is not looked at: systemctl says `inactive` with 3.
+        The exit code is ignored: systemctl prints `inactive` and returns 3.
         """
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):
             done = subprocess.run(command, capture_output=True, text=True, timeout=COMMAND_S, check=False)
@@ -83,11 +80,11 @@ class System:
         return None
 
     def who(self) -> User:
-        """Return the user who runs this, with groups."""
+        """Return the user who runs this program, with groups."""
         return this_user()
 
     def user(self) -> str:
-        """Return the name of the user who runs this."""
+        """Return the name of the user who runs this program."""
         return self.who().name
 
     def may_use(self, name: str) -> bool:
@@ -101,8 +98,8 @@ class System:
     def holders(self, name: str) -> list[Holder]:
         """Return the other programs that have a file open.
 
-        Without root's rights only one's own programs show their files, and of others' those that locked the
-        file, as fltea does.
+        Without root's rights, these are the user's own programs, and programs of others that locked the file,
+        as fltea does.
         """
         pids = self._openers(str(self.path(name).resolve()), name) | self._lockers(name)
         return [Holder(pid, self._program(pid)) for pid in sorted(pids - {os.getpid()})]
@@ -110,7 +107,7 @@ class System:
     def _openers(self, *targets: str) -> set[int]:
         found = set()
         for folder in self.path("/proc").glob("[0-9]*/fd"):
-            with contextlib.suppress(OSError):  # another user's, or it ended meanwhile
+            with contextlib.suppress(OSError):  # a process of another user, or one that has ended
                 if any(os.readlink(link) in targets for link in folder.iterdir()):
                     found.add(int(folder.parent.name))
         return found
@@ -144,23 +141,23 @@ class System:
         yield from self.names("/proc", "[0-9]*")
 
     def clock_is_kept(self) -> bool | None:
-        """Return whether something keeps the clock right, such as NTP; None where nobody can tell."""
+        """Return whether the clock is synchronised, for instance by NTP; None where that is not known."""
         try:
             adjtimex = ctypes.CDLL(None).adjtimex
         except (OSError, AttributeError):
             return None
-        state = adjtimex(ctypes.create_string_buffer(512))  # a struct timex of zeros asks and changes nothing
+        state = adjtimex(ctypes.create_string_buffer(512))  # a struct timex of zeros changes nothing
         return None if state < 0 else state != TIME_ERROR
 
     def free_bytes(self, folder: Path) -> int:
-        """Return room for this user on the disk of a folder, or of the first of its parents that exists."""
+        """Return the free space for this user on the disk of a folder, which need not exist yet [bytes]."""
         return shutil.disk_usage(first_existing(folder)).free
 
     def read_i2c_register(self, bus: str, address: int, register: int) -> int:
         """Return the content of one register of a chip on an I²C bus; reading changes nothing.
 
         Raises:
-            OSError: nothing answers, or a driver of the kernel has the chip.
+            OSError: no chip answers, or a driver of the kernel uses the chip.
         """
         from smbus2 import SMBus
 
@@ -174,11 +171,11 @@ class System:
 
 def first_existing(folder: Path) -> Path:
     """Return the folder, or the first of its parents that exists."""
-    return next((one for one in (folder, *folder.parents) if one.exists()), folder)
+    return next((path for path in (folder, *folder.parents) if path.exists()), folder)
 
 
 def permission_remedy(system: System, name: str) -> str | None:
-    """Return what would open a device to its user; None if it is open already."""
+    """Return how this user gets permission to use a device; None if the user has it."""
     if system.may_use(name):
         return None
     group = system.group_of(name)

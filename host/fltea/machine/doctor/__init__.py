@@ -1,1 +1,1 @@
-"""`fltea doctor`: what lies between the sensor and the records, looked at check by check."""
+"""`fltea doctor`: checks of everything from the sensor to the outputs."""

@@ -17,11 +17,11 @@ RULE_FOLDERS = ("/etc/udev/rules.d", "/run/udev/rules.d", "/usr/lib/udev/rules.d
 INSTALL_RULE = "sudo make install-udev, in a clone of fltea; then plug the board in again."
 UNIT = "fltea.service"
 PACKAGES = {output.extra: output.library for output in OUTPUTS if output.extra}
-"""Optional parts of fltea, and the module that each needs."""
+"""Library that each extra of the package needs."""
 
 
 def check_program() -> Iterator[Finding]:
-    """Yield findings on versions, and on the native module."""
+    """Yield findings on the program's version, and on the native module."""
     yield ok(
         "program",
         f"fltea {__version__}, protocol {wire.PROTOCOL_MAJOR}.{wire.PROTOCOL_MINOR}, Python "
@@ -41,7 +41,7 @@ def check_program() -> Iterator[Finding]:
 
 
 def check_packages(config: Config, system: System) -> Iterator[Finding]:
-    """Yield a finding on the packages of outputs; only those that are asked for have to be there."""
+    """Yield a finding on the packages that outputs need; a package is required if its output is on."""
     asked = {output.extra for output in OUTPUTS if output.is_on(config)}
     missing = [extra for extra, module in PACKAGES.items() if not system.has_module(module)]
     needed = [extra for extra in missing if extra in asked]
@@ -61,7 +61,7 @@ def check_packages(config: Config, system: System) -> Iterator[Finding]:
 
 
 def check_clock(system: System) -> Iterator[Finding]:
-    """Yield a finding on whether time stamps can be compared with those of other machines."""
+    """Yield a finding on the machine's clock: time stamps need one that is synchronised."""
     match system.clock_is_kept():
         case True:
             yield ok("clock", "this machine's clock is synchronised")
@@ -75,7 +75,7 @@ def check_clock(system: System) -> Iterator[Finding]:
 
 
 def check_udev(system: System) -> Iterator[Finding]:
-    """Yield findings on the udev rule, and on ModemManager, which writes `AT` to what may be a modem."""
+    """Yield findings on the udev rule, and on ModemManager, which writes `AT` to ports of possible modems."""
     installed = any(system.exists(f"{folder}/{RULE}") for folder in RULE_FOLDERS)
     if installed:
         yield ok("udev rule", f"{RULE} is installed: a board is /dev/fltea-SERIALNUMBER")

@@ -1,4 +1,4 @@
-"""Checks of the I²C bus of a Raspberry Pi, and of the chip on it."""
+"""Checks of a Raspberry Pi's I²C bus, and of the sensor on the bus."""
 
 import errno
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c
 
 
 def check_i2c(system: System, url: str | None) -> Iterator[Finding]:
-    """Yield findings on the bus of an `i2c:` URL, or with None on that of a Raspberry Pi, if any."""
+    """Yield findings on the I²C bus of an `i2c:` URL; with None, on the buses of a Raspberry Pi."""
     if url is None:
         if is_raspberry_pi(system):
             buses = ", ".join(bus.path for bus in find_buses(system))

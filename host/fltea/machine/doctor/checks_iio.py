@@ -1,4 +1,4 @@
-"""Checks of a sensor that the kernel has a driver for (IIO)."""
+"""Checks of a sensor with a kernel driver (IIO)."""
 
 import os
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ MPU_DRIVER = "inv-mpu6050"
 
 
 def check_iio(system: System, rest: str) -> Iterator[Finding]:
-    """Yield findings on the device of an `iio:` URL, of which this is the part behind the colon."""
+    """Yield findings on the device of an `iio:` URL. `rest`: the URL's part behind the colon."""
     try:
         place = parse_url(rest)
     except UsageError as error:

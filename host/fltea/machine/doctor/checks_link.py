@@ -1,4 +1,4 @@
-"""Checks of a device on a serial port: is it there, may it be opened, what does it say."""
+"""Checks of a device on a serial port: presence, permission, and what it sends."""
 
 from collections.abc import Iterator
 
@@ -13,19 +13,19 @@ from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD
 
 RATE_TOLERANCE = 0.015
-"""The tolerance of the rate: 1 % is the sensor's own oscillator, and the rest is for a short look."""
+"""Relative tolerance of the rate: 1 % for the sensor's oscillator, the rest since few samples are counted."""
 
 DRIFT_PPM = 200.0
 """Parts in a million by which two crystals may differ."""
 
 DAMAGED_AT_OPENING = 2
-"""Frames that opening a port may tear; more damaged ones are the line's fault."""
+"""Most damaged frames that opening the port can cause; more mean a bad cable or a wrong baud rate."""
 
 FLASH = "make flash, in the clone that this fltea is from."
 
 
 def check_serial(system: System, url: str | None, baud: int, hear_s: float = HEAR_S) -> Iterator[Finding]:
-    """Yield findings on one serial URL; None is the Due that is plugged in."""
+    """Yield findings on the device at a serial URL; None means the Due that is plugged in."""
     if url is not None and not url.startswith("/") and url != ANY_BOARD:  # socket:// and the like
         yield from judge(url, hear(url, baud, hear_s))
         return
@@ -98,7 +98,7 @@ def _in_use(port: Port) -> Finding:
     if all("fltea" in holder.program for holder in port.holders):
         return ok(
             "in use",
-            f"{port.device} is in use by {holders}, so it is not listened to here; its own records tell",
+            f"{port.device} is in use by {holders}, so it is not opened here; see that program's records",
         )
     pids = " ".join(str(holder.pid) for holder in port.holders)
     return problem(
@@ -107,7 +107,7 @@ def _in_use(port: Port) -> Finding:
 
 
 def judge(port: str, heard: Heard) -> Iterator[Finding]:
-    """Yield a finding for each point of what the device said."""
+    """Yield findings on what the device sent: frames, firmware, sensor, samples and clock."""
     failure = heard.failure
     if not heard.opened:
         text = failure.message if failure else f"{port} did not open in time."

@@ -1,4 +1,4 @@
-"""Checks of where the records go: room on the disk, the broker, ports of the page and of the metrics."""
+"""Checks of the outputs: space on the disk, the broker, ports of the page and of the metrics."""
 
 import errno
 import itertools
@@ -16,13 +16,13 @@ from fltea.settings.outputs import OUTPUTS, listen_address
 CONNECT_S = 3.0
 DAYS_LEFT = 7.0
 TYPICAL_BYTES_PER_S = 32_000.0
-"""Bytes a second of one device at 100 Hz with all channels, from a recording of the service."""
+"""Data rate of one device at 100 Hz with all channels [bytes/s], measured in a recording of the service."""
 
 SERVICE_USER = "fltea"
 
 
 def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding]:
-    """Yield a finding on everything that the configuration names as an output."""
+    """Yield findings on every output that the configuration switches on, and on the snapshot."""
     config = configs[0]  # outputs are the same for all devices
     for name in dict.fromkeys(output.name for output in OUTPUTS if output.is_on(config)):
         if name in LOOKS:
@@ -48,7 +48,7 @@ def _recordings(configs: Sequence[Config], system: System) -> Iterator[Finding]:
 
 
 def _recording_rate(folder: Path) -> float | None:
-    """Return bytes per second at which the last recordings grew; None if there are too few."""
+    """Return the rate at which the last recordings grew [bytes/s]; None if there are too few."""
     try:
         files = [path.stat() for path in folder.rglob("*.mcap")]
     except OSError:
@@ -97,7 +97,7 @@ def _broker(configs: Sequence[Config], system: System) -> Iterator[Finding]:
             "without it and tries again.",
         )
     else:
-        text = f"something answers at {host}, port {port}; whether it lets fltea in shows when it runs"
+        text = f"something answers at {host}, port {port}; whether it accepts fltea's login shows at run time"
         yield ok("mqtt", text)
 
 
@@ -138,4 +138,4 @@ LOOKS: dict[str, Callable[[Sequence[Config], System], Iterator[Finding]]] = {
     "metrics": _metrics,
     "dashboard": _page,
 }
-"""What is looked at before an output is used, by its name in `OUTPUTS`; the standard output needs none."""
+"""Check of each output by its name in `OUTPUTS`; standard output needs no check."""

@@ -1,7 +1,7 @@
-"""`fltea doctor`: looks at everything between the sensor and the records, and says what to do.
+"""`fltea doctor`: check everything from the sensor to the outputs, and say what to do.
 
-What it asks the machine goes through `fltea.machine.host_system.System`. It works without a board and for
-any user.
+All its queries to the machine use `fltea.machine.host_system.System`. It works without a board and for any
+user.
 """
 
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,11 @@ from fltea.settings.config import Config
 
 
 def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -> Iterator[Finding]:
-    """Yield what is found as soon as it is; configs has one a device, as `load_configs` gives them."""
+    """Run all checks and yield each finding at once.
+
+    `configs`: one configuration for each device, from `load_configs`.
+    `hear_s`: how long to listen to a board after its HELLO [s].
+    """
     program = configs[0]
     yield from check_program()
     yield from check_packages(program, system)
@@ -44,7 +48,7 @@ def examine(configs: Sequence[Config], system: System, hear_s: float = HEAR_S) -
 
 
 def check_source(config: Config, system: System, hear_s: float) -> Iterator[Finding]:
-    """Yield findings on what is at the other end of a device's URL."""
+    """Yield findings on the source at a device's URL."""
     url = config.source
     if url is None:
         yield from check_serial(system, None, config.link.baud, hear_s)
@@ -58,7 +62,7 @@ def check_source(config: Config, system: System, hear_s: float) -> Iterator[Find
         case "stdin" | "serial-text":
             yield ok("source", f"{url}: lines of text; 'fltea run' tells what is wrong with them")
         case "synthetic":
-            yield ok("source", f"{url}: made-up noise, nothing to look at")
+            yield ok("source", f"{url}: synthetic noise, nothing to check")
         case "replay":
             yield _recording(Path(url.partition(":")[2]))
         case "" if not url.startswith("/dev/") and Path(url).is_file():
@@ -69,5 +73,5 @@ def check_source(config: Config, system: System, hear_s: float) -> Iterator[Find
 
 def _recording(file: Path) -> Finding:
     if file.exists():
-        return ok("source", f"{file}: a recording, nothing to look at")
+        return ok("source", f"{file}: a recording, nothing to check")
     return problem("source", f"{file}: there is no such recording.", "check the name.")

@@ -1,4 +1,4 @@
-"""What a check of `fltea doctor` found."""
+"""The result of a check of `fltea doctor`."""
 
 from typing import Literal
 
@@ -8,10 +8,12 @@ Level = Literal["ok", "warning", "problem"]
 
 
 class Finding(msgspec.Struct, frozen=True, tag_field="class", tag="finding", kw_only=True):
-    """One line of the report: what was looked at, how it is, and what to do.
+    """One line of the report: what was checked, the result, and what to do.
 
-    level: a `problem` keeps the program from its work, a `warning` does not. remedy: what to do, or null
-    where there is nothing to do or the message says it. device: name of the source it is about, or null.
+    `check`: name of the check.
+    `level`: a `problem` prevents the program from working, a `warning` does not.
+    `remedy`: what to do; null if there is nothing to do, or if the message says it.
+    `device`: name of the source that was checked, or null.
     """
 
     check: str
@@ -22,15 +24,15 @@ class Finding(msgspec.Struct, frozen=True, tag_field="class", tag="finding", kw_
 
 
 def ok(check: str, message: str) -> Finding:
-    """Return a finding that all is well, with what was seen."""
+    """Return a finding without any problem; `message` says what was checked."""
     return Finding(check=check, level="ok", message=message)
 
 
 def warning(check: str, message: str, remedy: str | None = None) -> Finding:
-    """Return a finding that the program works, but somebody should look at this."""
+    """Return a finding that the program works, but the user should take care of something."""
     return Finding(check=check, level="warning", message=message, remedy=remedy)
 
 
 def problem(check: str, message: str, remedy: str | None = None) -> Finding:
-    """Return a finding that the program cannot do what it is asked for."""
+    """Return a finding that the program cannot do what the user asks for."""
     return Finding(check=check, level="problem", message=message, remedy=remedy)

@@ -1,4 +1,4 @@
-"""A short look at a device: open its port, hear what it says for some seconds, sum it up."""
+"""Listen to a device for some seconds: open its port, decode what it sends, and summarise that."""
 
 import math
 from dataclasses import dataclass, field
@@ -17,16 +17,16 @@ from fltea.wire import layout as wire
 
 HEAR_S = 4.0
 PATIENCE_S = SILENCE_S + 1.5
-"""Seconds to listen without a HELLO: long enough to distinguish silence from noise."""
+"""How long to listen without a HELLO [s]: long enough to distinguish silence from noise."""
 
 BLOCK_S = 0.25
-"""Seconds of which only the earliest arrival counts, since delay is never negative."""
+"""Length of blocks [s] of which only the sample with the least delay is used, since it is nearest to none."""
 
 BLOCKS_NEEDED = 6
 
 
 class Drift(NamedTuple):
-    """How much faster the device's clock runs than the host's, and the standard error, in 1e-6."""
+    """How much faster the device's clock runs than the host's, and its standard error [1e-6]."""
 
     ppm: float
     std_ppm: float
@@ -34,9 +34,13 @@ class Drift(NamedTuple):
 
 @dataclass
 class Heard:
-    """What a device sent while it was listened to.
+    """Summary of what a device sent while `hear` listened.
 
-    seconds: from the first to the last sample, by the device's clock. troubles: fatal and other, in order.
+    `opened`: whether the port was opened.
+    `troubles`: all troubles in order, fatal or not.
+    `delivered`, `lost`: number of samples.
+    `seconds`: time from the first to the last sample, by the device's clock.
+    `drift`: difference of the clocks; None if there were too few samples.
     """
 
     opened: bool = False
@@ -56,20 +60,21 @@ class Heard:
 
     @property
     def rate_hz(self) -> float | None:
-        """Samples due per second of the device's clock; None before the second sample."""
+        """Samples per second of the device's clock, lost ones included; None before the second sample."""
         return (self.delivered + self.lost - 1) / self.seconds if self.seconds else None
 
 
 def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
-    """Open a serial URL and listen: until `hear_s` after HELLO, to the first failure, or until patience ends.
+    """Open a serial URL, listen, and summarise what came. Opening resets a Due.
 
-    Opening resets a Due.
+    It listens until `hear_s` after the HELLO, until the first fatal trouble, or for `PATIENCE_S` without a
+    HELLO.
 
     Raises:
-        UsageError: an unknown kind of URL, or 1200 baud.
+        UsageError: the kind of URL is unknown, or the speed is 1200 baud.
     """
     heard, source = Heard(), SerialSource(url, baud)
-    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)  # no gap is too long for a look
+    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)  # so large that no gap begins a new epoch
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()
     hello_ns: int | None = None
@@ -111,9 +116,9 @@ def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
 
 
 def drift(arrivals: list[tuple[int, int]]) -> Drift | None:
-    """Fit host time to device time; arrivals: device_us and host_ns of each sample, within one epoch.
+    """Fit the host's clock to the device's; return None if the samples span too little time.
 
-    None if they span too little.
+    `arrivals`: `device_us` and `host_ns` of each sample, within one epoch.
     """
     device_us, host_ns = np.array(arrivals, dtype=np.int64).T
     device_s = (device_us - device_us[0]) * 1e-6
