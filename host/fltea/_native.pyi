@@ -1,7 +1,7 @@
-"""Native parts of fltea.
+"""The native module of fltea, in C++.
 
-The device's encoder (firmware/core), for tests; the decoder of the wire; the estimator engine; fits of
-spectra.
+It has the decoder of the wire, the reader of ports, the estimator engine, the bias tracker, running spectra,
+fits of spectra, and, for tests, the device's encoder (firmware/core).
 """
 
 from collections.abc import Callable, Sequence
@@ -16,36 +16,38 @@ _Counts = NDArray[np.int16]
 
 SCHEMA_HASH: int
 
-# Of all that the module was built from: host/native/source_hash.py.
+# Hash of all source files that the module was built from (host/native/source_hash.py).
 SOURCE_HASH: str
 
 def crc32(data: bytes) -> int: ...
 def cobs_encode(data: bytes) -> bytes: ...
 
-# ValueError if the payload is too long.
+# Raises ValueError if the payload is too long.
 def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> bytes: ...
 
-# ValueError if a value does not fit its field.
+# Raises ValueError if a value does not fit its field.
 def encode_message(type: int, sequence: int, device_us: int, fields: tuple[Any, ...]) -> bytes: ...
 
-# Seven int64 a record of an unpacked MCAP chunk: kind, begin, end, channel, sequence, log_time, publish_time;
-# the last four are 0 for all but messages. ValueError if a record runs beyond the end.
+# Returns seven int64 for each record of a decompressed MCAP chunk: kind, begin, end, channel, sequence,
+# log_time, publish_time; the last four are 0 for all records except messages. Raises ValueError if a record
+# extends beyond the end of the chunk.
 def chunk_records(chunk: bytes) -> bytes: ...
 
-# The chunks of one MCAP file; compression: MCAP's name of how `end` packs them. ValueError for reads that do
-# not follow one another, and where lines and times are not as many.
+# Writes the chunks of one MCAP file. `compression`: MCAP's name of the compression that `end` applies. Its
+# methods raise ValueError if reads do not follow one another, or if there are not as many lines as times.
 class McapChunks:
     def __init__(self, compression: str) -> None: ...
 
-    # Bytes of the records in the chunk in progress.
+    # Size of the records in the current chunk [bytes].
     @property
     def size(self) -> int: ...
 
-    # A record that is no message, as it is.
+    # Adds a record that is no message, unchanged.
     def add_record(self, record: bytes) -> None: ...
     def add_message(self, channel: int, sequence: int, log_ns: int, publish_ns: int, data: bytes) -> None: ...
 
-    # A message a read: where each ends in the data, and its times.
+    # Adds one message for each read. `end`: where each read ends in `data`; `log_ns`, `publish_ns`: its
+    # times.
     def add_reads(
         self,
         channel: int,
@@ -56,24 +58,26 @@ class McapChunks:
         publish_ns: _Ints,
     ) -> None: ...
 
-    # A message a line, without its end.
+    # Adds one message for each line, without the line end.
     def add_lines(self, channel: int, log_ns: _Ints, lines: bytes) -> None: ...
 
-    # Ends the chunk: what the file has of it from byte `at` on, with its index; nothing without a message.
+    # Ends the chunk and returns its bytes with its index, for position `at` of the file; empty if the chunk
+    # has no message. `packed`: function that compresses the records.
     def end(self, at: int, packed: Callable[[bytes], bytes]) -> bytes: ...
 
-    # Of all chunks that have ended: the records of their index, first and last log time, how many they are,
-    # and how many messages there are by channel.
+    # Returns for all ended chunks: the records of their index, first and last log time, number of chunks, and
+    # number of messages by channel.
     def summary(self) -> tuple[bytes, int, int, int, dict[int, int]]: ...
 
 # See fltea.wire.block_reader.
 class Decoder:
     def __init__(self) -> None: ...
 
-    # What ends in these bytes. First n samples as columns: sequence, device_us, gyro (n, 3), accel (n, 3),
-    # temperature, flags, end; None instead of empty ones. Then all else in order: samples before it, end,
-    # reason (None for an intact frame), type, sequence, device_us (all 0 if there is a reason), payload or
-    # block. TypeError if data is not bytes-like, BufferError if its bytes do not follow each other.
+    # Returns all items that end in these bytes. First the n samples as columns: sequence, device_us, gyro (n,
+    # 3), accel (n, 3), temperature, flags, end; None if there are no samples. Then all other items in order:
+    # number of samples before the item, end, reason (None for an intact frame), type, sequence, device_us
+    # (all three 0 if there is a reason), payload or block. Raises TypeError if `data` is not bytes-like, and
+    # BufferError if its memory is not contiguous.
     def feed(
         self, data: bytes | bytearray | memoryview
     ) -> tuple[
@@ -90,25 +94,27 @@ class Decoder:
         list[tuple[int, int, str | None, int, int, int, bytes]],
     ]: ...
 
-    # As after a port was closed and opened again.
+    # Drops the unfinished block, as needed after a port was closed and opened again.
     def reset(self) -> None: ...
     @property
     def pending(self) -> int: ...
 
-# What a thread waits for with select.poll, and is rung by who need not have Python's lock. OSError: no
-# descriptor is left.
+# A signal that a thread waits for with select.poll. Threads may ring it without holding Python's lock. The
+# constructor raises OSError if no descriptor is left.
 class WakeUp:
     def fileno(self) -> int: ...
     def ring(self) -> None: ...
 
-    # From now on it has not been rung.
+    # Resets the signal.
     def clear(self) -> None: ...
 
+# Reads all ports and processes their samples in one thread; see fltea.service.port_loop.
 class Round:
-    # capacity: as of PortReader. tick_ns: after which a silent line is looked at. texts: so many are printed.
+    # `capacity`: as for PortReader. `tick_ns`: time after which a silent port gives a tick. `texts`: number
+    # of texts that are printed.
     def __init__(self, capacity: int, tick_ns: int, texts: int) -> None: ...
 
-    # The device on the next port, from 0.
+    # Adds the device on the next port; ports are numbered from 0.
     def add(self, wire: WireLine, device: Device, latency_ns: int) -> None: ...
 
     # As PortReader.add.
@@ -116,41 +122,43 @@ class Round:
     def touch(self, port: int, now_ns: int) -> None: ...
     def end(self, port: int) -> None: ...
 
-    # Whether somebody takes rows, printed lines, and bytes as they came; rows and bytes wait for more.
+    # Sets whether rows, printed lines and undecoded bytes of a port are wanted. Rows and bytes may wait up to
+    # `patience_ns` for more.
     def wants(self, port: int, rows: bool, text: bool, reads: bool, patience_ns: int) -> None: ...
 
-    # Whether rows or bytes of a port wait for more.
+    # Returns whether rows or bytes of a port wait for more.
     def is_waiting(self, port: int) -> bool: ...
 
-    # When the newest of what was taken arrived.
+    # Returns the arrival time of the newest processed bytes.
     def now_ns(self, port: int) -> int: ...
     def overflow_bytes(self, port: int) -> int: ...
 
-    # Waits until something is due and takes it. Of each text bytes, and of each device when its
-    # newest bytes arrived and how many records are its; and port, kind (`PortStop`) and what is told of what
-    # has happened.
+    # Waits until something is due and processes it. Returns for each text its bytes, and for each device the
+    # arrival time of its newest bytes and its number of records; then for each event the port, the kind
+    # (`PortStop`) and the data of the event.
     def run(
         self, timeout_s: float
     ) -> tuple[list[tuple[bytes, list[tuple[int, int]]]], list[tuple[int, int, Any]]]: ...
 
-    # The longest that bytes have waited beyond their latency, since this was asked last.
+    # Returns the longest time that bytes waited beyond their latency since the last call.
     def waited_ns(self) -> int: ...
     def wake(self) -> None: ...
     def close(self) -> None: ...
 
-# Is added to what the system says of the difference from the monotonic clock to Unix time.
+# Adds `ns` to all offsets from the monotonic clock to Unix time (for tests).
 def shift_unix_clock(ns: int) -> None: ...
 
-# See fltea.wire.ports. capacity: bytes that may wait of one port, 24 of each read included.
+# See fltea.wire.ports. `capacity`: most bytes of one port that may wait; each read counts as 24 bytes more.
 class PortReader:
     def __init__(self, capacity: int) -> None: ...
 
-    # OSError if the descriptor cannot be waited for. closes: an empty read means that the other side closed.
+    # Starts to read a port. `closes`: an empty read means that the other side has closed the connection.
+    # Raises OSError if the descriptor cannot be polled.
     def add(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
 
-    # Waits until something is due; the time, and for each port with news: its number,
-    # bytes, of each read end, host_ns and unix_offset_ns, bytes thrown away, and errno, host_ns and
-    # unix_offset_ns of its loss.
+    # Waits until something is due. Returns the time, and for each port with new data or a loss: its number,
+    # bytes, end, host_ns and unix_offset_ns of each read, number of dropped bytes, and, if the port was lost,
+    # errno, host_ns and unix_offset_ns of the loss.
     def take(
         self, timeout_s: float
     ) -> tuple[
@@ -168,21 +176,23 @@ class PortReader:
     def wake(self) -> None: ...
     def close(self) -> None: ...
 
-# What came over one wire, one by one: see fltea.sources.wire_events. Times are int64; silence_ns, tick_ns and
-# repeat_ns: after how long a silence, a tick, and the same trouble again are told.
+# The items that arrive over one port, given out one by one: see fltea.sources.wire_events. Times are int64.
+# `silence_ns`, `tick_ns`: time without bytes after which silence or a tick is reported; `repeat_ns`: least
+# time between two reports of the same trouble.
 class WireLine:
     def __init__(self, silence_ns: int, tick_ns: int, repeat_ns: int) -> None: ...
 
-    # Of what was given last, as far as it was handed on.
+    # Offset to Unix time of the newest item that `next` has returned.
     unix_offset_ns: int
 
-    # These say what happened. What was not taken of what happened before is left out.
+    # The following methods report what happened to the port. Items that `next` has not returned are dropped.
     def opened(self, host_ns: int, unix_offset_ns: int) -> None: ...
 
-    # Whether it is news.
+    # Returns whether the failure is to be reported (not a repetition).
     def failed(self, kind: str, host_ns: int, unix_offset_ns: int) -> bool: ...
 
-    # Bytes of successive reads, with ticks where nothing came. ValueError unless they end where the bytes do.
+    # Adds the bytes of successive reads, with ticks where nothing came. Raises ValueError unless the last
+    # read ends where the bytes end.
     def feed(
         self,
         data: bytes | bytearray | memoryview,
@@ -192,7 +202,7 @@ class WireLine:
         now_ns: int,
     ) -> None: ...
 
-    # Bytes of one read, without ticks before it.
+    # Adds the bytes of one read, without ticks before it.
     def feed_one(
         self, data: bytes | bytearray | memoryview, host_ns: int, unix_offset_ns: int, now_ns: int
     ) -> None: ...
@@ -201,12 +211,14 @@ class WireLine:
     def forgive(self, now_ns: int) -> None: ...
     def resume(self, now_ns: int) -> None: ...
 
-    # After a HELLO, before the next item: what becomes of what stands behind it. Whether a refusal is news.
+    # One of these is called after a HELLO, before the next item: it uses or drops the samples behind the
+    # HELLO. refuse_hello returns whether the refusal is to be reported (not a repetition).
     def accept_hello(self) -> None: ...
     def refuse_hello(self) -> bool: ...
 
-    # The next item, with its host_ns: columns as of RawBlock; type, sequence, device_us and payload; payload
-    # and whether it is news; reason and block; kind and bytes that could not be read. None: no more.
+    # Returns the next item, with its host_ns; None if there is none. "samples": columns as in RawBlock;
+    # "frame": type, sequence, device_us and payload; "refused_version": payload, and whether to report it;
+    # "bad": reason and block; "trouble": kind, and number of bytes that could not be read.
     def next(
         self,
     ) -> (
@@ -220,18 +232,19 @@ class WireLine:
         | None
     ): ...
 
-    # Bytes, frames, refused frames, times that the port was opened, and bad blocks by reason.
+    # Returns the number of bytes, frames, refused frames, openings of the port, and bad blocks by reason.
     def counts(self) -> tuple[int, int, int, int, dict[str, int]]: ...
 
-# Measurements and inputs beyond ± this are refused.
+# Largest absolute value of measurements and inputs; larger ones are refused.
 LARGEST_INPUT: float
 
-# Usable on this processor, best first.
+# Returns the instruction sets that this processor can use, the best first.
 def instruction_sets() -> list[str]: ...
 
-# See fltea.estimator.engine, which checks what this class only guards against crashes. Arrays are in C order.
+# See fltea.estimator.engine, which checks all arguments; this class checks only enough to avoid crashes.
+# Arrays are in C order.
 class Engine:
-    # settings: (lanes, fields) float64, lane_settings.native_table(); window 0 is unlimited.
+    # `settings`: (lanes, fields) float64, from lane_settings.native_table(). `window`: 0 is unlimited.
     def __init__(
         self,
         instruction_set: str,
@@ -243,8 +256,9 @@ class Engine:
         settings: NDArray[np.float64],
     ) -> None: ...
 
-    # y, u (samples, lanes) float64; missing (samples, lanes) uint8; fills out (8, samples, lanes) float64.
-    # ValueError for wrong shapes and for numbers that are refused, before anything has changed.
+    # Processes `y` and `u` (samples, lanes) float64 with `missing` (samples, lanes) uint8, and fills `out`
+    # (8, samples, lanes) float64. Raises ValueError for wrong shapes and for refused numbers, before any
+    # change of state.
     def run(
         self,
         y: NDArray[np.float64],
@@ -253,10 +267,10 @@ class Engine:
         out: NDArray[np.float64],
     ) -> None: ...
 
-    # Other settings from the next sample on; the memory stays.
+    # Sets other settings from the next sample on; the memory is kept.
     def retune(self, settings: NDArray[np.float64]) -> None: ...
 
-    # mask (lanes,) uint8
+    # Resets the lanes that `mask` (lanes,) uint8 marks.
     def reset(self, mask: NDArray[np.uint8]) -> None: ...
 
     # Fills out (lanes, causes) int32.
@@ -269,7 +283,7 @@ LOST_ORDER: float
 BOUND_SAMPLES: int
 BOUND_MOST: int
 
-# Lanes under the supervisor; see fltea.estimator.lanes. Arguments as those of Engine.
+# The engine's lanes with the supervisor; see fltea.estimator.lanes. Arguments as for Engine.
 class Lanes:
     def __init__(
         self,
@@ -282,8 +296,9 @@ class Lanes:
         settings: NDArray[np.float64],
     ) -> None: ...
 
-    # y (rows, lanes) float64, missing (rows, lanes) uint8; fills out (7, rows, lanes) float64 and valid
-    # (rows, lanes) uint8; returns (row, lane, reason) of what became invalid. ValueError as of Engine.run.
+    # Processes `y` (rows, lanes) float64 with `missing` (rows, lanes) uint8, and fills `out` (7, rows, lanes)
+    # float64 and `valid` (rows, lanes) uint8. Returns (row, lane, reason) for each lane that became invalid.
+    # Raises ValueError as Engine.run.
     def run(
         self,
         y: NDArray[np.float64],
@@ -296,18 +311,18 @@ class Lanes:
     # Fills out (lanes, causes) int32.
     def counts(self, out: NDArray[np.int32]) -> None: ...
 
-# A bias beyond ± this, and a sample, is refused.
+# Largest absolute value of a bias or a sample; larger ones are refused.
 LARGEST_OFFSET: float
 
-# Mean, variance and constancy of each column of y (rows, columns) float64, as a bank finds them.
+# Returns mean, variance and whether it is constant, of each column of `y` (rows, columns) float64.
 def moments(y: NDArray[np.float64], resolution: float) -> list[tuple[float, float, bool]]: ...
 
-# All axes of a sensor; see fltea.estimator.bank.
+# The filters of all axes of a sensor; see fltea.estimator.bank.
 class Bank:
     def __init__(self, axes: int) -> None: ...
 
-    # y (rows, axes) float64; fills out (7, rows, axes) float64, the columns of Lanes, and valid and white
-    # (rows, axes) uint8.
+    # Processes `y` (rows, axes) float64; fills `out` (7, rows, axes) float64, with the columns of Lanes, and
+    # `valid` and `white` (rows, axes) uint8.
     def run(
         self,
         y: NDArray[np.float64],
@@ -317,10 +332,10 @@ class Bank:
     ) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
     def skip(self, count: int) -> list[tuple[int, int, Literal["runaway", "bound"]]]: ...
 
-    # `moments` of what came until `start`.
+    # Returns the `moments` of the samples before `start`: of the start-up window.
     def window(self, resolution: float) -> list[tuple[float, float, bool]]: ...
 
-    # Arguments as of Lanes, then bias (axes,) float64 and live (axes,) uint8.
+    # Starts the filters. Arguments as for Lanes, then `bias` (axes,) float64 and `live` (axes,) uint8.
     def start(
         self,
         instruction_set: str,
@@ -337,7 +352,7 @@ class Bank:
     # As Engine.retune.
     def retune(self, settings: NDArray[np.float64]) -> None: ...
 
-    # An axis goes on with α and f (`joint`: α and β), which have such variances.
+    # Sets α and f of an axis (with `joint`: α and β), and their covariance, from the live fit.
     def believe(
         self,
         axis: int,
@@ -348,52 +363,54 @@ class Bank:
         parameter_variance: float,
     ) -> None: ...
 
-    # Of each axis alpha, its deviation, f and its deviation, of which the filters' own cannot be less sure.
+    # Sets alpha, its standard deviation, f and its standard deviation of each axis, from the live fit. The
+    # published deviations of the filters are then not smaller than those.
     def know(self, known: list[tuple[float, float, float, float] | None]) -> None: ...
 
-    # alpha and the filter's own deviation after the last row.
+    # Returns alpha and the filter's own standard deviation after the last row.
     def newest(self, axis: int) -> tuple[float, float]: ...
     def restarts(self) -> list[int]: ...
     def counts(self, out: NDArray[np.int32]) -> None: ...
 
-    # (lag 1, NIS) of each axis, NaN while not known.
+    # Returns the whiteness of the innovations of each axis: lag 1 and NIS first, NaN while not known.
     def whiteness(self) -> list[tuple[float, float, float, int]]: ...
 
-    # Engine, supervisors, whiteness.
+    # Returns the states of the engine, of the supervisors and of the whiteness tests.
     def save(self) -> tuple[bytes, bytes, bytes]: ...
 
-    # ValueError for bytes that cannot come from `save`.
+    # Restores these states. Raises ValueError for bytes that cannot come from `save`.
     def load(
         self, engine: bytes, supervisors: bytes | None, restarts: list[int], whiteness: bytes | None
     ) -> None: ...
 
 # Sums of the overlapping Allan variance of one axis (host/native/allan_sums.hpp).
 class AllanSums:
-    # memory_samples: time constant of forgetting, 0 for none.
+    # `memory_samples`: time constant of forgetting; 0: nothing is forgotten.
     def __init__(self, memory_samples: float = 0.0) -> None: ...
 
-    # y (n,) float64. ValueError for numbers that are refused, before anything has changed.
+    # Adds `y` (n,) float64. Raises ValueError for refused numbers, before any change.
     def add(self, y: NDArray[np.float64]) -> None: ...
 
-    # A break, of so many lost samples: no term reaches across it.
+    # Marks a break of `lost` samples; no difference of means spans it.
     def cut(self, lost: int = 0) -> None: ...
     def merge(self, other: AllanSums) -> None: ...
 
-    # Averaging factors (samples), Allan variances, effective numbers of terms.
+    # Returns averaging factors (samples), Allan variances, and effective numbers of terms.
     def points(self) -> tuple[list[float], list[float], list[float]]: ...
 
-    # That were taken, and as many of them as the figures are of.
+    # Number of samples added, and number of samples that the variances represent.
     @property
     def samples(self) -> float: ...
     @property
     def span(self) -> float: ...
     def save(self) -> bytes: ...
 
-    # ValueError for bytes that cannot come from `save`; then nothing has changed.
+    # Raises ValueError for bytes that cannot come from `save`; nothing has changed then.
     def load(self, bytes: bytes) -> None: ...
 
-# Of the running spectrum (host/native/octaves.hpp): memory of a lane, levels, samples that a level keeps
-# whole, samples of a block, its first line, lines of level 0 and of those below.
+# Constants of the running spectrum (host/native/octaves.hpp): memory of a lane in bytes, number of levels,
+# number of samples that a level keeps undivided, samples of a block, index of the first frequency bin that is
+# used, and number of bins of level 0 and of each level below.
 OCTAVES_LANE_BYTES: int
 OCTAVES_LEVELS: int
 OCTAVES_WHOLE: int
@@ -401,34 +418,37 @@ OCTAVES_BLOCK: int
 OCTAVES_LOWEST: int
 OCTAVES_LINES: tuple[int, int]
 
-# Of the filter before every second sample is left out, at so many rad a sample.
+# Returns the gains of the half-band filter before decimation by 2, at angular frequencies in rad per sample.
 def half_band_gains(angles: _V) -> list[float]: ...
 
-# The most striking stretch of lines, its end, and the level around it; see fltea.spectrum.octave_lines.
+# Returns the begin and end of the most significant peak's bins, and the level around the peak; None if there
+# is no peak. See fltea.spectrum.octave_lines.
 def strongest_octave_peak(power: _V, weight: _V, false_alarm: float) -> tuple[int, int, float] | None: ...
 
-# The running spectra of several lanes; see fltea.spectrum.octaves.
+# Most state coordinates of a tracker's system.
 TRACKER_COORDINATES: int
 
-# Systems: pairs, then a, b, Q, c, the state's and the bias's coordinates, P0, R (fltea.noise.system.System).
-
-# What a lane of a tracker remembers, as it was; 2 log L of it, but for a constant.
-# A system of noise, as of System.numbers.
+# A linear system of the noise, as from System.numbers: number of pole pairs, then a, b, Q, c, the coordinates
+# of the state and of the bias, P0, R (fltea.noise.system.System).
 _System = tuple[int, _V, _V, _V, _V, _V, _V, _V, float]
 
+# A copy of the samples that a tracker keeps of one axis. Its likelihoods are 2 log L except for a constant.
 class Remembered:
-    # Of the system with each of these coordinates, as of Coordinate; Python's lock is free meanwhile.
+    # Returns the likelihood of the system extended by each of these lists of coordinates (Coordinate). It
+    # releases Python's lock.
     def likelihoods(
         self, system: _System, coordinates: Sequence[Sequence[tuple[float, float, float, float, float]]]
     ) -> list[float]: ...
 
-    # NaN while it had seen too little, and once a system was set.
+    # Returns the likelihood of the tracker's initial random-walk models; NaN before enough samples, and after
+    # a system was set.
     def of_walks(self) -> float: ...
 
+# A noise model for the tracker; see fltea.noise.system.
 class TrackerModel:
     MOST_TO_COME: int
 
-    # One system or two, with how likely each is.
+    # `systems`: one system or two; `weights`: the probability of each.
     def __init__(
         self,
         ahead: int,
@@ -437,28 +457,31 @@ class TrackerModel:
         weights: list[float],
         systems: list[_System],
     ) -> None: ...
+    # Filters the remembered samples with this model, before it is set; the tracker may take up to `to_come`
+    # samples meanwhile.
     def refilter(self, remembered: Remembered, to_come: int) -> None: ...
 
-# P (n, n) of x after so many samples at rest.
+# Fills in `P` (n, n), the covariance of x after `samples` samples at rest.
 def rested(system: _System, samples: int, P: NDArray[np.float64]) -> None: ...
 
-# Of each number of samples to come: what x has of the sum of c x and white noise, and the variance of what
-# comes on top.
+# Predicts the sums of c x and white noise of variance `R` over each number of coming samples in `counts`.
+# Returns for each sum the row r of its expectation r x, and the variance of its error given x.
 def sums_ahead(
     system: _System, c: _V, R: float, counts: list[int]
 ) -> tuple[list[list[float]], list[float]]: ...
 
-# Whether the axes are the accelerometer's, their columns, what takes the samples (sums, and samples of the
-# longest motion; estimates), and which axes wait to be settled.
+# Largest relative difference of sequence numbers and device time: twice the tolerance of the sensor's clock.
 CLOCK_TOLERANCE: float
 
-# Whether a stop of the device (`fltea.stream.decode.Stop`) is before the next sample, not after the last one.
+# Returns whether a stop (`fltea.stream.decode.Stop`) happens before the next sample; else after the last one.
 def stands_before_sample(stop: int) -> bool: ...
 
-# Is an accelerometer; columns of its axes; tracker; sums; the longest motion [samples]; filters; samples
-# until their start-up window is full; axes that are not settled.
+# One sensor of a device: whether it is an accelerometer; columns of its axes; tracker; running spectra;
+# longest motion [samples]; filters; samples until their start-up window is full; which axes still wait to be
+# tuned.
 DeviceSensor = tuple[bool, list[int], Tracker, Octaves | None, int, Bank | None, int, list[bool]]
 
+# Processes the samples of one device; see fltea.stream.
 class Device:
     stats_due_ns: int
     fit_due: int
@@ -466,7 +489,7 @@ class Device:
 
     def __init__(self) -> None: ...
 
-    # scales: as of Scales.
+    # `scales`: the fields of sample_scaling.Scales.
     def on_hello(
         self,
         rate_hz: float,
@@ -483,23 +506,25 @@ class Device:
     def set_waits(self, sensor: int, waits: list[bool]) -> None: ...
     def window_left(self, sensor: int) -> int: ...
 
-    # These print what is taken from now on.
+    # Sets the printers that print all samples processed from now on.
     def set_printers(self, printers: list[RunPrinter]) -> None: ...
 
-    # raw: as of RawBlock. Why it stopped (`Stop`), which sample comes next, what was taken (`Rows`), and what
-    # is told. ValueError for columns of other types, and for numbers that no filter can work with.
+    # Processes samples from row `next` on. `raw`: the fields of RawBlock. Returns the reason to stop
+    # (`Stop`), the next row, the processed rows (`Rows`), and the data of the stop. Raises ValueError for
+    # columns of other types, and for numbers that no filter can process.
     def advance(self, raw: tuple[Any, ...], next: int) -> tuple[int, int, Any, Any]: ...
 
-    # Delivered, lost, gaps, duplicates, before HELLO.
+    # Numbers of delivered samples, lost samples, gaps, duplicates, and samples before HELLO.
     @property
     def counts(self) -> tuple[int, int, int, int, int]: ...
     def note_lost(self, count: int) -> None: ...
 
-    # Sequence, device_us and host_ns as they came; number and device_us in the epoch.
+    # Sequence, device_us and host_ns of the newest sample as they arrived; its unwrapped number and
+    # device_us.
     @property
     def newest(self) -> tuple[int, int, int, int, int]: ...
 
-    # Number, device_us and Unix time of the last sample that was given out; None before the first.
+    # Number, device_us and Unix time of the last processed sample; None before the first.
     @property
     def moment(self) -> tuple[int, int, int] | None: ...
     @property
@@ -507,18 +532,21 @@ class Device:
     @property
     def clock_ppm(self) -> float | None: ...
 
+# Fits the host's clock to the device's clock.
 class Timebase:
     def __init__(self, offset_ns: int) -> None: ...
 
-    # Unix times of samples, by their arrivals [ns].
+    # Returns the Unix times of samples, from their arrival times [ns].
     def add(self, seq: list[int], device_us: list[int], host_ns: list[int]) -> list[int]: ...
     @property
     def rate_hz(self) -> float | None: ...
     @property
     def clock_ppm(self) -> float | None: ...
 
+# Tracks the biases of all axes of one sensor.
 class Tracker:
-    # ValueError for no lanes, and for rules that are none.
+    # `offsets`: fixed offset of each axis, or None. Raises ValueError if there are no axes, and for
+    # impossible rules.
     def __init__(
         self,
         offsets: list[float | None],
@@ -531,8 +559,9 @@ class Tracker:
         settles: bool,
     ) -> None: ...
 
-    # y (rows, lanes); out (5, rows, lanes): state, state_std, bias, bias_std, innovation; moving uint8; accel
-    # (rows, 1 to 3). Returns kind, row, axis, ago, size, size_std and samples of what has happened.
+    # Processes `y` (rows, lanes) with `accel` (rows, 1 to 3); fills `out` (5, rows, lanes): state, state_std,
+    # bias, bias_std, innovation; and `moving`, uint8. Returns kind, row, axis, ago, size, size_std and
+    # samples of each step and motion.
     def run(
         self,
         y: NDArray[np.float64],
@@ -545,7 +574,7 @@ class Tracker:
     def skip(self, count: float) -> None: ...
     def set(self, lane: int, model: TrackerModel) -> None: ...
     def remembered(self, lane: int) -> Remembered: ...
-    # The origin of its numbers, and x after the newest sample; no coordinates before a system is set.
+    # Returns the origin of x, and x after the newest sample; x is empty before a system is set.
     def x(self, lane: int) -> tuple[float, list[float]]: ...
     def stats(
         self,
@@ -553,44 +582,49 @@ class Tracker:
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 
+# The running spectra of several axes (lanes); see fltea.spectrum.octaves.
 class Octaves:
-    # ValueError for no lanes, and for a memory that is neither 0 nor 256 to 10^12 samples.
+    # Raises ValueError if there are no lanes, or if `memory` is neither 0 nor 256 to 10^12 samples.
     def __init__(self, lanes: int, memory: float) -> None: ...
 
-    # y (rows, lanes) float64. ValueError for a wrong shape, and for numbers that are not finite or too large.
+    # Adds `y` (rows, lanes) float64. Raises ValueError for a wrong shape, and for numbers that are not finite
+    # or too large.
     def add(self, y: NDArray[np.float64]) -> None: ...
 
-    # The same of samples at rest; moving (rows, lanes): which are not. What goes on for more than `longest`
-    # samples is taken from there on.
+    # Adds only the samples at rest; `moving` (rows, lanes) marks the others. Motion that lasts longer than
+    # `longest` samples is added from then on.
     def add_at_rest(self, y: NDArray[np.float64], moving: NDArray[np.uint8], longest: float) -> None: ...
     def skip(self, count: float) -> None: ...
     def merge(self, other: Octaves) -> None: ...
 
-    # taken, used, bridged, lost, gaps, knocks, knocked, steps, changes, limited, moved, motions; whether
-    # it never changed.
+    # Returns the numbers of taken, used, bridged and lost samples, gaps, knocks, knocked samples, steps,
+    # changes, limited and moved samples, and motions; and whether the axis was always constant.
     def counts(self, lane: int) -> tuple[list[int], bool]: ...
 
-    # Steps and changes of all lanes.
+    # Returns the number of steps and changes of all lanes.
     def noticed(self) -> int: ...
 
-    # Of each level of Welch's sums: power (lines,) float64, blocks, effective blocks; then the values of the
-    # whole level, float32, and the lengths of its stretches, int32.
+    # Returns Welch's sums of each level: power (bins,) float64, blocks, effective blocks; then the samples of
+    # the level that is kept undivided, float32, and the lengths of its unbroken segments, int32.
     def spectrum(self, lane: int) -> tuple[list[tuple[bytes, float, float]], bytes, bytes]: ...
 
-    # Number of the next sample, and of each level (cells, 4) float64: first sample, count, mean, squares; and
-    # (scales, 2) float64: pairs, variance.
+    # Returns the number of the next sample, and for each level (cells, 4) float64: first sample, count, mean,
+    # squares; and (scales, 2) float64: pairs, variance.
     def cells(self, lane: int) -> tuple[int, list[tuple[bytes, bytes]]]: ...
 
-    # Averaging factors (samples), Allan variances, effective numbers of terms; of how many samples they are.
+    # Returns averaging factors (samples), Allan variances, effective numbers of terms, and the number of
+    # samples that they represent.
     def allan(self, lane: int) -> tuple[list[float], list[float], list[float], float]: ...
     def copy(self) -> Octaves: ...
     def save(self) -> bytes: ...
     def load(self, bytes: bytes) -> None: ...
 
-# Fits of sentences of noise to the bins of one spectrum; parts are numbers, as in fltea.noise.parts.
+# Fits noise models to the bins of one spectrum. A model is a list of `codes`, the numbers of its parts as in
+# fltea.noise.parts, and a list `eta` of its free parameters.
 class Sentences:
-    # lam, counts, power, walk, the spectrum of a walk of unit steps, and window, the mean square of the
-    # frequencies that a line sees around its own: (bins,). ValueError for what cannot be fitted.
+    # All arrays are (bins,). `lam`: frequencies; `counts`: effective ordinates; `power`: the spectrum;
+    # `walk`: spectrum of a random walk of unit steps; `window`: mean square of the frequency offsets that
+    # each bin averages over. `h`: sampling period [s]. Raises ValueError if the bins cannot be fitted.
     def __init__(
         self,
         lam: NDArray[np.float64],
@@ -601,8 +635,9 @@ class Sentences:
         h: float,
     ) -> None: ...
 
-    # The best coordinates that are reached from eta, and -log L there. held: number of the one that keeps its
-    # value. ValueError, here and below, for codes and eta that are no sentence.
+    # Returns the best free parameters that are reached from `eta`, and -log L there. `held`: index of a
+    # parameter that keeps its value; -1: none. This and the methods below raise ValueError for codes and eta
+    # that are no model.
     def fit(
         self,
         codes: list[int],
@@ -615,19 +650,21 @@ class Sentences:
         highest_order: float = 1.999,
     ) -> tuple[list[float], float]: ...
 
-    # Codes, coordinates and -log L of the seven sentences of a frontier; no codes: there is none. last: those
-    # of an earlier search, which are fitted again, or nothing.
+    # Returns codes, free parameters and -log L of the seven candidate models; without codes where there is
+    # none. `last`: candidate models of an earlier search, which are fitted again; may be empty.
     def search(
         self, last: list[tuple[list[int], list[float], float]]
     ) -> list[tuple[list[int], list[float], float]]: ...
 
-    # The null test's ratios, of an order in white noise and of white noise through a high-pass, and the
-    # coordinates of both; last: those of an earlier test, or nothing.
+    # Returns the likelihood ratios of the test for white noise, against fractional noise with white noise and
+    # against white noise through a high-pass, and the free parameters of both models. `last`: those of an
+    # earlier test; may be empty.
     def null_test(self, last: list[float]) -> tuple[float, float, list[float]]: ...
 
-    # The end of an interval to one side, NaN if there is none before the limit, and by how much the
-    # coordinates there differ from eta. usual, at_bound: the fall of 2 log L there, and where there is no
-    # white noise. last: these differences of an earlier look, or nothing.
+    # Returns one end of the likelihood interval of parameter `index`, on the side `side`; NaN if there is
+    # none before `limit`; and the differences of all parameters there from `eta`. `usual`: decrease of 2 log
+    # L that defines the end; `at_bound`: the same for models without white noise. `last`: differences of an
+    # earlier call; may be empty.
     def end(
         self,
         codes: list[int],
@@ -642,7 +679,8 @@ class Sentences:
         last: list[float],
     ) -> tuple[float, list[float]]: ...
 
-    # Fills in the spectrum (bins,) and the slopes (p, bins) of its logarithm.
+    # Fills in the spectrum `total` (bins,), and `rows` (p, bins), the derivatives of its logarithm by each
+    # free parameter.
     def slopes(
         self,
         codes: list[int],
@@ -668,10 +706,10 @@ def sentence_spectrum(
     total: NDArray[np.float64],
 ) -> None: ...
 
-# Lines of text from `begin` up to the first that is no plain row of numbers: where it begins (beyond the
-# end if there is none), how many lines are passed, the mark of decimals ("\0" as long as none was seen),
-# which of the lines are rows, and (rows, places) numbers. separator "\0": white space. least, most: as of
-# text_layout.Layout.
+# Reads lines of text from `begin` up to the first line that is no plain row of numbers. Returns where that
+# line begins (beyond the end if there is none), the number of lines read, the decimal mark ("\0" until one
+# was seen), the indices of the lines that are rows, and their numbers (rows, places). `separator`: "\0" means
+# white space. `least`, `most`: as in text_layout.Layout. `places`: indices of the wanted columns.
 def plain_rows(
     text: bytes,
     begin: int,
@@ -682,21 +720,24 @@ def plain_rows(
     decimal: str,
 ) -> tuple[int, int, str, _Ints, _V]: ...
 
-# Lines of JSON: texts stand before each hole and after the last one, holes are (column, place in its row);
-# nulls: numbers that are not finite are null, else left out with their key.
+# Prints JSON lines from a template. `texts`: the fixed texts before each hole and after the last one.
+# `holes`: (column, index in the column's row) of the number that fills each hole. `nulls`: print numbers that
+# are not finite as null, instead of leaving them and their key out.
 class Lines:
     def __init__(self, texts: list[bytes], holes: list[tuple[int, int]], nulls: bool) -> None: ...
 
-    # Adds rows begin, begin + step, … below end; a column without a hole may be anything.
+    # Appends the lines of rows begin, begin + step, … below end to `into`. A column without a hole may be
+    # anything.
     def add(self, into: bytearray, columns: list[Any], begin: int, end: int, step: int) -> None: ...
 
-# Prints what a Device takes. every: samples whose number is a multiple of it; weight: records that each
-# stands for. shape: which rows the lines are of. Numbers a row of the gyroscope, and of the accelerometer or
-# 0; whether there are temperatures and flags; of each sensor its axes, whether it is the accelerometer, and
-# whether it has estimates. ValueError if there are holes without a column.
+# Prints the samples that a Device processes. `every`: print samples whose number is a multiple of it.
+# `weight`: number of records for each sample. `shape`: shape of the rows that fit the lines: number of values
+# of the gyroscope, and of the accelerometer or 0; whether there are temperatures and flags; for each sensor
+# its number of axes, whether it is the accelerometer, and whether it has estimates. Raises ValueError if a
+# hole has no column.
 class RunPrinter:
     def __init__(self, lines: Lines, every: int, weight: int, shape: list[int]) -> None: ...
 
-    # Since the last call: what was printed, how many records it stands for, and how many rows behind it were
-    # not printed, since they or one before them have another shape.
+    # Returns the text printed since the last call, its number of records, and the number of rows after it
+    # that were not printed, since one of them has another shape.
     def take(self) -> tuple[bytes, int, int]: ...
