@@ -111,7 +111,7 @@ def test_white_noise_that_a_fast_part_took_in_is_not_near_nothing() -> None:
     assert entry.knee_hz == pytest.approx(1 / (2 * np.pi * 0.0055), rel=0.5)
     # The density of such a part at its corner is half of that at frequency 0: σ √(2 τ) / √2.
     assert entry.knee_density == pytest.approx(0.05 * np.sqrt(0.0055), rel=0.5)
-    assert "cannot be told from what else is fast" in found.result.level.reason
+    assert "cannot be told from other fast noise" in found.result.level.reason
     shown = axis_noise(found).N
     assert shown.value == entry.filter.N == pytest.approx(0.05 * np.sqrt(2 * 0.0055), rel=0.1)
     assert "cannot be told from it" in shown.remark

@@ -65,7 +65,7 @@ class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         if self.knee_hz is None:
             return "White noise is too weak beside the other parts for N to be known."
         return (
-            "White noise cannot be told from what else is fast, so N is not known: the density at the knee, "
+            "White noise cannot be told from other fast noise, so N is not known: the density at the knee, "
             f"{self.knee_hz:.3g} Hz, is {self.knee_density:.3g} (unit/√Hz)."
         )
 

@@ -286,7 +286,7 @@ ERROR_KINDS = {
     ),
     "disk_full": ErrorKind(
         "No room or quota is left: the recording stopped, or the history of `fltea fleet` waits.",
-        "Make room; it then goes on by itself.",
+        "Make room; it then continues automatically.",
     ),
     "record_failed": ErrorKind(
         "The recording stopped because the disk failed; it is tried again every 5 s.",

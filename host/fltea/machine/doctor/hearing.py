@@ -20,7 +20,7 @@ PATIENCE_S = SILENCE_S + 1.5
 """How long to listen without a HELLO [s]: long enough to distinguish silence from noise."""
 
 BLOCK_S = 0.25
-"""Length of blocks [s] of which only the sample with the least delay is used, since it is nearest to none."""
+"""Length of blocks of samples [s]. Of each block only the sample with the shortest delay is used."""
 
 BLOCKS_NEEDED = 6
 
