@@ -42,7 +42,7 @@ def test_a_short_time_makes_what_a_variance_needs() -> None:
 
 
 def test_without_a_rate_a_time_is_no_number_of_samples() -> None:
-    with pytest.raises(ValueError, match="`at` makes samples of it"):
+    with pytest.raises(ValueError, match="`at` converts it to samples"):
         EstimatorConfig(startup="5 s").startup_needed  # noqa: B018
 
 
