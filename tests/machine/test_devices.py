@@ -234,7 +234,7 @@ def test_the_doctor_ends_with_0_if_there_are_only_warnings(
     doctor(source=["synthetic:", "synthetic:?alpha=0.5"], set_=["link.max_gap=3"])
     text = capsys.readouterr().out
     assert text.endswith("\n1 warning.\n")
-    assert "ok       source        synthetic: synthetic:: made-up noise" in text
+    assert "ok       source        synthetic: synthetic:: synthetic noise" in text
 
 
 def test_the_doctor_for_a_program(
