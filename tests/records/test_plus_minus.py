@@ -19,7 +19,6 @@ OTHERS = {
     "records/plus_minus.py": (4, "the place where it is made"),
     "archive/info.py": (1, RANGE),
     "cli/app.py": (1, RANGE),
-    "cli/standard_output.py": (1, SIGN),
     "cli/identify.py": (7, f"a band of frequencies; {TARGET}"),
     "fleet/page.js": (1, "1.96 σ, as in the code before it"),
     "identification/comparison.py": (3, "half of a 95 % interval"),

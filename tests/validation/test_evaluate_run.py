@@ -9,9 +9,9 @@ from fltea.identification.workers import Here
 from tools.validation.evaluate import figures, fits, run, summaries
 from tools.validation.evaluate.cases import POWER, Case, samples
 from tools.validation.evaluate.online import Reading
-from tools.validation.evaluate.run import LIVE, WHITTLE, Plan, changed_case, plan_of, plan_tasks
+from tools.validation.evaluate.run import Plan, changed_case, plan_of, plan_tasks
 from tools.validation.evaluate.score import score
-from tools.validation.evaluate.settings import CHANGES, MAIN, TUNED
+from tools.validation.evaluate.settings import CHANGES, LIVE, MAIN, TUNED, WHITTLE
 from tools.validation.evaluate.summaries import frame
 from tools.validation.runner import Row
 from tools.validation.runner import run as run_tasks

@@ -6,7 +6,7 @@ import numpy as np
 from fltea.records.arrays import Array
 from pandas import DataFrame
 
-from tools.validation.evaluate.run import LIVE, WHITTLE
+from tools.validation.evaluate.settings import LIVE, WHITTLE
 from tools.validation.evaluate.summaries import frame, medians
 from tools.validation.pictures import new_figure, png
 from tools.validation.runner import Row

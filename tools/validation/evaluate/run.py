@@ -16,16 +16,12 @@ from tools.validation.evaluate.cases import Case, H
 from tools.validation.evaluate.coverage import Point
 from tools.validation.evaluate.online import Reading, read
 from tools.validation.evaluate.score import score
-from tools.validation.evaluate.settings import Setting
+from tools.validation.evaluate.settings import LIVE, WHITTLE, Setting
 from tools.validation.evaluate.shifts import Shift
 from tools.validation.evaluate.tuned import tunings
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
-WHITTLE = "Whittle"
-"""The fit of the whole record."""
-LIVE = "live"
-"""The same of what the daemon keeps of it."""
 SEEDS, QUICK_SEEDS = 20, 10
 """Series of each noise. Of fewer, all intervals have to hold the truth for a figure to be called right."""
 FITS_TO_FILTERS = 4

@@ -35,6 +35,11 @@ def _with(config: EstimatorConfig, **changes: Any) -> EstimatorConfig:
     return msgspec.structs.replace(config, **changes)
 
 
+WHITTLE = "Whittle"
+"""Name of the maximum-likelihood fit of the whole record."""
+LIVE = "live"
+"""Name of the same fit of what the daemon keeps of the record."""
+
 MAIN: tuple[Setting, ...] = (
     Setting("triple", _TRIPLE),
     Setting("joint", _JOINT),

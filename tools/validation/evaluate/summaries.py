@@ -6,7 +6,7 @@ import numpy as np
 from pandas import Categorical, DataFrame, concat
 
 from tools.validation.evaluate.fits import QUANTITIES
-from tools.validation.evaluate.run import LIVE, WHITTLE
+from tools.validation.evaluate.settings import LIVE, WHITTLE
 from tools.validation.runner import Row
 from tools.validation.tables import NONE, Table, number, share_within, table
 
