@@ -115,6 +115,16 @@ AXIS_STATS = (
     gauge("tracker_nis", NIS, lambda axis: axis.tracker and axis.tracker.nis),
     gauge("tracker_lag1", LAG1, lambda axis: axis.tracker and axis.tracker.lag1),
     gauge(
+        "tracker_holds",
+        "1: the tracker's last 1,000 innovations are white; 0: its model does not describe the noise.",
+        lambda axis: axis.tracker and axis.tracker.holds,
+    ),
+    counter(
+        "tracker_restarts",
+        "Times that the tracker of the bias began again.",
+        lambda axis: axis.tracker and axis.tracker.restarts,
+    ),
+    gauge(
         "heading_std_degrees",
         "Standard deviation of the heading so many seconds after the last sample at rest.",
         lambda axis: axis.tracker and axis.tracker.heading_std,
