@@ -96,7 +96,16 @@ def sensor(place: int, bad: list[Bad]) -> Sensor:
 
 def _axis_stats(rng: np.random.Generator) -> AxisStats:
     """Return statistics with a random bias; biases differ between sensors by far more than their errors."""
-    tracker = TrackerStats("white", 1.0, 0.0, True, 0, 0, bias=float(rng.normal(0, 0.5)), bias_std=0.003)
+    tracker = TrackerStats(
+        model="white",
+        nis=1.0,
+        lag1=0.0,
+        holds=True,
+        moved=0,
+        restarts=0,
+        bias=float(rng.normal(0, 0.5)),
+        bias_std=0.003,
+    )
     return AxisStats(None, None, 0, {}, tracker=tracker)
 
 

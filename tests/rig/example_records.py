@@ -34,12 +34,12 @@ GOOD = axis_estimate(
 UNKNOWN = dict.fromkeys(("verdict", "bias", "bias_std", "state", "state_std", "innovation"))
 INVALID = axis_estimate(*[None] * 6, False, alpha=Interval(), f=Interval(), **UNKNOWN)
 TRACKER = TrackerStats(
-    "white",
-    1.02,
-    0.03,
-    True,
-    17,
-    0,
+    model="white",
+    nis=1.02,
+    lag1=0.03,
+    holds=True,
+    moved=17,
+    restarts=0,
     heading_std={1: 0.014, 60: 0.26},
     bias=0.234,
     bias_std=0.012,

@@ -92,12 +92,12 @@ class SensorTracks:
             yield (
                 axis,
                 TrackerStats(
-                    "walks",
-                    one.nis,
-                    one.lag1,
-                    None if one.ljung_box is None else describes(one.innovations, one.ljung_box),
-                    one.moved,
-                    one.begun,
+                    model="walks",
+                    nis=one.nis,
+                    lag1=one.lag1,
+                    holds=None if one.ljung_box is None else describes(one.innovations, one.ljung_box),
+                    moved=one.moved,
+                    restarts=one.begun,
                     bias=one.bias,
                     bias_std=one.bias_std,
                     steps=one.steps,

@@ -62,10 +62,10 @@ def walk(
     *,
     prompt: bool = True,
     watched: bool = True,
-    beside: FitWorker | None = None,
+    fit_worker: FitWorker | None = None,
     number: int = 0,
     **set_: object,
 ) -> tuple[list[AnyRecord | Block], Pipeline]:
     source, config = Source(prompt=prompt), small_config(**set_)
-    pipeline = Pipeline(source, config, state=state, beside=beside, number=number, watched=watched)
+    pipeline = Pipeline(source, config, state=state, fit_worker=fit_worker, number=number, watched=watched)
     return [item for event in found for item in pipeline.feed(event)], pipeline

@@ -85,7 +85,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Root mean square of the difference divided by its σ: 1 where Bias(T) and its σ are right."""
 
 
-class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """State and checks of the tracker of an axis's bias."""
 
     model: str
