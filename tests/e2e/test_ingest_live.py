@@ -243,7 +243,7 @@ def test_each_topic_is_a_device_and_nothing_of_it_is_lost(stage: Stage, processe
     assert set(last) == {"left", "right", "third", "rubbish"}
     for name in ("left", "right", "third"):
         assert last[name]["sample_counts"] == {
-            "delivered": whole, "lost": 0, "gaps": 0, "duplicates": 0, "before_hello": 0
+            "delivered": whole, "lost": 0, "gaps": 0, "duplicates": 0, "before_hello": 0, "rate_differs": 0
         }  # fmt: skip
         assert last[name]["link"]["bad_frames"] == {}
         seqs = [r["seq"] for r in daemon.of("estimate") if r["device"] == name]

@@ -264,7 +264,7 @@ def test_every_data_check_is_in_the_guide() -> None:
     guide = (Path(__file__).parents[2] / "host/docs/guide/verdict.md").read_text(encoding="utf-8")
     told = set(re.findall(r"`([a-z ]+)`", "".join(re.findall(r"^\| (`.*?) \|", guide, re.MULTILINE))))
     sources = [Path(module.__file__ or "").read_text(encoding="utf-8") for module in (data_checks, judges)]
-    made = {kind for text in sources for kind in re.findall(r'Data check\(\s*"([a-z ]+)"', text)}
+    made = {kind for text in sources for kind in re.findall(r'DataCheck\(\s*"([a-z ]+)"', text)}
     assert len(made) > 12
     assert made | {"decimals", "quantisation", "line", "resonance"} <= told
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from fltea.recording.files import AT_ONCE
 from fltea.recording.npz_file import open_npz
-from fltea.recording.spool import Spool
+from fltea.recording.spool import Spool, _close, _Column
 from fltea.records.errors import UsageError
+from fltea.records.temporary import TemporaryFailed
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -95,3 +96,22 @@ def test_damage_at_the_end_of_an_array_is_found(tmp_path):
     path.write_bytes(data)
     with pytest.raises(UsageError, match="cannot be read"):
         open_npz(path)
+
+
+def test_an_accelerometer_without_its_scale_is_said_not_to_be_read(tmp_path):
+    raw = {"gyro_raw": np.ones((3000, 3), np.int16), "lsb_per_dps": 131.0, "fs_hz": 100.0}
+    raw["accel_raw"] = np.ones((3000, 3), np.int16)
+    for scale, said in (({}, "not read"), ({"accel_lsb_per_g": 16384.0}, "accel_raw")):
+        np.savez(tmp_path / "rest.npz", **raw, **scale)
+        (answer,) = (
+            one for one in open_npz(tmp_path / "rest.npz").reading if one.question == "accelerometer"
+        )
+        assert said in str(answer)
+
+
+def test_a_full_disk_is_not_reported_again_when_a_spool_is_closed():
+    class Full:
+        def close(self):
+            raise TemporaryFailed("the folder for temporary files is full")
+
+    _close({"x": _Column(Full(), np.dtype(float), ())})

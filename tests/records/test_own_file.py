@@ -28,11 +28,17 @@ def _hanging_link(path: Path) -> None:
     path.symlink_to(path.parent / "none")
 
 
+def _hard_link(path: Path) -> None:
+    other = path.parent / "other"
+    other.write_text(TEXT)
+    path.hardlink_to(other)
+
+
 def _pipe(path: Path) -> None:
     os.mkfifo(path)
 
 
-strange = pytest.mark.parametrize("put", [_link, _hanging_link, _pipe, Path.mkdir])
+strange = pytest.mark.parametrize("put", [_link, _hanging_link, _hard_link, _pipe, Path.mkdir])
 
 
 @strange
@@ -41,7 +47,7 @@ def test_what_is_no_file_is_refused_and_left_as_it_is(put: Callable[[Path], None
     put(path)
     with pytest.raises(OSError, match=r"has to be a file|directory"):
         os.close(open_own(path, 0o644))
-    if path.is_symlink() and path.exists():
+    if path.is_file():
         assert path.read_text() == TEXT
     assert not (tmp_path / "none").exists()
 

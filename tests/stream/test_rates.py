@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from blocks import of, records_of
-from dashboard_support import details
+from dashboard_support import told
 from fltea.records.block import Block
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawBlock
@@ -56,7 +56,7 @@ def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
     assert stats.rate_hz == pytest.approx(rate_hz)
     assert (stats.sample_counts.lost, stats.sample_counts.gaps) == (0, 0)
     assert of(Fit, found)[-1].samples == LASTS_S * rate_hz
-    history = details(found)
+    history = told(found)
     assert history.samples_of_epoch == LASTS_S * rate_hz
 
 

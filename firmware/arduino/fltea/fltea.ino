@@ -14,8 +14,7 @@ fltea::WireBus bus(Wire);
 fltea::SerialSink sink(Serial);
 fltea::MicrosClock board_clock;
 
-// Created when setup() first calls this. Before main() the board is not initialised, and its identity cannot
-// be read.
+// Created when setup() first calls this: before main() the identity of the board cannot be read.
 fltea::Application& device() {
     static fltea::Application application(bus, sink, board_clock, fltea::read_identity());
     return application;

@@ -89,7 +89,9 @@ def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answe
     accel = next((name for name in ("accel_raw", "accel_ms2") if name in columns), None)
     if accel is not None:
         by = "accel_lsb_per_g" if accel == "accel_raw" else accel
-        found.append(Answer("accelerometer", accel, "stated", by))
+        has_scale = accel == "accel_ms2" or like.accel_lsb_per_g is not None
+        says = accel if has_scale else f"{accel}, not read: its scale accel_lsb_per_g is not in the file"
+        found.append(Answer("accelerometer", says, "stated", by if has_scale else "its name"))
     return tuple(found)
 
 

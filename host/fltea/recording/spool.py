@@ -14,7 +14,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.records.temporary import named_file, nameless_file
+from fltea.records.temporary import TemporaryFailed, named_file, nameless_file
 
 COPY_BYTES = 1 << 20
 
@@ -122,4 +122,6 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
 
 def _close(columns: dict[str, _Column]) -> None:
     for column in columns.values():
-        column.file.close()
+        # Closing writes what is left in the buffer; where the disk is full, that was reported before.
+        with contextlib.suppress(TemporaryFailed, OSError):
+            column.file.close()

@@ -25,7 +25,10 @@ def open_own(path: Path, mode: int, *, append: bool = False) -> int:
         if error.errno == errno.ELOOP:
             raise OSError(errno.ELOOP, "it is a link, and has to be a file") from error
         raise
-    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+    status = os.fstat(descriptor)
+    if stat.S_ISREG(status.st_mode) and status.st_nlink <= 1:
         return descriptor
     os.close(descriptor)
+    if stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EMLINK, "it is a hard link to another file, and has to be a file of its own")
     raise OSError(errno.EINVAL, "it is a pipe or a device, and has to be a file")
