@@ -1,10 +1,10 @@
-"""N, B and K of IEEE Std 952, read from an Allan deviation σ(τ) where it has their slope (pure).
+"""Read N, B and K of IEEE Std 952 from an Allan deviation σ(τ) wherever the curve has their slope.
 
     N  angle random walk   σ = N / √τ               slope -1/2, read at τ = 1 s
     B  bias instability    σ = B √(2 ln 2 / π)      slope 0, or the lowest point
     K  rate random walk    σ = K √(τ / 3)           slope +1/2, read at τ = 3 s
 
-A coefficient whose slope the curve does not have is None, with the reason.
+A coefficient is None, with the reason, where the curve has no stretch of its slope.
 """
 
 import math
@@ -34,9 +34,10 @@ spectrum; the model that stands for the noise; or the tracker, which knows how t
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One of N, B and K, or None where it is not known and `reason` says why.
+    """One of the coefficients N, B and K; `value` is None where it is not known, and `reason` says why.
 
-    low and high are the ends of its 95 % interval: read from a curve, that of the point that counts most.
+    `low` and `high` are the ends of the 95 % interval. A coefficient that is read from a curve has the
+    relative interval of the point with the largest weight.
     """
 
     value: float | None
@@ -53,12 +54,12 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def interval(self) -> Interval:
-        """The value and the ends."""
+        """Return the value with the ends of its 95 % interval."""
         return Interval(self.value, self.low, self.high)
 
 
 class Coefficients(NamedTuple):
-    """N, B and K in the unit of the curve: N per √s, B as it is, K per s and √s."""
+    """N, B and K. For a curve in unit u: N in u·√s, B in u, K in u/√s."""
 
     N: Coefficient
     B: Coefficient
@@ -66,7 +67,7 @@ class Coefficients(NamedTuple):
 
 
 class Points(NamedTuple):
-    """The points of a curve, rising in τ."""
+    """The points of an Allan deviation curve, with τ rising."""
 
     tau_s: Array
     deviation: Array
@@ -79,7 +80,7 @@ class Points(NamedTuple):
 
 
 def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
-    """Read N, B and K of a curve in `unit`, at a sampling period of h s."""
+    """Read N, B and K from a curve of Allan deviation in `unit`; `h`: sampling period [s]."""
     curve = _Curve(points, h, unit)
     if not len(curve.tau):
         none = Coefficient(None, reason="no point of the curve is known well enough: record longer")
@@ -89,28 +90,31 @@ def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:
 
 
 def not_known(why: str, at_most: float, unit: str) -> Coefficient:
-    """Return a B that is not known, for this reason, and its bound in the unit of the curve."""
+    """Return a B without a value: `why` is the reason, `at_most` its upper bound in the unit of the curve."""
     shown = f"{at_most * HOUR:.3g} deg/h" if unit == "deg/s" else f"{at_most:.3g} {unit}"
     return Coefficient(None, reason=f"{why}; B is at most {shown}: record longer", at_most=at_most)
 
 
 def times(value: float | None, factor: float) -> float | None:
-    """Return the product, or None if a factor is None."""
+    """Return `value` times `factor`, or None if `value` is None."""
     return None if value is None else value * factor
 
 
 class _Curve:
-    """The points in use, and the slopes there."""
+    """The points of the curve that are used, and the local slope at each point."""
 
     def __init__(self, points: Points, h: float, unit: str) -> None:
         self.h, self.unit = h, unit
-        # The degrees of freedom fall with τ but for the jumps where the kind of noise changes.
+        # Degrees of freedom fall as τ rises, except for jumps where the kind of noise changes.
         poor = np.flatnonzero(points.degrees_of_freedom < FEWEST_DOF)
         use = slice(0, int(poor[0]) if poor.size else len(points.tau_s))
         self.tau, self.deviation, self.low, self.high, self.dof, self.slope = (one[use] for one in points)
 
     def stretch(self, slope: float, tolerance: float, from_s: float = 0.0) -> slice | None:
-        """Return the longest stretch with this slope that is long enough, of those from a τ on."""
+        """Return the longest range of points, from `from_s` on, whose slope is `slope` within `tolerance`.
+
+        None if the range is too short.
+        """
         inside = (np.abs(self.slope - slope) <= tolerance) & (self.tau >= from_s * (1 - 1e-9))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
         best, longest = None, SPAN
@@ -120,7 +124,7 @@ class _Curve:
         return best
 
     def line(self, part: slice, slope: float, at_s: float) -> Coefficient:
-        """Return the line of this slope through a stretch, weighted by degrees of freedom, read at a τ."""
+        """Fit a line of this slope to the points of `part`, weighted by their dof; return it at `at_s`."""
         log_line = np.log(self.deviation[part]) - slope * np.log(self.tau[part] / at_s)
         value = float(np.exp(np.average(log_line, weights=self.dof[part])))
         heaviest = self.point(part.start + int(self.dof[part].argmax()))
@@ -130,7 +134,7 @@ class _Curve:
         )
 
     def point(self, i: int) -> Coefficient:
-        """Return one point unchanged."""
+        """Return point `i` of the curve as a coefficient."""
         tau = float(self.tau[i])
         return Coefficient(float(self.deviation[i]), float(self.low[i]), float(self.high[i]), tau, tau)
 
@@ -148,8 +152,8 @@ def _bias_instability(c: _Curve, n: float | None) -> Coefficient:
     flat = c.stretch(0.0, TOLERANCE, FEWEST_AVERAGED * c.h)
     if flat is not None:
         floor = c.line(flat, 0.0, 1.0)
-        # There are higher flats too: the crest of a slow relaxation. The floor holds the lowest point, or is
-        # as near to it as its standard deviation.
+        # A curve can have flat stretches above its minimum, such as the crest of a slow relaxation. The flat
+        # stretch of B holds the lowest point, or comes as near to it as one standard deviation.
         near = c.deviation[i] * (1 + 1 / math.sqrt(2 * c.dof[i]))
         if floor.value is not None and (flat.start <= i < flat.stop or floor.value <= near):
             most = float(c.high[i]) / FLICKER

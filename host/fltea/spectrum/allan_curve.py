@@ -1,7 +1,8 @@
-"""Overlapping Allan deviation with its 95 % intervals, of variances that were summed elsewhere (pure).
+"""Overlapping Allan deviation with 95 % intervals, from Allan variances that other code has summed.
 
-Intervals are those of NIST SP 1065 (Riley, 2008), 5.3: chi-squared, with the degrees of freedom of the kind
-of noise that the local slope of the curve tells. What is read from it: `allan_coefficients`.
+The intervals follow NIST SP 1065 (Riley, 2008), section 5.3: chi-squared, with the degrees of freedom of the
+kind of noise that the local slope of the curve indicates. `allan_coefficients` reads N, B and K from the
+curve.
 """
 
 import math
@@ -30,7 +31,7 @@ AROUND = 2.0
 
 
 class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A curve, and what is read from it, in the unit of the samples (deg/s, m/s²)."""
+    """An Allan deviation curve and the N, B and K read from it, in the unit of the samples (deg/s, m/s²)."""
 
     tau_s: tuple[float, ...]
     deviation: tuple[float, ...]
@@ -50,19 +51,20 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @classmethod
     def of(cls, found: Points, differences: ArrayLike, h: float, unit: str) -> "Allan":
-        """Return the curve of these points, which were sampled every h s, with N, B and K of the curve alone.
+        """Return the curve of these points, with N, B and K read from the curve alone.
 
-        differences: how many were averaged for each, (k,).
+        `differences` (k,): number of differences that were averaged at each point. `h`: sampling period [s].
         """
         tau, deviation, low, high, degrees, _ = (tuple(one.tolist()) for one in found)
         count = tuple(np.asarray(differences, dtype=np.float64).tolist())
         return cls(tau, deviation, low, high, degrees, count, *coefficients(found, h, unit))
 
     def with_model(self, f: CandidateModels, stands: Sentence, level: Level, unit: str) -> "Allan":
-        """Return the curve beside the model that stands for the noise: with N and K of that model, and B.
+        """Return the curve next to that of `stands`, the model of the noise, with its N and K, and with B.
 
-        Short averaging times of the curve are bent where a filter takes power away, and long ones by all else
-        there is; the fit of the spectrum knows of both.
+        The model gives a better N and K than the curve. At short averaging times a filter that removes power
+        bends the curve, and at long ones every other part of the noise does; the fit of the spectrum accounts
+        for both.
         """
         N, K = level.N, level.K
         no_walk = "" if K.value is not None else "no part of the noise is a random walk"
@@ -76,7 +78,7 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def of_fit(self) -> FitAllan:
-        """The curve as the record `fit` has it."""
+        """Return the curve in the form that the record `fit` has."""
         tau, deviation, low, high, model = (
             list(one) for one in (self.tau_s, self.deviation, self.low, self.high, self.model)
         )
@@ -86,11 +88,11 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def live_allan(
     factors: ArrayLike, avar: ArrayLike, terms: ArrayLike, samples: float, h: float, unit: str = "deg/s"
 ) -> Allan:
-    """Return the curve of running sums, as far as a third of the record.
+    """Return the curve of running sums, for averaging times up to a third of the record.
 
-    factors, avar, terms (k,): averaging times in samples, rising; Allan variances in the square of `unit`;
-    terms that were averaged (effective number), as `_native.AllanSums` has them. samples: that they are of.
-    h in s.
+    `factors` (k,): averaging times in samples, rising. `avar` (k,): Allan variances in the square of `unit`.
+    `terms` (k,): effective number of averaged terms, as `_native.AllanSums` has them. `samples`: number of
+    samples in the sums. `h`: sampling period [s].
 
     Raises:
         ValueError: there are fewer than SHORTEST_RECORD samples, the axis is constant, or h is not positive.
@@ -116,11 +118,12 @@ def fit_allan(
     noise: Sentence,
     N: float | None,
 ) -> FitAllan | None:
-    """Return the curve as the record `fit` has it, beside that of the model `noise`, which is one of `f`.
+    """Return the curve in the form of the record `fit`, next to the curve of the model `noise`, one of `f`.
 
-    None while there are too few samples or the axis is constant. sums: averaging times in samples, Allan
-    variances, terms, as of `live_allan`; of so many samples, with a sampling period of h s. N: of `noise`,
-    since the curve is bent by all else there is.
+    None while there are too few samples or the axis is constant. `sums`: averaging times in samples, Allan
+    variances and terms, as `live_allan` takes them. `samples`: number of samples in these sums. `h`: sampling
+    period [s]. `N`: that of `noise`, since other parts of the noise bend the curve from which N would be
+    read.
     """
     factors, avar, terms = sums
     try:
@@ -141,10 +144,10 @@ def _of_model(tau_s: Sequence[float], noise: Sentence, h: float) -> tuple[float,
 
 
 def checked(samples: float, h: float) -> None:
-    """Check that there can be a curve of so many samples.
+    """Check that there are enough samples for a curve.
 
     Raises:
-        ValueError: there are too few, or the sampling period of h s is not positive.
+        ValueError: there are too few samples, or the sampling period `h` [s] is not positive.
     """
     if not (math.isfinite(h) and h > 0):
         raise ValueError(f"h is a sampling period in s and must be > 0, got {h}")
@@ -155,14 +158,16 @@ def checked(samples: float, h: float) -> None:
 def points(
     factors: ArrayLike, deviation: Array, h: float, dof: Callable[[NDArray[np.int64]], Array]
 ) -> Points:
-    """Return the deviations above 0 at averaging times of so many samples, with 95 % intervals; h in s.
+    """Return the Allan deviations above 0, with 95 % intervals. `h`: sampling period [s].
 
-    dof: gives the degrees of freedom of every point by the power of the frequency of its noise, 0 to -2.
+    `factors`: averaging times in samples. `dof`: returns the degrees of freedom of every point for the
+    exponent (0 to -2) of its noise's power spectrum.
     """
     tau = np.asarray(factors, dtype=np.float64) * h
     slope = local_slopes(tau, deviation)
-    # A power law of τ with slope μ/2 is noise with a spectrum of the power -1 - μ. Noise steeper than white
-    # to the blue has more degrees of freedom than white, so white is on the safe side.
+    # Where σ ∝ τ^(μ/2), the noise has a spectrum ∝ f^(-1 - μ). Noise that rises with the frequency has more
+    # degrees of freedom than white noise, so treating it as white makes the interval too wide, never too
+    # narrow.
     degrees = dof(np.clip(np.rint(-1 - 2 * slope), -2, 0).astype(np.int64))
     outside = (1 - CONFIDENCE) / 2
     low = deviation * np.sqrt(degrees / chi2_quantile(1 - outside, degrees))

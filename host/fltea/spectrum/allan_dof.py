@@ -1,8 +1,8 @@
-"""Degrees of freedom of overlapping Allan variances, by the kind of noise (pure).
+"""Degrees of freedom of overlapping Allan variances, for each kind of noise.
 
 C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite differences", PTTI 2003,
 equations 7 to 10 and 13; also in W. J. Riley, NIST SP 1065 (2008), 5.4.1. The sum is exact for an estimate in
-which a block begins every m / S samples.
+which a block of m samples begins every m / S samples.
 """
 
 import functools
@@ -23,11 +23,11 @@ FINITE = 33
 def degrees_of_freedom(
     power: ArrayLike, factors: ArrayLike, terms: ArrayLike, most_parts: int = PARTS
 ) -> Array:
-    """Return degrees of freedom of each variance, 1 or more.
+    """Return the degrees of freedom of each variance, 1 or more.
 
-    power: of the frequency, of the spectrum around 1/τ: 0 (white), -1 (flicker) or -2 (random walk).
-    factors: samples a block, m. terms: differences of neighbouring blocks that were averaged. A block begins
-    min(m, most_parts) times within the length of one.
+    `power`: exponent of the noise's power spectrum around 1/τ: 0 (white), -1 (flicker) or -2 (random walk).
+    `factors`: samples in a block, m. `terms`: number of averaged differences between neighbouring blocks.
+    `most_parts`: min(m, most_parts) blocks begin within the length of a block.
     """
     parts = np.broadcast_arrays(
         np.asarray(power, dtype=np.int64),
@@ -42,13 +42,13 @@ def degrees_of_freedom(
 
 
 def full_overlap(power: ArrayLike, factors: ArrayLike, samples: int) -> Array:
-    """Return degrees of freedom of each variance of a record, in which a block begins with every sample."""
+    """Return the degrees of freedom of each variance of a record in which a block begins at every sample."""
     m = np.asarray(factors, dtype=np.float64)
     terms = 1 + np.floor(np.minimum(m, FULL_PARTS) * (samples - 2 * m) / m)
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
-@functools.lru_cache(maxsize=256)  # axes, and devices of one age, have most in common
+@functools.lru_cache(maxsize=256)  # axes share most arguments
 def _one(power: int, m: float, terms: float, parts: float) -> float:
     reach = min(terms, 3 * parts)
     j = np.arange(0.0, np.ceil(reach))
@@ -59,7 +59,7 @@ def _one(power: int, m: float, terms: float, parts: float) -> float:
 
 
 def _covariance(power: int, m: float, t: Array) -> Array:
-    """Return the covariance of two differences of blocks that are t blocks apart, up to a factor."""
+    """Return the covariance of two differences of blocks that are t block lengths apart, up to a factor."""
     apart = t[:, np.newaxis] + np.arange(-2.0, 3.0)
     if m > FINITE:
         x = _generalised(power + 2, apart)

@@ -1,11 +1,11 @@
-"""N of a model with its 95 % interval, which holds what the data cannot exclude (pure).
+"""N (angle random walk) of a model, with a 95 % interval that covers what the data cannot exclude.
 
-The model that stands for the noise may lack a part that is too weak to be found. Most parts do little to N. A
-relaxation whose corner is near the sample rate is different: it looks much like white noise, so that the
-white noise takes it in, and N comes out too large by many standard deviations. So other models are tried
-beside the one that stands: the best model with an order or the best without one, the same parts and one more
-relaxation, and a relaxation, or a rise, in place of filters and of all else that shapes the high frequencies.
-The interval reaches over those of all models that describe the data as well.
+The model that stands for the noise may lack a part that is too weak to be found. Most weak parts hardly
+change N. A relaxation whose corner is near the sample rate is different: it looks much like white noise. The
+fit then counts it as white noise, and N comes out too large by many standard deviations. So other models are
+tried as well: the best model with an order or the best without one; the same parts and one more relaxation;
+and a relaxation, or a rise, in place of filters and of everything else that shapes the high frequencies. The
+interval covers the intervals of all models that describe the data equally well.
 """
 
 import math
@@ -50,11 +50,12 @@ RISING = (0.4, 1.0), (1.0, 1.0)
 
 
 def angle_walk(f: CandidateModels, sentence: Sentence) -> Interval:
-    """Return N, per root second: by what the angle walks at random, with its interval.
+    """Return N (angle random walk) with its interval, in the unit of the samples times √s.
 
-    N is of the density at low frequencies of all that is neither slow nor an order: white noise, and whatever
-    stands beside it there. All is null where that is as good as nothing beside a fast relaxation, which may
-    have taken the white noise in. The value is that of `sentence`, which stands for the noise.
+    N follows from the low-frequency density of all parts that are neither slow nor an order: white noise and
+    the parts that are added to it there. Value and ends are None where the white noise is negligible next to
+    a fast relaxation, since the relaxation may stand for the white noise. The value is that of `sentence`,
+    the model of the noise.
     """
     found = _of_one(f, sentence)
     if found.value is None or found.low is None or found.high is None:
@@ -67,9 +68,9 @@ def angle_walk(f: CandidateModels, sentence: Sentence) -> Interval:
 
 
 def _of_one(f: CandidateModels, sentence: Sentence) -> Interval:
-    """Return N with its interval if the sentence is right."""
+    """Return N with the interval that holds if the model `sentence` is right."""
     words = list(sentence.words())
-    # Beside a filter a hump is of the filter's shape, and its foot is of the pass band.
+    # With a filter, a hump belongs to the shape of the filter, and the low side of the hump is the pass band.
     filtered = any(_is(code, LowPass, Mean) for code, _ in words)
     fast_only = tuple(kind for kind in CODES if kind.has("fast only"))
     others = (*SLOW, *FILTERS, *fast_only) + (() if filtered else (Resonance,))
@@ -91,13 +92,14 @@ def _of_one(f: CandidateModels, sentence: Sentence) -> Interval:
         return Interval()
     here = _walk_of(math.log(value), f.h)
     if len(fast) == 1 < len(words):
-        # Of white noise alone it is the interval of its R, which is lopsided where other parts hide it.
+        # If the noise is white alone, this is the interval of R, which is asymmetric where other parts hide
+        # R.
         return Interval(here, *_profile(f, sentence))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
 
 def _as_good(f: CandidateModels, sentence: Sentence) -> Iterator[Sentence]:
-    """Yield the other sentences that describe the data as well as this one."""
+    """Yield the other models that describe the data as well as `sentence` does."""
     if sentence is not f.plain and _stands_beside(f.plain, sentence):
         yield f.plain
     if sentence is f.plain and f.ordered is not None and _stands_beside(f.ordered, sentence):
@@ -114,7 +116,7 @@ def _as_good(f: CandidateModels, sentence: Sentence) -> Iterator[Sentence]:
 
 
 def _stands_beside(other: Sentence, sentence: Sentence) -> bool:
-    """Return whether its 2 log L is near, at the price of what chance gains with a parameter."""
+    """Return whether `other` is near `sentence` in 2 log L, less what a parameter gains by chance."""
     dearer = BY_CHANCE * (other.parameters - sentence.parameters)
     return 2 * (other.nll - sentence.nll) + dearer < APART
 
@@ -124,7 +126,7 @@ def _with(
 ) -> Sentence:
     """Return the best fit with one more part, a fast relaxation or a rise, and without the kinds `left_out`.
 
-    It begins where the last one of the same parts was found.
+    The fit begins at the last result for the same parts.
     """
     kept = [(code, at) for code, at in sentence.words() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]
@@ -143,18 +145,18 @@ def _with(
 
 
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
-    """Return coordinates at which there is a rise beside the white noise."""
+    """Return fit parameters (transformed) at which a part of the white noise has become a rise."""
     return [*rest, rest[0] + math.log(share), delta]
 
 
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
-    """Return coordinates at which a part of the white noise is a relaxation."""
+    """Return fit parameters (transformed) at which a part of the white noise has become a relaxation."""
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
 
 
 def _profile(f: CandidateModels, sentence: Sentence) -> tuple[float, float]:
-    """Return the ends of N of the sentence's white noise by the profile of the likelihood."""
+    """Return the ends of the interval of N of the model's white noise, by the profile of the likelihood."""
     limits = around(f, sentence.eta[0])
     low, high = (
         interval_end(f, sentence, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)

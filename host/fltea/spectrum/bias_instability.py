@@ -1,10 +1,10 @@
-"""Bias instability B, for the command, Python, the live fit and clusters alike (pure).
+"""Bias instability B, which the command, Python, the live fit and clusters all determine in the same way.
 
-B is the amplitude of 1/f noise, whose Allan deviation is flat at 0.664 B. Where white noise, 1/f noise and a
-random walk describe the spectrum about as well as the model that stands for the noise, B is that of this fit
-if the 1/f noise is needed for it, and not known if it is not: where white noise meets a random walk, the
-lowest point of the Allan deviation is no flat stretch. Elsewhere B is read from the curve: a flat stretch, or
-its lowest point, over 0.664, as data sheets have it.
+B is the amplitude of 1/f noise, whose Allan deviation is flat at 0.664 B. First, white noise, 1/f noise and a
+random walk are fitted to the spectrum. If these three terms describe it about as well as the model that
+stands for the noise, B comes from this fit. B is then not known if the fit does not need the 1/f noise: where
+white noise meets a random walk, the lowest point of the Allan deviation is no flat stretch. In all other
+cases B is read from the curve as data sheets do: a flat stretch, or the lowest point, over 0.664.
 """
 
 import math
@@ -23,7 +23,7 @@ SLOW_KINDS = (White, *SLOW)
 
 
 def bias_instability(of_curve: Coefficient, f: CandidateModels, stands: Sentence, unit: str) -> Coefficient:
-    """Return B in `unit`; of_curve: as the Allan deviation alone has it; stands: the model of the noise."""
+    """Return B in `unit`; `of_curve`: B of the Allan deviation alone; `stands`: the model of the noise."""
     fit = flicker(f, stands)
     if fit is None or not _describes(fit, stands):
         return of_curve
@@ -38,12 +38,15 @@ def bias_instability(of_curve: Coefficient, f: CandidateModels, stands: Sentence
 
 
 def _needed(fit: Flicker) -> bool:
-    """Whether the 1/f noise is needed; beside a walk it pays BIC's price, for that may be a relaxation."""
+    """Return whether the fit needs the 1/f noise.
+
+    With a random walk, the 1/f noise has to gain BIC's price in 2 log L, since it may be a relaxation.
+    """
     return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CRITICAL else CRITICAL)
 
 
 def _describes(fit: Flicker, stands: Sentence) -> bool:
-    """Whether the three terms are as good as the model, by BIC and but for what counts as no difference."""
+    """Return whether the BIC of the three terms is as low as that of the model, within the tolerance."""
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
     return fit.behind < APART + math.log(fit.ordinates) * (others - needed)

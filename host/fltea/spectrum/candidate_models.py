@@ -1,10 +1,10 @@
-"""The sentences of one spectrum that compete: the best without an order, and the best with one (pure).
+"""The candidate noise models of one spectrum: the best model without an order, and the best with one.
 
-Each is sought by the same native search (host/native/sentence_search.hpp), which adds parts for as long as
-they gain more than their price in 2 log L. At BIC's price, log of the ordinates a parameter, chance adds
-none; but in much data a sum of many relaxations costs more than what it gains over an order, so that BIC
-alone would call it an order. So there is a second sentence without an order at a lower price, and an order
-has to be ahead of both.
+The native search (host/native/sentence_search.hpp) finds each model. It adds parts for as long as a part
+gains more than its price in 2 log L. At BIC's price (the logarithm of the number of ordinates, for each
+parameter) it adds no part by chance. In much data, though, a sum of many relaxations costs more than it gains
+over an order, so that BIC alone would report an order. Therefore a second model without an order is searched
+for at a lower price, and an order has to be ahead of both.
 """
 
 import math
@@ -51,7 +51,10 @@ Raw = tuple[list[int], list[float], float]
 
 
 class Sentence(NamedTuple):
-    """Parts by their numbers in the native module, white noise first, with coordinates as fitted."""
+    """A noise model: the native module's numbers of its parts, white noise first, and the fitted `eta`.
+
+    `eta` holds the transformed free parameters of all parts.
+    """
 
     codes: tuple[int, ...]
     eta: tuple[float, ...]
@@ -60,46 +63,47 @@ class Sentence(NamedTuple):
 
     @property
     def parameters(self) -> int:
-        """The number of parameters, as BIC counts them: m of a mean, and a notch's place, were sought too."""
+        """Return the number of parameters for BIC, with the searched ones (a mean's m, a notch's place)."""
         return sum(map(free_of, self.codes)) + sum(kind.row().sought for kind in self.kinds)
 
     @property
     def kinds(self) -> tuple[type[Part], ...]:
-        """The kinds of the parts."""
+        """Return the kinds of the parts."""
         return tuple(map(kind_of, self.codes))
 
     def words(self) -> Iterator[tuple[int, int]]:
-        """Yield the number of each part, and the place of its first coordinate."""
+        """Yield the number of each part, and the index of its first transformed parameter."""
         at = 0
         for code in self.codes:
             yield code, at
             at += free_of(code)
 
     def parts(self, h: float) -> tuple[Part, ...]:
-        """Return the parts in their units."""
+        """Return the parts with their parameters in physical units."""
         return tuple(part_of(code, self.eta[at : at + free_of(code)], h) for code, at in self.words())
 
     def spectrum(self, lam: Array, h: float) -> Array:
-        """Return the spectrum at λ > 0, (len(lam),)."""
+        """Return the power spectrum at λ > 0 [rad a sample], (len(lam),)."""
         return spectrum_of(self.codes, self.eta, lam, h)
 
     def without(self, kind: type[Part]) -> "Sentence":
-        """Return it without the parts of a kind, all else being as it was; its -log L is that with them."""
+        """Return the model without its parts of `kind`; nothing is fitted again, so `nll` stays as it was."""
         words = [(code, at) for code, at in self.words() if kind_of(code) is not kind]
         eta = [self.eta[at + k] for code, at in words for k in range(free_of(code))]
         return Sentence(tuple(code for code, _ in words), tuple(eta), self.nll)
 
     def place(self, *kinds: type[Part]) -> int | None:
-        """Return where the coordinates of the first part of these kinds begin."""
+        """Return the index of the first transformed parameter of the first part of these kinds."""
         return next((at for code, at in self.words() if kind_of(code) in kinds), None)
 
 
 class Fits:
-    """What a later look at the same axis begins at, without the data.
+    """Results from which a later fit of the same axis begins; they hold none of the data.
 
-    raw: of the sentences. elsewhere: fits of the reported order that belong to its interval, near or far;
-    None: not looked for yet. ends: how the fit at an end of a coordinate's interval differs from the
-    best, by codes, place and side. beside: fits with one more part for the interval of N, by their codes.
+    `raw`: the fitted models. `elsewhere`: fits of the reported order within its interval, near the maximum or
+    far from it; None: not searched for yet. `ends`: difference between the fit at an end of a parameter's
+    interval and the best fit, by the model's part codes, the parameter's index and the side. `beside`: fits
+    with one more part, for the interval of N, by their part codes.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -110,12 +114,17 @@ class Fits:
 
 
 class CandidateModels:
-    """The sentences fitted to one series. Of `samples`: the length of the record, for what a walk leaks.
+    """The noise models fitted to one series; `samples`: length of the record, which sets what a walk leaks.
 
-    white; null and missing: the null test's alternatives, an order up to 1 in white noise, and white noise
-    through a high-pass of one pole; plain: the best by BIC without an order; rich: the same at a lower price;
-    pure: the best with an order and without relaxations or walks; ordered: the best with an order. pure and
-    ordered are None where nothing looks like an order.
+    Attributes:
+        white: white noise alone.
+        null: an order up to 1 in white noise, the first alternative of the null test.
+        missing: white noise through a high-pass of one pole, the second alternative of the null test.
+        plain: the best model by BIC without an order.
+        rich: the best model without an order at a price lower than BIC's.
+        pure: the best model with an order and without relaxations or random walks, or None without any sign
+            of an order.
+        ordered: the best model with an order, or None without any sign of an order.
 
     Raises:
         ValueError: no spectrum can be fitted to the data.
@@ -133,9 +142,9 @@ class CandidateModels:
 
     @cached_property
     def order(self) -> Sentence | None:
-        """The sentence whose order is reported: of the best with one, without the limits of the search.
+        """Return the model whose order is reported: the best one with an order, fitted without search limits.
 
-        ARFIMA has no f, and is reported only where it is ahead of white noise and the state.
+        ARFIMA has no f. It is reported only where it is ahead of the fractional state in white noise.
         """
         if self.ordered is None:
             return None
@@ -147,9 +156,10 @@ class CandidateModels:
         return found
 
     def _starts(self, found: Sentence) -> Iterator[Sentence]:
-        """Yield the fit of an order, and those that are reached from where it has no white noise, if it has.
+        """Yield the fit of an order, and fits that start from the same model with its white noise removed.
 
-        An order in white noise and another one without have the same spectrum, very nearly.
+        A second start helps because an order with white noise and another order without it can have nearly
+        the same spectrum.
         """
         yield found
         at = found.place(Order)
@@ -165,30 +175,30 @@ class CandidateModels:
 
     @property
     def ratio_white(self) -> float:
-        """2 log L of the better of the null test's alternatives above white noise."""
+        """Return 2 log L of the better of the null test's two alternatives above that of white noise."""
         return max(2 * (self.white.nll - min(self.null.nll, self.missing.nll)), 0.0)
 
     def gain(self, one: Sentence) -> float:
-        """Return 2 log L above that of white noise."""
+        """Return 2 log L of model `one` above that of white noise."""
         return 2 * (self.white.nll - one.nll)
 
     def bic(self, one: Sentence) -> float:
-        """Return BIC above that of white noise: the lower, the better."""
+        """Return BIC of model `one` minus that of white noise: the lower, the better."""
         return math.log(self.ordinates) * (one.parameters - 1) - self.gain(one)
 
     @cached_property
     def lead(self) -> float:
-        """By how much the best with an order is ahead of the best without one, after BIC's price."""
+        """Return the lead in 2 log L of the best model with an order over the best without, by BIC."""
         return -math.inf if self.ordered is None else self.bic(self.plain) - self.bic(self.ordered)
 
     @cached_property
     def lead_over_rich(self) -> float:
-        """By how much its 2 log L is ahead of the sentence at the lower price."""
+        """Return the lead in 2 log L of the best model with an order over `rich`."""
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)
 
 
 def native(data: Binned, h: float, samples: int) -> _native.Sentences:
-    """Return the native fits of the one series of `data`; arguments as of `CandidateModels`.
+    """Return the native fits of the single series in `data`; the arguments are those of `CandidateModels`.
 
     Raises:
         ValueError: no spectrum can be fitted to the data.
@@ -200,10 +210,11 @@ def native(data: Binned, h: float, samples: int) -> _native.Sentences:
 
 
 def windows(lam: Array, samples: int) -> Array:
-    """Return the mean square of the frequencies that a line sees around its own, (bins,), by Hann's window.
+    """Return the mean square [rad²] of the frequency distance that Hann's window averages over, (bins,).
 
-    That of a block of m samples is (2π / m)² / 3. A twelfth of (2π / m)² is left out, since lines are taken
-    to fill the space between them. What is below the octaves of a record of so many samples is of no blocks.
+    For a block of m samples it is (2π / m)² / 3. A twelfth of (2π / m)² is subtracted, since each spectral
+    line is taken to fill the space to its neighbours. Bins below the octaves of a record of `samples` samples
+    do not come from blocks, so that their value is 0.
     """
     level = np.maximum(np.ceil(np.log2(JOIN / 2 / lam)), 0.0)
     depth = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
@@ -212,19 +223,19 @@ def windows(lam: Array, samples: int) -> Array:
 
 
 def walk_column(lam: Array, samples: int) -> Array:
-    """Return what a random walk with steps of variance 1 has in bins of a record of so many samples."""
+    """Return the power of a random walk with steps of variance 1 in each bin of such a record."""
     leak = np.where(leaking(lam, samples), LEAK_OF_CUBIC, 0.0)
     return np.asarray((1 + leak) / (4 * np.sin(lam / 2) ** 2))
 
 
 def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
-    """Return which bins of a record of so many samples are of its lowest octave, into which a walk leaks."""
+    """Return which bins belong to the lowest octave of the record, into which a random walk leaks."""
     level = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
     return np.asarray(lam < JOIN / 2**level if level else np.ones(len(lam), dtype=np.bool_))
 
 
 def order_in_white(fits: _native.Sentences) -> Sentence:
-    """Return white noise and the best order up to 2, which is what a board fits."""
+    """Return the best model of white noise and an order up to 2, which is the model that a board fits."""
     codes = [CODES.index(White), CODES.index(Order)]
     white, alpha, logit, s2 = fits.null_test([])[2][:4]
     starts = [[white, start, logit, s2] for start in (alpha, *ABOVE_ONE)]
@@ -233,7 +244,7 @@ def order_in_white(fits: _native.Sentences) -> Sentence:
 
 
 def order_of(one: Sentence | None) -> float | None:
-    """Return α, or d of ARFIMA; None without one, or at a limit, where it stands for what is beyond."""
+    """Return α, or d of ARFIMA; None without an order, and at a limit, beyond which α may lie."""
     at = one.place(Order, Arfima) if one is not None else None
     if one is None or at is None:
         return None

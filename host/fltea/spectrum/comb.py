@@ -1,13 +1,13 @@
-"""A comb in a periodogram: lines at all multiples of one frequency, with a known rate of false alarms (pure).
+"""Find a comb in a periodogram: lines at all multiples of one frequency, with a known rate of false alarms.
 
-Something that happens again and again at equal intervals, such as a glitch each second, has its power in
-many lines, each too weak to be seen. They are found together. Candidates for the period are the lags at
-which the autocorrelation of the whitened record is highest, and those at which the strongest single lines
-are all multiples of one frequency. Each candidate is judged by the ordinates at its multiples, the teeth:
-over the mean of m neighbours an ordinate of noise has the ratio r with the probability (1 + r/m)^-m, so that
-the sum of m log(1 + r/m) over H teeth has a gamma distribution of shape H. Single strong lines count for
-little, since each term is limited. The rate of false alarms is shared out among all fundamental frequencies
-that could have been found (Bonferroni).
+An event that repeats at equal intervals, such as a glitch each second, has its power in many lines, each too
+weak to be seen alone. The lines are found together. Candidates for the period come from two sources: the lags
+at which the autocorrelation of the whitened record is highest, and the periods for which the strongest single
+lines are all multiples of one frequency. Each candidate is tested by the ordinates at its multiples, the
+teeth. In noise, the ratio of an ordinate to the mean of m neighbours exceeds r with the probability (1 +
+r/m)^-m, so that the sum of m log(1 + r/m) over H teeth has a gamma distribution of shape H. Each term is
+limited, so that a few strong lines alone do not make a comb. The rate of false alarms is divided by the
+number of fundamental frequencies that could have been found (Bonferroni).
 """
 
 import functools
@@ -70,7 +70,7 @@ PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
 
 
 class Comb(NamedTuple):
-    """A comb: what happens again and again at equal intervals."""
+    """A comb: the lines of an event that repeats at equal intervals."""
 
     period: float
     """In samples."""
@@ -81,7 +81,7 @@ class Comb(NamedTuple):
 
 
 class _Ordinates:
-    """All ordinates of a record, with sums by which the mean of any stretch is known."""
+    """All ordinates of a record, with running sums that give the mean of any range of ordinates."""
 
     def __init__(self, p: Periodogram) -> None:
         place = np.rint(p.lam * (p.n / (2 * np.pi))).astype(np.intp)
@@ -95,9 +95,9 @@ class _Ordinates:
         self.first = int(place[0])
 
     def terms(self, fundamental: Array, teeth: int) -> Array:
-        """Return what each tooth says (f, teeth) for fundamental frequencies (f,) in ordinates.
+        """Return the evidence of each tooth, (f, teeth), for the fundamental frequencies (f,), in ordinates.
 
-        A tooth that is not in use, or has too few neighbours, says nothing: 0.
+        The evidence is 0 for a tooth that is not in use or has too few neighbours.
         """
         at = np.rint(np.outer(fundamental, np.arange(1, teeth + 1))).astype(np.intp)
         flank = max(2, min(WIDEST_FLANK, int(fundamental.min() / 2) - GUARD))
@@ -113,7 +113,7 @@ class _Ordinates:
         return np.asarray(found)
 
     def heights(self, fundamental: float, teeth: int) -> Array:
-        """Return the ratios of the teeth to what is around them, (teeth,)."""
+        """Return the ratios of the teeth to the mean of the ordinates around them, (teeth,)."""
         e = self.terms(np.array([fundamental]), teeth)[0]
         many = 2 * max(2, min(WIDEST_FLANK, int(fundamental / 2) - GUARD))
         return np.asarray(many * np.expm1(e / many))
@@ -122,9 +122,10 @@ class _Ordinates:
 def find_comb(
     p: Periodogram, lines_hz: Sequence[float] = (), false_alarm: float = FALSE_ALARM
 ) -> Comb | None:
-    """Return the comb of one series, or None without any.
+    """Return the comb of one series, or None without one.
 
-    lines_hz: the frequencies of lines that were found, which may belong to one.
+    `lines_hz`: frequencies of lines that were found already and may belong to a comb. `false_alarm`:
+    probability of finding a comb in noise.
     """
     candidates = _lags(p) if not lines_hz else _periods_of(lines_hz, p)
     if not candidates:
@@ -143,7 +144,8 @@ def find_comb(
     best = max((evidence for evidence, _, _ in found), default=0.0)
     if best < needed:
         return None
-    # What returns after a second returns after two; half of its period has half of its teeth and evidence.
+    # An event that repeats each second also repeats each 2 s, so that both periods have evidence: take the
+    # shortest period. Half of the true period has only half of the evidence.
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
     )
@@ -153,10 +155,10 @@ def find_comb(
 
 
 def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
-    """Return how often something happens in a period that was found.
+    """Return how often the event happens within the period that was found.
 
-    What happens each 103.7 samples, at the nearest sample, comes again exactly after ten times that, but
-    nearly all power of the lowest lines is in multiples of the true frequency.
+    An event each 103.7 samples, rounded to the nearest sample, repeats exactly only after ten times that
+    period. Nearly all power of the lowest lines is still in multiples of the true frequency.
     """
     for times in range(MOST_SOONER, 1, -1):
         heights = ordinates.heights(fundamental, FIRST_TEETH * times)
@@ -168,7 +170,7 @@ def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
 
 
 def _lags(p: Periodogram) -> tuple[float, ...]:
-    """Return the lag, in samples, at which the whitened record is most like itself, if it is at all."""
+    """Return the lags [samples] of high autocorrelation of the whitened record; none if all is low."""
     longest = p.n // FEWEST_PERIODS
     if longest <= SHORTEST_PERIOD + max(WIDTHS):
         return ()
@@ -176,7 +178,7 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
     np.minimum(ratio, max(LEAST_LIMIT, LIMIT_SHARE * math.sqrt(len(ratio))), out=ratio)
     ratio -= ratio.mean()
     first, last = np.rint(p.lam[[0, -1]] * (p.n / (2 * np.pi))).astype(np.intp).tolist()
-    # No longer lags than those of means of a few ordinates are asked for.
+    # Sums of TOGETHER neighbouring ordinates are enough for lags up to `longest`.
     size = -(-p.n // TOGETHER)
     whole = np.zeros((size // 2 + 1) * TOGETHER)
     if last - first + 1 == len(ratio):
@@ -191,7 +193,7 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
         values = np.convolve(likeness, np.ones(width), "valid") if width > 1 else likeness
         top = int(values.argmax())
         if values[top] > _stands_out(len(values)) * scale * math.sqrt(width):
-            # The record is as much like itself at all multiples of the period: the first counts.
+            # The autocorrelation is equally high at all multiples of the period: take the first.
             first = int((values > FIRST_SHARE * values[top]).argmax())
             first += int(values[first : first + width].argmax())
             at = SHORTEST_PERIOD - 1 + width // 2
@@ -201,12 +203,12 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
 
 @functools.cache
 def _stands_out(lags: int) -> float:
-    """Return the deviate that one of so many lags of noise exceeds with the probability LOOKED_AT."""
+    """Return the normal deviate that one of `lags` lags of noise exceeds with the probability LOOKED_AT."""
     return NormalDist().inv_cdf(1 - LOOKED_AT / (len(WIDTHS) * lags))
 
 
 def _level(p: Periodogram) -> Array:
-    """Return what is around each ordinate (m,), without what stands out."""
+    """Return the level around each ordinate (m,), from which outstanding ordinates are left out."""
     starts = bin_starts(p.lam, p.n)
     count = np.diff(np.append(starts, len(p.lam)))
     means = np.add.reduceat(p.power, starts) / count
@@ -217,7 +219,7 @@ def _level(p: Periodogram) -> Array:
 
 
 def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
-    """Return periods, in samples, of which most of the lines are multiples."""
+    """Return periods, in samples, for which most of the lines are multiples of one frequency."""
     if len(lines_hz) < FEWEST_TEETH:
         return ()
     lines = np.array(lines_hz) * (p.n * p.h)
@@ -228,7 +230,7 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
             if fundamental < FEWEST_PERIODS:
                 break
             number = np.rint(lines / fundamental)
-            # An ordinate is the resolution, and the error of the fundamental grows with the multiple.
+            # The tolerance is about one ordinate, and the fundamental's error grows with the multiple.
             off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
             found.append((int((off & (number > 0)).sum()), fundamental))
     most = max((count for count, _ in found), default=0)
@@ -239,9 +241,9 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
 
 
 def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float, float, int] | None:
-    """Return evidence, fundamental frequency in ordinates and teeth of the best period near to one.
+    """Return evidence, fundamental frequency (in ordinates) and number of teeth of the best nearby period.
 
-    period, within: in samples; the evidence is minus the logarithm of a bound of the probability.
+    `period`, `within`: in samples. The evidence is minus the logarithm of an upper bound of the probability.
     """
     n = ordinates.n
     most = int((ordinates.count - GUARD - 1) / (n / period))
@@ -266,6 +268,6 @@ def _judged(ordinates: _Ordinates, period: float, within: float) -> tuple[float,
 
 
 def _evidence(sums: Array, teeth: NDArray[np.intp]) -> Array:
-    """Return minus the logarithm of Chernoff's bound of a gamma variable of shape `teeth` above sums."""
+    """Return minus the logarithm of Chernoff's bound on P(gamma variable of shape `teeth` > `sums`)."""
     above = np.maximum(sums / teeth, 1.0)
     return np.asarray(teeth * (above - 1 - np.log(above)))

@@ -1,4 +1,4 @@
-"""What is said of something that happens at equal intervals (pure)."""
+"""Words for an event that repeats at equal intervals."""
 
 from fltea.spectrum.spectral_lines import Repeats
 
@@ -16,12 +16,12 @@ NEXT_MAINS = (
 
 
 def happens(found: Repeats, share: float) -> str:
-    """Return the beginning of a sentence on what happens and how often; share: of all power."""
+    """Return the beginning of a sentence on what repeats and how often; `share`: its share of all power."""
     return f"Something happens every {every(found.period_s)}: {_looks(found, share)}"
 
 
 def what(found: Repeats, share: float) -> str:
-    """Return the same as a part of a sentence."""
+    """Return what repeats and how often, as a part of a sentence; `share`: its share of all power."""
     return f"something that happens every {every(found.period_s)} ({_looks(found, share)})"
 
 
@@ -38,6 +38,6 @@ def every(seconds: float) -> str:
 
 
 def next_step(found: Repeats) -> str:
-    """Return what to do about it."""
+    """Return what the user can do about the event."""
     mains = any(abs(found.period_s * hz - 1) < SAME_FREQUENCY for hz in MAINS_HZ)
     return NEXT_MAINS if mains else NEXT

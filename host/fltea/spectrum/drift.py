@@ -1,4 +1,4 @@
-"""Drift: power below the lowest frequency of which a record has some periods; it is not fitted (pure)."""
+"""Drift: the power below the lowest frequency at which a record has several periods; it is not fitted."""
 
 from collections.abc import Callable
 
@@ -22,7 +22,7 @@ FALSE_ALARM = 1e-4
 
 
 class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Power below the frequencies that are fitted."""
+    """The power below the fitted frequencies."""
 
     below_hz: float
     ratio: float = 1.0
@@ -35,15 +35,15 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Probability of so much."""
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
-        """Return whether it is more than the model explains, and enough to matter."""
+        """Return whether there is more slow power than the model explains, and enough of it to matter."""
         of_offset = self.offset >= LEAST_OFFSET and self.offset_p < false_alarm
         return of_offset or (self.ratio >= LEAST_RATIO and self.p < false_alarm)
 
 
 def drift_hz(duration_s: float, samples: int) -> float:
-    """Return the frequency below which there is drift in a record of this length.
+    """Return the frequency [Hz] below which power counts as drift in a record of `duration_s`.
 
-    Of very few samples all that can be fitted is.
+    In a record of very few samples every frequency that can be fitted is fitted.
     """
     enough = samples >= 2 * (FEWEST + PERIODS + 1)
     return (PERIODS if enough else LOWEST) / duration_s
@@ -52,14 +52,14 @@ def drift_hz(duration_s: float, samples: int) -> float:
 def slow_power(
     below_hz: float, slow: Periodogram | None, model: Callable[[Array], Array], h: float, cubic: Drift | None
 ) -> SlowPower:
-    """Compare what is slow with the model of what is not.
+    """Compare the slow power with what the model of the faster noise predicts for the slow frequencies.
 
-    slow: the ordinates below below_hz, if there are any. model: λ to its spectrum. cubic: what was taken out
-    of all ordinates. h in s.
+    `slow`: the ordinates below `below_hz`, or None. `model`: returns the power spectrum at λ. `cubic`: the
+    cubic drift that was subtracted before all ordinates were computed, or None. `h`: sampling period [s].
     """
     offset, offset_p = 0.0, 1.0
     if cubic is not None:
-        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # many samples have a cubic only
+        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # long records have only a cubic
         offset = cubic.power / float(model(np.array([wave]))[0])
         offset_p = chi2_tail(offset * cubic.amplitudes, cubic.amplitudes)
     if slow is None:

@@ -1,9 +1,10 @@
-"""The rate at which a record drifts: its straight line, and how far noise alone tilts one (pure).
+"""Drift rate of a record: the slope of its straight line, and its uncertainty from the noise.
 
-The line is that of least squares. The variance of its slope is the integral of the noise's spectrum over the
-response of the slope, 36/T² j1(x)² with x half a record's angle. A random walk tilts a line far more than
-white noise, and a Gauss–Markov part tilts that of a short record too. Where it is open how the offset walks,
-there are several such variances, each with a probability.
+The line is the least-squares fit. The variance of its slope is the integral of the noise's spectrum times the
+response of the slope, 36/T² j1(x)², where x is half the phase that the frequency turns in the record. A
+random walk tilts a line far more than white noise does, and in a short record a Gauss–Markov part does so
+too. Where the kind of random walk is not certain, several such variances are combined, each with a
+probability.
 """
 
 import math
@@ -26,15 +27,16 @@ NEAR = 1e-4
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:
-    """Return the slope of y (n,) in its unit a second, with the 95 % interval.
+    """Return the slope of `y` (n,), in its unit per second, with the 95 % interval.
 
-    spectrum: of the noise, at λ in rad a sample, normalised like `periodogram`. h: sampling period in s.
+    `spectrum`: the noise's power spectrum at λ [rad a sample], normalised as in `periodogram`. `h`: sampling
+    period [s].
     """
     return around(slope(y, h), [slope_variance(len(y), h, spectrum)], [1.0])
 
 
 def slope(y: Array, h: float) -> float:
-    """Return the slope of the straight line through y (n,), in its unit a second."""
+    """Return the slope of the least-squares line through `y` (n,), in its unit per second."""
     n = len(y)
     total, mean = 0.0, float(y.mean())
     for begin in range(0, n, AT_ONCE):
@@ -44,9 +46,9 @@ def slope(y: Array, h: float) -> float:
 
 
 def around(value: float, variances: Sequence[float], weights: Sequence[float]) -> Interval:
-    """Return the 95 % interval of a value whose error has one of these variances.
+    """Return the 95 % interval of a value whose error has one of `variances`.
 
-    weights: how likely each is; their sum is 1.
+    `weights`: the probability of each variance; their sum is 1.
     """
     normal = NormalDist()
     stds = [math.sqrt(variance) for variance in variances]
@@ -61,7 +63,7 @@ def around(value: float, variances: Sequence[float], weights: Sequence[float]) -
 
 
 def slope_variance(n: int, h: float, spectrum: Callable[[Array], Array]) -> float:
-    """Return the variance of the slope of n samples of noise, in the square of the unit a second."""
+    """Return the variance of the slope of n samples of noise, in the square of the unit per second."""
     highest = n * np.pi / 2
     x = np.linspace(0, min(WAVES_TO, highest), FINE + 1)[1:] - min(WAVES_TO, highest) / FINE / 2
     response = (np.sin(x) / x**2 - np.cos(x) / x) ** 2

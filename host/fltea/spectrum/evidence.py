@@ -1,4 +1,4 @@
-"""What a verdict on one axis is drawn from."""
+"""The figures from which the verdict on one axis is drawn."""
 
 import math
 from typing import NamedTuple
@@ -54,30 +54,33 @@ class Evidence(NamedTuple):
     """The median filter that the samples have been through, if that was seen in them."""
 
     def residual_ks(self, sentence: Sentence) -> float:
-        """Return the distance of the cumulative periodogram over a sentence from a line (`residuals`)."""
+        """Return the Kolmogorov–Smirnov distance of the periodogram over the model (`residuals`)."""
         p = self.clean
         ratio = np.empty_like(p.lam)
-        for begin in range(0, len(ratio), AT_ONCE):  # which takes less memory
+        for begin in range(0, len(ratio), AT_ONCE):  # in pieces, which takes less memory
             part = slice(begin, begin + AT_ONCE)
             ratio[part] = p.power[part] / sentence.spectrum(p.lam[part], p.h)
         return farthest(ratio, p.weight)
 
     @property
     def drifts(self) -> bool:
-        """Whether there is more below the lowest frequency than the sentences explain."""
+        """Whether there is more power below the lowest frequency than the models explain."""
         return self.slow.is_drift(FALSE_ALARM * self.level / LEVEL)
 
     @property
     def odds(self) -> float | None:
-        """The odds that coloured noise has an order; None: no model that was fitted has one."""
+        """The odds that coloured noise has an order; None if no fitted model has an order."""
         return odds_of(self.candidates)
 
     @property
     def apart(self) -> float:
-        """The difference in 2 log L from which on two sentences differ, at the level of this look."""
+        """The difference in 2 log L from which on two models count as different at this refit."""
         return apart(self.level)
 
 
 def apart(level: float) -> float:
-    """Return the same: at more than one look 2 log L has to gain more, if a claim shall hold for all."""
+    """Return the difference in 2 log L from which on two models count as different.
+
+    It grows with the number of refits (a lower `level`), so that a claim holds for all refits together.
+    """
     return APART - 2 * math.log(level / LEVEL)

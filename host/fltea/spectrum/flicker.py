@@ -1,9 +1,9 @@
 """White noise, 1/f noise and a random walk fitted to the slow part of a spectrum (pure).
 
-These are the three terms of IEEE 952's noise model that a curve of Allan deviations is read for. As spectra
-they are linear in their amplitudes, so that a fit costs less than a millisecond. It uses every frequency at
-which 1/f noise stands out of white noise, and so knows the amplitude B long before the Allan deviation is
-flat over averaging times at which it is known well.
+These are the three terms of IEEE 952's noise model that one reads from a curve of Allan deviations. Their
+spectra are linear in their amplitudes, so that a fit costs less than a millisecond. The fit uses every
+frequency at which the 1/f noise stands out of the white noise. It therefore knows the amplitude B long before
+the Allan deviation shows a flat stretch with small errors.
 """
 
 import math
@@ -34,7 +34,7 @@ WIDEST = 100.0
 
 
 class Flicker(NamedTuple):
-    """The three terms fitted to one spectrum; 2 log L of each gain is above the fit without that term."""
+    """The three terms fitted to one spectrum; each gain is in 2 log L over the fit without that term."""
 
     B: Interval
     """The amplitude of the 1/f noise, in the unit of the samples; all null if it gains too little.
@@ -67,9 +67,9 @@ class _Data(NamedTuple):
 
 
 def flicker(f: CandidateModels, stands: Sentence) -> Flicker | None:
-    """Return the fit of the three terms to the slow part of the spectrum of `f`; None if that is too short.
+    """Return the fit of the three terms to the slow part of the spectrum of `f`; None if it is too short.
 
-    stands: the model that stands for the noise.
+    `stands`: the model that stands for the noise.
     """
     lam = np.asarray(f.data.lam, dtype=np.float64)
     keep = lam < 2 * math.pi * SLOW
@@ -98,7 +98,7 @@ def flicker(f: CandidateModels, stands: Sentence) -> Flicker | None:
 
 
 def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, float]:
-    """Return logarithms of the amplitudes, and -log L, by damped Fisher scoring; fixed: further power."""
+    """Return logarithms of the amplitudes, and -log L, by damped Fisher scoring; `fixed`: constant power."""
     x, least = start.copy(), start + math.log(LEAST)
     nll, damping = data.nll(x, fixed), DAMPING
     for _ in range(ROUNDS):
@@ -123,10 +123,10 @@ def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, 
 
 
 def _end(data: _Data, best: Array, nll: float, side: int) -> float:
-    """Return an end of the 95 % interval of B by its profile, with the other terms free.
+    """Return an end of the 95 % interval of B by its profile likelihood, with the other terms free.
 
-    best, nll: of the fit, where the 1/f noise is the second term. side: -1 for the lower end, 1 for the
-    upper one.
+    `best`, `nll`: amplitudes and -log L of the fit, in which the 1/f noise is the second term. `side`: -1 for
+    the lower end, 1 for the upper one.
     """
     terms = [term for term in range(len(best)) if term != 1]
     others, free = data.only(terms), best[terms]
@@ -139,7 +139,7 @@ def _end(data: _Data, best: Array, nll: float, side: int) -> float:
         if abs(deviance - CRITICAL) < NEAR:
             break
         near, far = (step, far) if deviance < CRITICAL else (near, step)
-        # The deviance grows about as the square of the distance.
+        # The deviance (loss of 2 log L) grows about as the square of the distance from the best value.
         guess = step * math.sqrt(CRITICAL / max(deviance, 1e-3))
         step = guess if near < guess < far else (near + far) / 2
     return math.exp((best[1] + side * step) / 2)

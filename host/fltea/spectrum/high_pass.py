@@ -1,9 +1,9 @@
-"""What a sentence with a high-pass says, and what is but the shape of the filter (pure).
+"""What a model with a high-pass says about the noise, and what is only the shape of the filter.
 
-A filter that subtracts a running mean, the mean of each block, or what it has learned at rest, has not quite
-the spectrum of the high-pass that is fitted. Its density may swing beyond the corner, as that of a running
-mean does, by 1.48 at most. And the ends of a record leak into the frequencies that the filter stops: the
-samples of each end lack their neighbours, with which they would cancel.
+A filter that subtracts a running mean, the mean of each block, or an offset estimated at rest does not have
+exactly the spectrum of the fitted high-pass. Its density may swing above the corner, as that of a running
+mean does, by a factor of 1.48 at most. In addition, the ends of a record leak into the frequencies that the
+filter stops: samples at each end lack neighbours that would cancel them.
 """
 
 import math
@@ -27,7 +27,7 @@ LEAKS_AT_MOST = 15.0
 
 
 class HighPassed(NamedTuple):
-    """What is left of the parts of a sentence behind a high-pass."""
+    """The parts of a model with a high-pass that are real noise and not the shape of the filter."""
 
     high_pass: HighPass
     parts: tuple[Part, ...]
@@ -35,19 +35,19 @@ class HighPassed(NamedTuple):
 
     @property
     def is_all(self) -> bool:
-        """Whether nothing but white noise is left."""
+        """Whether no part but white noise remains."""
         return all(isinstance(part, White | Floor) for part in self.parts)
 
     @property
     def told(self) -> tuple[Part, ...]:
-        """What is told of the sentence: what is left, and the filter."""
+        """The parts to report: the remaining parts, and the filter."""
         return *self.parts, self.high_pass
 
 
 def high_passed(
     f: CandidateModels, sentence: Sentence, parts: Sequence[Part], from_hz: float
 ) -> HighPassed | None:
-    """Return what is left of `parts`, which are of the sentence; None without a high-pass."""
+    """Return which of `parts` (of the model `sentence`) remain; None without a high-pass."""
     high_pass = high_pass_of(parts)
     if high_pass is None:
         return None
@@ -57,7 +57,7 @@ def high_passed(
 
 
 def stands_for_shape(f: CandidateModels, sentence: Sentence, from_hz: float) -> bool:
-    """Return whether all that a sentence has beside a high-pass may be but the shape of another filter."""
+    """Return whether all parts beside the high-pass may be only the shape of a different filter."""
     high_pass = high_pass_of(sentence.parts(f.h))
     return high_pass is not None and _crest(f, sentence, high_pass, from_hz) < SWINGS
 
@@ -65,8 +65,8 @@ def stands_for_shape(f: CandidateModels, sentence: Sentence, from_hz: float) -> 
 def end_leak(f: CandidateModels, sentence: Sentence) -> float:
     """Return the mean density that leaks from the ends of the record into the lowest frequencies.
 
-    Without a high-pass it is 0: it counts only where a filter has left nothing. The octaves above the lowest
-    have windows, so that nothing leaks into them.
+    It is 0 without a high-pass, since the leak matters only where a filter has removed everything else. The
+    octaves above the lowest one have windows, so that nothing leaks into them.
     """
     parts = sentence.parts(f.h)
     if high_pass_of(parts) is None or not f.samples:
@@ -74,7 +74,7 @@ def end_leak(f: CandidateModels, sentence: Sentence) -> float:
     lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
     floor = sum(part.R for part in parts if isinstance(part, Floor))
     density = np.maximum(sentence.spectrum(lam, f.h) - floor, 0.0)
-    # The lobes of an end at λ are 1 / (2 sin²(λ/2)) / n, in the mean.
+    # The mean leak of an end at λ is 1 / (2 sin²(λ/2)) / n.
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 

@@ -1,7 +1,7 @@
-"""How much longer a sensor has to be looked at until its order is known well enough (pure).
+"""How much longer a sensor has to be observed until its order is known well enough.
 
-How long it takes to tell whether there is an order at all is not forecast: of 79 such forecasts, by the odds
-that longer records of the fitted models should have, 44 were right within a factor of two
+The time until it is clear whether there is an order at all is not forecast. Of 79 such forecasts, which used
+the expected odds of longer records of the fitted models, 44 were right within a factor of two
 (host/docs/evaluation/odds.md).
 """
 
@@ -13,10 +13,11 @@ from fltea.spectrum.intervals import order_deviation
 def seconds_more(
     f: CandidateModels, sentence: Sentence, target: float, longest_s: float | None = None
 ) -> float | None:
-    """Return seconds of samples until the 95 % interval of α is ± target, if the noise stays as it is.
+    """Return how many more seconds of samples bring the 95 % interval of α to ± `target`.
 
-    sentence: of `f`, with an order. longest_s: of samples that are not forgotten; None: none are. 0 if it is
-    as narrow; None if that will never be, or cannot be known.
+    The noise is assumed to stay as it is. `sentence`: a model of `f` with an order. `longest_s`: length [s]
+    of the memory of a fit that forgets; None: the fit forgets nothing. The result is 0 if the interval is
+    narrow enough now, and None if it never will be or the time cannot be known.
     """
     deviation = order_deviation(f, sentence)
     if deviation is None:

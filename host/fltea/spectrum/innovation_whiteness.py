@@ -1,6 +1,6 @@
-"""Whether the innovations of a filter are white and as large as it thinks, over a whole record (pure).
+"""Test whether a filter's innovations over a record are white, and as large as the filter expects.
 
-`estimator.bank` has the live form.
+`estimator.bank` has the live version of this test.
 """
 
 import functools
@@ -25,7 +25,7 @@ and 0.12 to 0.15 where α is too small by 0.25 to 0.5; in a day something is sig
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Figures of the innovations: of a right model nis is 1, lag1 0 ± 1/√n and ljung_box_p in 0 … 1."""
+    """Figures of the innovations. For a correct model nis is 1, lag1 is 0 ± 1/√n, ljung_box_p is in 0 … 1."""
 
     samples: int
     nis: float
@@ -38,7 +38,7 @@ class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class InnovationSums:
-    """Takes innovations block by block; memory does not grow."""
+    """Sums over innovations, which come block by block; the memory in use does not grow."""
 
     def __init__(self) -> None:
         self._samples = 0
@@ -47,7 +47,7 @@ class InnovationSums:
         self._before = np.empty(0)
 
     def add(self, innovation: Array, std: Array) -> None:
-        """Take the next ones, and the filter's deviations of them, both (n,); some may not be finite."""
+        """Add innovations and the filter's standard deviations of them, both (n,); some may not be finite."""
         good = np.isfinite(innovation) & np.isfinite(std) & (std > 0)
         e, s = innovation[good], std[good]
         if not len(e):
@@ -63,7 +63,7 @@ class InnovationSums:
         self._before = both[-LAGS:]
 
     def result(self) -> Innovations | None:
-        """Return the test of all of them; None for fewer than 100."""
+        """Return the test of all innovations so far; None for fewer than 100."""
         n = self._samples
         if n < FEWEST or not self._squares > 0:
             return None
@@ -73,7 +73,7 @@ class InnovationSums:
 
 
 def innovations(innovation: Array, std: Array) -> Innovations | None:
-    """Test innovations and the filter's deviations of them, both (n,); None for fewer than 100 in all."""
+    """Test innovations and the filter's standard deviations of them, both (n,); None for fewer than 100."""
     sums = InnovationSums()
     sums.add(innovation, std)
     return sums.result()
@@ -82,12 +82,15 @@ def innovations(innovation: Array, std: Array) -> Innovations | None:
 def describes_order(
     white: bool | None, alpha: float, alpha_std: float, order: Interval | None
 ) -> bool | None:
-    """Tell whether the order that a filter has found, and its own deviation of it, describe the noise.
+    """Tell whether a filter's order, and the filter's own deviation of the order, describe the noise.
 
-    White innovations are not enough: of white noise, and of white noise with a drift, any order up to 1 has
-    them. The noise has to have an order by the likelihood of all of it, and the filter's has to be there.
-    white: whether the innovations are. order: the fit's, without an end where there is none; None while
-    nobody knows; then, and without an estimate, it is None too unless they are not white.
+    White innovations are not enough: on white noise, with or without a drift, a filter with any order up to 1
+    has them. The likelihood of the whole record has to show an order too, and the filter's order has to agree
+    with it.
+
+    `white`: whether the innovations are white. `order`: the interval of the fit's order, without an end where
+    there is none; None while there is no fit. The result is None while `white` or `order` is None, except
+    that it is False once the innovations are not white.
     """
     if not white or order is None or not math.isfinite(alpha):
         return False if white is False else None
@@ -98,14 +101,14 @@ def describes_order(
 
 
 def describes(samples: int, ljung_box: float) -> bool:
-    """Tell whether such innovations are about white.
+    """Tell whether innovations with this Ljung–Box statistic are about white.
 
-    Where they are not, neither the filter's α and f nor their deviations say anything of the noise.
+    If they are not, the filter's α and f, and its deviations of them, say nothing about the noise.
     """
     return math.sqrt(ljung_box / samples) <= COLOURED or ljung_box < _coloured()
 
 
 @functools.cache
 def _coloured() -> float:
-    """Return what the statistic of white innovations exceeds with the probability COLOURED_P."""
+    """Return the Ljung–Box statistic that white innovations exceed with the probability COLOURED_P."""
     return float(chi2_quantile(1 - COLOURED_P, [LAGS])[0])

@@ -1,15 +1,15 @@
-"""Intervals of the parameters of a sentence by profile likelihood (pure).
+"""Intervals of the parameters of a noise model by profile likelihood.
 
-A value belongs to the interval if the best fit that has it is at most 3.84 in 2 log L below the best of all
-(95 % of χ² with one degree). Unlike the curvature at the maximum this holds where α and f cannot be told
-apart, where a correlation time is known from below only, and where white noise beneath others is known from
-above only. An end that the profile does not have is None.
+A value belongs to the interval if the best fit with that value is at most 3.84 in 2 log L below the best fit
+of all (95 % of χ² with one degree of freedom). Unlike the curvature at the maximum, this rule holds where the
+data cannot separate α from f, where a correlation time has only a lower bound, and where white noise below
+other noise has only an upper bound. An end is None where the profile has no such end.
 
-R cannot be below 0. Where the best fit that has a value has no white noise, the ratio of likelihoods is not
-χ²: R can only be too large, and then another parameter is too large or too small with it (`AT_BOUND`).
+R cannot be below 0. Where the best fit with a value has no white noise, the likelihood ratio does not follow
+χ²: R can only be too large, and another parameter is then too large or too small along with it (`AT_BOUND`).
 
-An order has a second maximum at times, far from the first. So the likelihood is looked at all over its range,
-too, and what is as good as the interval's ends belongs to it.
+The likelihood of an order sometimes has a second maximum far from the first. So it is searched over the whole
+range of orders, and orders that are as good as the interval's ends belong to the interval.
 """
 
 import math
@@ -73,7 +73,7 @@ class Ends(NamedTuple):
     high: float
 
     def exp(self) -> "Ends":
-        """Return the interval of what has this logarithm; an end at the limit of a variance is 0."""
+        """Return the interval of the exponential; an end at the limit of a variance becomes 0."""
         low = 0.0 if self.low <= self.value - LEAST else math.exp(self.low)
         return Ends(math.exp(self.value), low, math.exp(self.high))
 
@@ -82,11 +82,11 @@ class Ends(NamedTuple):
         return Ends(-self.value, -self.high, -self.low)
 
     def including(self, value: float) -> "Ends":
-        """Return the interval that reaches as far as to this value."""
+        """Return the interval extended so that it includes `value`."""
         return Ends(self.value, min(self.low, value), max(self.high, value))
 
     def with_another(self, other: "Ends") -> "Ends":
-        """Return the interval that reaches as far as both."""
+        """Return the interval that covers both intervals."""
         return Ends(self.value, min(self.low, other.low), max(self.high, other.high))
 
 
@@ -104,7 +104,7 @@ class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The order of a sentence that has one; all are null where the data do not define them.
+    """The order of a model that has one; all values are null where the data do not determine the order.
 
     F = g + α, g = h^α f. Variances are in the square of the unit of y.
     """
@@ -119,7 +119,7 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:
-    """Return the parts of a sentence with their intervals."""
+    """Return the parts of a model with the intervals of their parameters."""
     found = []
     for code, at in sentence.words():
         free = free_of(code)
@@ -151,9 +151,9 @@ def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:
 
 
 def _of_order(f: CandidateModels, sentence: Sentence, code: int, at: int) -> dict[str, Interval]:
-    """Return the parameters of an order, or of ARFIMA, that are no coordinates or have maxima elsewhere.
+    """Return the parameters of an order, or of ARFIMA, that need more than one fit parameter or maximum.
 
-    Of any other part it is nothing.
+    For any other part the result is empty.
     """
     if kind_of(code) not in (Order, Arfima):
         return {}
@@ -166,7 +166,7 @@ def _of_order(f: CandidateModels, sentence: Sentence, code: int, at: int) -> dic
 
 
 def _with_value(found: Interval, value: float) -> Interval:
-    """Return an interval, of which the ends are not known where there is none."""
+    """Return the interval with another `value`; a missing end stays unknown."""
     return found if found.value is not None else Interval(value)
 
 
@@ -179,7 +179,7 @@ def _step(f: CandidateModels, sentence: Sentence, at: int) -> Interval:
 
 
 def _noise(f: CandidateModels, sentence: Sentence, at: int, Q: float) -> Interval:
-    """Return Q of an order."""
+    """Return the noise variance Q of an order."""
     alpha, logit = sentence.eta[at : at + 2]
     by_noise = _other(sentence, at, BY_NOISE, [alpha, logit, math.log(Q)])
     reach = LEAST + 4 * abs(math.log(f.h))
@@ -191,12 +191,12 @@ def _noise(f: CandidateModels, sentence: Sentence, at: int, Q: float) -> Interva
 
 
 def order_fit(f: CandidateModels, sentence: Sentence) -> OrderFit:
-    """Return the order of a sentence that has one, with its intervals."""
+    """Return the order of a model that has one, with its intervals."""
     arfima = sentence.place(Order) is None
     at = sentence.place(Order, Arfima)
     assert at is not None
     here = sentence.eta
-    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # it stands for what is beyond
+    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the order may be any beyond the limit
         return OrderFit()
     if arfima:
         alpha = _interval(f, sentence, at, "alpha", (0.0, 1.0), 0.03)
@@ -222,9 +222,10 @@ def order_fit(f: CandidateModels, sentence: Sentence) -> OrderFit:
 
 
 def _of_maximum(f: CandidateModels, sentence: Sentence, at: int, first: bool = True) -> list[Ends]:
-    """Return α, F, -f, s2 and R with what belongs to their intervals around one maximum.
+    """Return α, F, -f, s2 and R with the parts of their intervals around one maximum.
 
-    first: whether it is that of `sentence.nll`. Else it may be lower, and its ends are not kept.
+    `first`: whether this is the maximum of `sentence.nll`. Another maximum may be lower, and its ends are not
+    stored.
     """
     here, s2_at = sentence.eta, at + 2
 
@@ -245,31 +246,31 @@ def _of_maximum(f: CandidateModels, sentence: Sentence, at: int, first: bool = T
 
 
 def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, ...]:
-    """Return α, F, -f, s2 and R of coordinates."""
+    """Return α, F, -f, s2 and R for transformed parameters `eta`."""
     g = g_of_eta(eta[at : at + 2])
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 
 
 def information_of(f: CandidateModels, sentence: Sentence) -> Array:
-    """Return Fisher's information of a sentence's coordinates, (p, p)."""
+    """Return the Fisher information of a model's transformed parameters, (p, p)."""
     _, rows = slopes(f, sentence.codes, sentence.eta)
     return np.asarray((rows * f.data.counts) @ rows.T)
 
 
 def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
-    """Return a spectrum (bins,) and the slopes of its logarithm by the coordinates, (p, bins)."""
+    """Return a model's spectrum (bins,) and the derivatives of its logarithm by the parameters, (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows
 
 
 def order_deviation(f: CandidateModels, sentence: Sentence) -> float | None:
-    """Return the standard deviation of the order by Fisher's information, no other parameter being known."""
+    """Return the standard deviation of the order by the Fisher information, all other parameters unknown."""
     at = sentence.place(Order, Arfima)
     if at is None:
         return None
     information = information_of(f, sentence)
-    # What is not there is no parameter.
+    # A parameter without information (of a part that is not there) is left out.
     keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
     try:
         variance = float(np.linalg.inv(information[np.ix_(keep, keep)])[keep.index(at), keep.index(at)])
@@ -287,7 +288,10 @@ def _interval(
     step: float = 0.1,
     keep: bool = True,
 ) -> Ends:
-    """Return coordinate i with its interval; an end beyond the limits is the limit. keep: as there."""
+    """Return transformed parameter `i` with its interval; an end beyond `limits` is set to the limit.
+
+    `keep`: as in `interval_end`.
+    """
     bound = AT_BOUND.get(name, CRITICAL)
     ends = [
         interval_end(f, sentence, i, side, limit, step, bound, keep=keep)
@@ -298,9 +302,10 @@ def _interval(
 
 
 def _elsewhere(f: CandidateModels, sentence: Sentence, at: int) -> list[list[float]]:
-    """Return the coordinates of fits with the order held that belong to the interval, wherever they are.
+    """Return the transformed parameters of all fits with a held order that belong to the interval.
 
-    All orders are looked at once for each search; after that those again that made an interval wider.
+    The first call of a search tries all orders in LOOKED_AT. Later calls only repeat those that made an
+    interval wider.
     """
     starts = f.fits.elsewhere
     if starts is None:
@@ -320,7 +325,7 @@ def _elsewhere(f: CandidateModels, sentence: Sentence, at: int) -> list[list[flo
 
 
 def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
-    """Return where the search for an end stops, and its first step."""
+    """Return the limit at which the search for an end stops, and the first step of the search."""
     one = ROWS[code].coordinates[k]
     match one.kind:
         case "rate":
@@ -344,9 +349,10 @@ def interval_end(
     bound: float = CRITICAL,
     keep: bool = True,
 ) -> float | None:
-    """Return an end of coordinate i; None: all values as far as to the limit are in the interval.
+    """Return an end of transformed parameter `i`; None if all values up to `limit` are in the interval.
 
-    bound: in place of CRITICAL where the best fit has no white noise. keep: a later look begins there.
+    `bound`: used in place of CRITICAL where the best fit has no white noise. `keep`: store the end, so that a
+    later refit begins its search there.
     """
     if side * (limit - sentence.eta[i]) <= 0:
         return None
@@ -366,28 +372,33 @@ def _at(code: int, eta: Sequence[float], k: int, end: float, h: float, name: str
 
 
 def _falls(ends: Sequence[float | None], value: float) -> bool:
-    """Return whether the ends are the wrong way round, since the parameter falls as its coordinate rises."""
+    """Return whether the ends are swapped, since the parameter falls as its transformed value rises."""
     low, high = ends
     return (low is not None and low > value) or (high is not None and high < value)
 
 
 def _wider(f: CandidateModels, sentence: Sentence, at: int, value: float, end: float | None) -> float | None:
-    """Return an end of K: what leaks of a walk hangs on one step, and is the same at all frequencies."""
+    """Return an end of K, moved outwards for the power that a random walk leaks.
+
+    The leaked power depends on a single random number and has the same shape at all frequencies, so that it
+    does not average out.
+    """
     if end is None:
         return None
     own = slopes(f, sentence.codes, sentence.eta)[1][at] ** 2 * f.data.counts
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
-    # χ² of one degree has √2 for standard deviation; K goes with the root of the variance.
+    # χ² with one degree of freedom has the standard deviation √2, and K is the root of a variance.
     more = NORMAL_95 * share * math.sqrt(2) * LEAK_OF_CUBIC / (1 + LEAK_OF_CUBIC) / 2
     distance = math.log(end / value)
     return value * math.exp(math.copysign(math.hypot(distance, more), distance))
 
 
 def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Sentence:
-    """Return the same spectrum with the first coordinates of the part at place `at` given by others.
+    """Return the model with other values of the first transformed parameters of the part at index `at`.
 
-    A part without coordinates, as the mean of some samples, may stand at the same place, and stays.
+    The spectrum is the same. A part without such parameters, such as a mean of samples, may have the same
+    index, and stays.
     """
     codes = [code if place == at and free_of(one) else one for one, place in sentence.words()]
     eta = [*sentence.eta[:at], *first, *sentence.eta[at + len(first) :]]
@@ -395,15 +406,15 @@ def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Senten
 
 
 def little_white(f: CandidateModels) -> float:
-    """Return the logarithm of the R of little white noise, from which a fit finds how much there is.
+    """Return log R of a small amount of white noise, from which a fit can find the true amount.
 
-    Where it is as good as none it has no slope, and no fit that begins there would find any.
+    With R near 0 the likelihood has no slope in log R, so that a fit that begins there would not find any.
     """
     return math.log(max(float(np.median(f.data.power[0][-10:])), 1e-300)) - LITTLE
 
 
 def around(f: CandidateModels, here: float) -> tuple[float, float]:
-    """Return where the search for a variance's ends stops; one that is as good as 0 may be of any size."""
+    """Return the limits of the search for a variance's ends; a negligible variance may have any size."""
     return here - LEAST, max(here, f.white.eta[0]) + LEAST
 
 

@@ -1,10 +1,10 @@
-"""Null test: is there anything in the noise beyond white? (pure).
+"""Null test: does the noise contain anything beyond white noise?
 
-The statistic is the likelihood ratio of Whittle fits: white noise against the better of two alternatives. One
-is the fractional state in white noise with α <= 1, which has more power at low frequencies, or at high ones.
-The other is white noise through a high-pass of one pole, which has less at low frequencies. White noise has
-no α, g and s2, and no corner, so the ratio is not chi-squared: its distribution is simulated
-(tools/gen_null_constants.py). It hardly depends on the length of the record.
+The statistic is the likelihood ratio of Whittle fits: white noise against the better of two alternatives. The
+first alternative is the fractional state in white noise with α <= 1, which has more power at low frequencies,
+or at high ones. The second is white noise through a high-pass of one pole, which has less power at low
+frequencies. White noise has no α, g and s2, and no corner, so the ratio does not follow χ²: its distribution
+is simulated (tools/gen_null_constants.py). The distribution hardly depends on the length of the record.
 """
 
 import math
@@ -20,17 +20,17 @@ _LOGARITHMS = np.log(_PROBABILITIES)
 
 
 def p_value(likelihood_ratio: float, ordinates: float) -> float:
-    """Return the probability that white noise gives this ratio or more, with so many ordinates."""
+    """Return the probability that white noise gives this ratio or more; `ordinates`: number of ordinates."""
     quantiles = critical_values(ordinates)
     if likelihood_ratio >= quantiles[-1]:
         return float(_PROBABILITIES[-1] * math.exp(-(likelihood_ratio - quantiles[-1]) / 2))
-    above = quantiles > 0  # neither alternative is better than much of white noise: a ratio of 0
+    above = quantiles > 0  # a ratio of 0 is common: often neither alternative is better than white noise
     ratios = np.concatenate([[0.0], quantiles[above]])
     logarithms = np.concatenate([[0.0], _LOGARITHMS[above]])
     return float(np.exp(np.interp(likelihood_ratio, ratios, logarithms)))
 
 
 def critical_values(ordinates: float) -> Array:
-    """Return the ratios that white noise exceeds with `PROBABILITIES`, the most frequent first."""
+    """Return the ratios that white noise exceeds with `PROBABILITIES`, the largest probability first."""
     x, (c, b, a) = math.log10(ordinates), _COEFFICIENTS
     return np.maximum.accumulate(np.maximum((a * x + b) * x + c, 0.0))

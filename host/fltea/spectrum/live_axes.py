@@ -1,4 +1,4 @@
-"""The live fit of all axes of one sensor: samples in, `AxisFit` out whenever it is asked for."""
+"""The live fit of all axes of one sensor: it takes samples and returns an `AxisFit` per axis on request."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -41,7 +41,7 @@ REMEMBERED = 2
 
 
 class Noise(NamedTuple):
-    """The parts that a fit found in so many samples; drifts: there is drift that none of them says."""
+    """The noise model of a fit. `drifts`: whether there is drift that none of its parts describes."""
 
     parts: tuple[Part, ...]
     drifts: bool
@@ -49,7 +49,7 @@ class Noise(NamedTuple):
 
 
 class Looked(NamedTuple):
-    """What a look at an axis has found: the fit, and the noise where it has one."""
+    """The result of a refit of an axis: the fit, and the noise model if there is one."""
 
     fit: AxisFit
     noise: Noise | None
@@ -66,10 +66,11 @@ class _Saved(msgspec.Struct, array_like=True, forbid_unknown_fields=True):
 class LiveAxes:
     """Accumulates samples of `axes` and fits them.
 
-    h: sampling period in s. unit: of the samples. saved: what `save` returned, to go on from there.
+    `h`: sampling period [s]. `unit`: unit of the samples. `saved`: the state that `save` returned in an
+    earlier run.
 
     Raises:
-        ValueError: `saved` is not sound, or of other axes or settings.
+        ValueError: `saved` is damaged, or belongs to other axes or settings.
     """
 
     def __init__(
@@ -83,20 +84,23 @@ class LiveAxes:
 
     @property
     def samples(self) -> int:
-        """The number of samples of an axis that were taken."""
+        """The number of samples of an axis taken so far."""
         return self.octaves.samples
 
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None) -> None:
-        """Take samples (n, axes); moving (n, axes): left out, but what lasts longer than LONGEST_MOTION_S."""
+        """Take samples `y` (n, axes). Samples where `moving` (n, axes) is set are left out.
+
+        A motion that lasts longer than LONGEST_MOTION_S counts as noise.
+        """
         self.octaves.add(y, moving, self.longest_motion)
 
     @property
     def longest_motion(self) -> int:
-        """The number of moving samples from which on they are noise."""
+        """The number of moving samples in a row from which on they count as noise."""
         return round(LONGEST_MOTION_S / self.h)
 
     def skip(self, count: int) -> None:
-        """Take note of lost samples of all axes."""
+        """Record that `count` samples of all axes were lost."""
         self.octaves.skip(count)
 
     @property
@@ -105,19 +109,20 @@ class LiveAxes:
         return self.octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
-        """Fit every axis; arguments as for `look`."""
+        """Fit every axis; the arguments are those of `look`."""
         return {axis: make().fit for axis, make in self.look(curves=curves, last=last).items()}
 
     def look(
         self, *, curves: bool, last: bool = False, fresh: bool = False
     ) -> dict[str, Callable[[], Looked]]:
-        """Begin a look at the samples that there are now; calling what this returns makes it, axis by axis.
+        """Prepare a refit of the samples that are there now; call a returned function to refit that axis.
 
-        It may be called in any thread, while samples come, but not while the same axis is looked at.
+        The functions may run in any thread while samples arrive, but only one at a time for the same axis.
 
-        curves: with spectrum and Allan deviation. last: of a record that is at its end, and so is judged at
-        the level of one look, as `fltea identify` does it. fresh: sentences, peaks and changes are searched
-        for again, as with curves; else all begins at the last fit until the record has grown by a tenth.
+        `curves`: also compute the spectrum and the Allan deviation. `last`: the record is complete, so that
+        it is tested at the level of a single refit, as `fltea identify` does. `fresh`: search again for
+        models, peaks and changes, as with `curves`; otherwise everything begins at the last fit until the
+        record has grown by a tenth.
         """
         octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
@@ -127,7 +132,7 @@ class LiveAxes:
         }
 
     def save(self) -> bytes:
-        """Return all of it, for a later run."""
+        """Return the whole state, for a later run."""
         return msgspec.msgpack.encode(_Saved(self.axes, self.h, self.unit, self._memory, self.octaves.save()))
 
     def _restored(self, saved: bytes) -> Octaves:
@@ -173,7 +178,7 @@ class LiveAxes:
     def _axis_fit(
         self, octaves: Octaves, lane: int, used: int, seen: Spectral, drawn: Periodogram | None
     ) -> Looked:
-        """Return what the record says of an axis; drawn: what the curves are drawn from."""
+        """Return the fit of an axis; `drawn`: the periodogram for the curves, or None for no curves."""
         e, f = seen.evidence, seen.evidence.candidates
         verdict = decide(e)
         noise = winner(e, verdict)
@@ -213,18 +218,18 @@ class LiveAxes:
 
 
 def _R(N: Interval, h: float) -> Interval:
-    """Return the variance of white noise that makes the angle walk by N."""
+    """Return the variance R of white noise with this angle random walk N."""
     value, low, high = (None if one is None else one**2 / h for one in (N.value, N.low, N.high))
     return Interval(value, low, high)
 
 
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
-    """Return the cells, which are made only where a change is looked for."""
+    """Return the band powers over time, computed only if the search for a change asks for them."""
     yield from octaves.cells(lane, h)
 
 
 def spectrum_of(whole: Periodogram, noise: Sentence) -> FitSpectrum:
-    """Return all lines, also those that are not fitted, in at most POINTS bins, beside those of `noise`."""
+    """Return all ordinates, also those not fitted, in at most POINTS bins, and the spectrum of `noise`."""
     data = binned(whole)
     starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))
     counts = np.add.reduceat(data.counts, starts)

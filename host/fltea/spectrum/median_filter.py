@@ -1,9 +1,9 @@
-"""Whether samples have been through a median filter, which no other part of the grammar describes (pure).
+"""Detect a median filter, which no part of the noise model describes.
 
-The median of the last w samples is one of them, and often the same as that of the samples before, or as one
-of up to w - 1 values ago with others in between. White noise through a linear filter never does that, if its
-numbers are not rounded; and if they are, a difference of 0 is about as frequent as one of a step, since the
-differences have a smooth distribution.
+The median of the last w samples is one of these samples. It often equals the previous median, or a median up
+to w - 1 samples ago with other values in between. White noise through a linear filter never repeats values
+so, if its numbers are not rounded. If they are rounded, a difference of 0 is about as frequent as a
+difference of one step, since the differences have a smooth distribution.
 """
 
 from typing import NamedTuple
@@ -36,7 +36,7 @@ and the ordinates below that are fitted, if the record is long enough for so man
 
 
 class MedianFilter(NamedTuple):
-    """A median filter."""
+    """A median filter that was detected in samples."""
 
     samples: int
     """The length of its window, about."""
@@ -45,23 +45,23 @@ class MedianFilter(NamedTuple):
 
     @property
     def replaces_outliers(self) -> bool:
-        """Whether only some samples were replaced by medians, as Hampel's filter does it."""
+        """Whether the filter replaced only some samples by medians, as a Hampel filter does."""
         return self.share < REPLACES
 
     def shaped_hz(self, h: float, duration_s: float) -> tuple[float, float]:
-        """Return the band (low, high) in which the spectrum is of the filter; h: sampling period in s."""
+        """Return the band (low, high) [Hz] where the filter shapes the spectrum; `h`: sampling period [s]."""
         return max(SHAPED / (self.samples * h), ENOUGH / duration_s), 1 / h
 
     @property
     def words(self) -> str:
-        """What the filter is, as a part of a sentence."""
+        """Words for the filter, as a part of a sentence."""
         if self.replaces_outliers:
             return f"a filter that replaces outliers by the median of about {self.samples} samples (Hampel's)"
         return f"a median filter of about {self.samples} samples"
 
 
 def find_median_filter(y: Array) -> MedianFilter | None:
-    """Return the median filter that y (n,) has been through, if it has."""
+    """Return the median filter that `y` (n,) has passed through, or None."""
     y = np.asarray(y, dtype=np.float64)
     some = y[:GLIMPSE]
     if len(some) < 2 * LONGEST or np.count_nonzero(some[1:] == some[:-1]) < LEAST_SHARE * len(some):
@@ -74,17 +74,17 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     if not _returns(values, quantum):
         return None
     excess = [_excess(values, lag, quantum) for lag in range(1, LONGEST)]
-    # Up to the length of the window values are repeated at all lags.
+    # Values repeat at all lags up to the length of the filter's window.
     longest = 0
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
     if longest == len(excess):
-        return None  # values that were rounded and moved since, by two offsets, are the same at any distance
+        return None  # rounded values shifted later by two offsets repeat at any lag
     return MedianFilter((longest + 1) | 1, excess[0][0])
 
 
 def _smallest(apart: Array) -> float:
-    """Return the smallest difference other than 0: the step of numbers that are rounded."""
+    """Return the smallest difference other than 0, which is the step of rounded numbers."""
     return float(np.min(apart, where=apart > 0, initial=np.inf))
 
 
@@ -94,7 +94,10 @@ def _of_one_value(y: Array) -> bool:
 
 
 def _excess(y: Array, lag: int, quantum: float) -> tuple[float, bool]:
-    """Return the share of values that are the same `lag` later beyond rounding, and whether that is sure."""
+    """Return the share of values that repeat after `lag` samples beyond what rounding causes.
+
+    Also return whether that share is significant.
+    """
     apart = np.abs(y[lag:] - y[:-lag])
     same = apart == 0
     others = apart[~same]
@@ -110,7 +113,7 @@ def _over(same: int, by_rounding: float, count: int) -> tuple[float, bool]:
 
 
 def _returns(y: Array, quantum: float) -> bool:
-    """Return whether values come again with another one in between: held ones never do."""
+    """Return whether values repeat with a different value in between; held samples never do that."""
     between = y[1:-1] != y[2:]
     apart = np.abs(y[2:] - y[:-2])[between]
     same = int(np.count_nonzero(apart == 0))

@@ -1,4 +1,4 @@
-"""What is said of noise that has been through a median filter (pure)."""
+"""Words for noise that has passed through a median filter."""
 
 from fltea.noise.parts import in_hz
 from fltea.spectrum import wording
@@ -15,7 +15,7 @@ NEXT = (
 
 
 def explains(e: Evidence, found: Reading) -> bool:
-    """Return whether the filter alone may have made all parts that were found besides white noise."""
+    """Return whether the filter alone may cause all parts that were found besides white noise."""
     assert e.median is not None
     flat_hz = FLAT * e.rate_hz / e.median.samples
     if e.from_hz > flat_hz:
@@ -24,7 +24,7 @@ def explains(e: Evidence, found: Reading) -> bool:
 
 
 def verdict(e: Evidence, median: MedianFilter) -> tuple[str, str, str]:
-    """Return what, why and next."""
+    """Return the texts `what`, `why` and `next` of the verdict."""
     shaped_hz, _ = median.shaped_hz(1 / e.rate_hz, e.duration_s)
     return (
         f"White noise through {median.words}.{wording.also_found(e, with_median=False)}",

@@ -1,8 +1,8 @@
-"""What a verdict's sentence says in figures: its parts, the order, N and K (pure).
+"""The figures of the noise model that a verdict chooses: its parts, the order, N and K.
 
-One sentence stands for the noise wherever it is used: in tables, files for filters, simulations. N is that of
-its white noise and K that of its random walk. A relaxation that is as fast as the sample rate may have taken
-the white noise in: then N is not known, and what the record does show is the density at the knee.
+A single model stands for the noise wherever it is used: in tables, files for filters, simulations. N comes
+from its white noise and K from its random walk. A relaxation that is as fast as the sample rate may stand for
+the white noise: then N is not known, and the record shows only the density at the knee.
 """
 
 import math
@@ -25,7 +25,7 @@ from fltea.spectrum.wording import names
 
 
 class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A sentence that was fitted, whether or not it stands for the noise."""
+    """A noise model that was fitted, whether or not it stands for the noise."""
 
     name: str
     parts: tuple[AnyPart, ...]
@@ -37,7 +37,7 @@ class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NoiseFigures(NamedTuple):
-    """What stands for the noise."""
+    """The noise model that stands for the noise, and its figures."""
 
     sentence: Sentence
     parts: tuple[Estimated, ...]
@@ -45,12 +45,12 @@ class NoiseFigures(NamedTuple):
     level: Level
 
     def spectrum(self, h: float) -> Callable[[Array], Array]:
-        """Return what gives the spectrum at λ > 0, at a sampling period of h s."""
+        """Return the function that gives the spectrum at λ > 0; `h`: sampling period [s]."""
         return lambda lam: self.sentence.spectrum(np.ascontiguousarray(lam), h)
 
 
 def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
-    """Return what a verdict's sentence says in figures."""
+    """Return the figures of the model that the verdict chooses."""
     f = e.candidates
     sentence = winner(e, verdict)
     parts = tuple(sorted(estimated(f, sentence), key=_place))
@@ -58,14 +58,14 @@ def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
 
 
 def _place(one: Estimated) -> tuple[int, float]:
-    """Return where a part stands: white noise first, and then relaxations, of which the slowest first."""
+    """Return the sort key of a part: white noise first, then relaxations from slow to fast."""
     if one.part == "relaxation":
         return 1, -one.value("tau_s")
     return 0 if one.part == "white" else 2, 0.0
 
 
 def level(found: Sequence[Estimated], f: CandidateModels, sentence: Sentence) -> Level:
-    """Return N and K of a sentence of `f` with these intervals."""
+    """Return N and K of a model of `f`, with the intervals in `found`."""
     h = f.h
     by_kind = {one.part: one for one in found}
     K = by_kind["walk"].values["K"] if "walk" in by_kind else Interval()
@@ -81,7 +81,7 @@ def level(found: Sequence[Estimated], f: CandidateModels, sentence: Sentence) ->
 
 
 def summaries(f: CandidateModels) -> dict[str, SentenceSummary]:
-    """Return the sentences of a frontier by their names there, without those that it does not have."""
+    """Return the candidate models by their names; a model that does not exist is left out."""
     known = {name: getattr(f, name) for name in ("white", "plain", "rich", "pure", "ordered", "order")}
     return {name: _summary(f, one) for name, one in known.items() if one is not None}
 
