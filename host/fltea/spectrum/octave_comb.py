@@ -1,10 +1,10 @@
-"""A comb among the lines of octaves, of which only the lowest teeth are told apart (pure).
+"""Find a comb in an octave spectrum, where only its lowest teeth are separate lines.
 
-Lines of octaves are about as far apart as a constant share of their frequency, so that of a comb the first
-ten to twenty teeth are seen one by one, and above them all run together. The former are found as in `comb`:
-each line gets the normal deviate of its ratio to the level around it, and the sums of these over the
-multiples of a frequency are compared for all frequencies, limited so that a few strong lines are no comb.
-What is above is left out together with the teeth.
+The distance between neighbouring frequencies of an octave spectrum is about a constant share of the
+frequency. So the first ten to twenty teeth of a comb are separate, and all higher teeth merge. The separate
+teeth are found as in `comb`: each line's ratio to the level around it becomes a normal deviate, and the sums
+of deviates over the multiples of a frequency are compared for all frequencies. Deviates are limited, so that
+a few strong lines do not make a comb. The merged part of the spectrum is left out together with the teeth.
 """
 
 import functools
@@ -49,16 +49,16 @@ PREFIXES = np.array([5, 8, 12, 20, 32])
 
 
 class OctaveComb(NamedTuple):
-    """A comb, and the bands (low, high) in Hz that are left out to be rid of it."""
+    """A comb, and the frequency bands (low, high) [Hz] that are left out to remove it."""
 
     peak: Peak
     bands: tuple[tuple[float, float], ...]
 
 
 def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
-    """Return the comb of one series of which `p` are the lines of octaves, or None without any."""
+    """Return the comb of one series, or None; `p`: the octave spectrum of the series."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
-    if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:  # the periodogram of the whole
+    if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:  # `p` is the periodogram of the whole record
         return _of_the_whole(p, false_alarm)
     if _nothing_stands_out(p.power, weight):
         return None
@@ -72,7 +72,7 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     order = np.arange(1, MOST_TEETH + 1)
     teeth = np.outer(fundamentals, order)
     line = _nearest(p.lam, teeth)
-    # Above the highest frequency at which its teeth are told apart they say nothing.
+    # Above the frequency at which teeth merge, they give no evidence.
     end = _ends(fundamentals, p.lam, spread)
     seen = teeth < end[:, np.newaxis]
     terms = np.where(seen, deviate[line], 0.0)
@@ -82,7 +82,7 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     strongest = evidence.max(axis=1)
     if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
         return None
-    # What has multiples of 1 Hz has those of 2 Hz, and not the other way round.
+    # A comb with multiples of 1 Hz has those of 2 Hz too, but not the reverse: take the lowest candidate.
     lowest = int((strongest > NEARLY * strongest.max()).argmax())
     near = fundamentals < fundamentals[lowest] * (1 + SAME)
     i = int(np.where(near, strongest, 0.0).argmax())
@@ -92,12 +92,12 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
 
 
 def _nothing_stands_out(power: Array, weight: Array) -> bool:
-    """Return, in little time, whether too few lines are far above the median of those around them."""
+    """Return, in little time, whether too few lines are far above the median of the lines around them."""
     blocks = len(power) // (2 * AROUND)
     parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
     level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
     thin = 1 / (9 * weight[: len(level)])
-    # Wilson and Hilferty's deviate of a mean of so many ordinates.
+    # The deviate of Wilson and Hilferty for a mean of this many ordinates.
     least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
     few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
     return int(np.count_nonzero(power[: len(level)] > least * level)) < few
@@ -113,7 +113,7 @@ def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
 
 
 def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
-    """Return below which frequency the teeth of each fundamental frequency are told apart; 0: nowhere."""
+    """Return the frequency below which each fundamental's teeth are separate; 0 if they never are."""
     needed = np.maximum.accumulate(spread) * FEWEST_LINES
     place = np.searchsorted(needed, fundamentals, "right") - 1
     return np.where(place >= 0, lam[np.maximum(place, 0)] * (1 + 1e-9), 0.0)
@@ -121,23 +121,23 @@ def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _fundamentals(first: float, last: float) -> Array:
-    """Return frequencies whose first FEWEST_TEETH multiples may be among lines from first to last."""
+    """Return fundamentals whose first FEWEST_TEETH multiples may be among lines from `first` to `last`."""
     lowest = 2 * first
     count = int(math.log(last / FEWEST_TEETH / lowest) / STEP)
     return np.asarray(lowest * np.exp(STEP * np.arange(max(count, 1))))
 
 
 def _level(power: Array, weight: Array) -> Array:
-    """Return the mean around each line (m,), from the median, by which a tooth does not raise it."""
+    """Return the mean level around each line (m,), computed from the median, which teeth do not raise."""
     padded = np.pad(power, AROUND, mode="reflect")
     around = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
     level = np.partition(around, AROUND, axis=1)[:, AROUND]
-    # Of averages over w ordinates the median is that part of the mean (Wilson and Hilferty).
+    # The median of averages over w ordinates is this share of their mean (Wilson and Hilferty).
     return np.asarray(np.maximum(level / (1 - 1 / (9 * weight)) ** 3, 1e-12 * power.mean()))
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines (m,) have one near them that is far below the level, as between a filter's lobes."""
+    """Return which lines (m,) have a line far below the level nearby, as between the lobes of a filter."""
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))
@@ -150,12 +150,13 @@ def _nearest(lam: Array, at: ArrayLike) -> NDArray[np.intp]:
 
 
 def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArray[np.intp]) -> float:
-    """Return the fundamental frequency by the centres of the teeth."""
+    """Return the fundamental frequency, refined by the centres of the teeth."""
     near = line[:, np.newaxis] + np.arange(-1, 2)
     near = near.clip(0, len(p.lam) - 1)
     above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
     centre = (above * p.lam[near]).sum(axis=1) / above.sum(axis=1) / order
-    # The error of a centre is about that of a line, of the fundamental frequency less by its order.
+    # A tooth's centre has an error of about one line distance; the error of the fundamental is that over the
+    # tooth's number.
     precision = (order / np.gradient(p.lam)[line]) ** 2
     return float((centre * precision).sum() / precision.sum())
 
@@ -169,14 +170,15 @@ def _described(
     near = (line[:, np.newaxis] + np.arange(-2, 3)).clip(0, len(p.lam) - 1)
     excess = ((p.power - level)[near] * spread[near]).sum(axis=1)
     height = np.maximum((p.power / level)[near].max(axis=1), 1.0)
-    # Ordinates of the whole have no window: a tooth falls off as 1 / (π d)².
+    # Ordinates of the whole record have no window: a tooth decreases as 1 / (π d)² at a distance of d
+    # ordinates.
     skirts = np.sqrt(height / (2 * LEAKS)) / math.pi
     reach = np.where(_is_whole(weight[line]), np.maximum(skirts, LOBES), LOBES) * spread[line]
     reach = np.minimum(reach, fundamental * MOST_LEFT_OUT)
     bands = [((a - r) * to_hz, (a + r) * to_hz) for a, r in zip(at.tolist(), reach.tolist(), strict=True)]
     if end < p.lam[-1]:
         bands.append((end * to_hz, 1 / p.h))
-    # As if the teeth that run together were like those that are told apart.
+    # The merged teeth are taken to have the power of the separate ones.
     share = float(excess.mean()) * (math.pi / fundamental) / float(p.power @ spread)
     return OctaveComb(
         Peak(
@@ -193,5 +195,5 @@ def _described(
 
 
 def _is_whole(weight: Array) -> NDArray[np.bool_]:
-    """Return whether lines are ordinates of the record, and no averages over blocks."""
+    """Return which lines are single ordinates of the record, not averages over blocks."""
     return np.asarray(weight == np.rint(weight))

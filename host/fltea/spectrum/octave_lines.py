@@ -1,7 +1,7 @@
-"""Lines and resonances among the lines of octaves, which stand for different numbers of ordinates (pure).
+"""Find lines and resonances in an octave spectrum, whose values average different numbers of ordinates.
 
-As in `lines`, a peak is a stretch whose mean is too far above the means of the flanks on both sides; the
-strongest of all is found by host/native/octave_peak.hpp.
+As in `spectral_lines`, a peak is a range of frequencies whose mean is too far above the means of the flanks
+on both sides. host/native/octave_peak.hpp finds the strongest peak of all.
 """
 
 import math
@@ -63,14 +63,14 @@ class _Found(NamedTuple):
 
 
 def find_octave_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
-    """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
+    """Find the peaks of one series, strongest first; each peak is removed before the next search."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
     lines = _Lines(p.lam, p.power, weight, _averaged(weight), np.gradient(p.lam))
     return _search(lines, float(lines.power @ lines.spread), p.h, false_alarm)
 
 
 def _search(lines: _Lines, total: float, h: float, false_alarm: float) -> tuple[Peak, ...]:
-    """Return the peaks of `lines`; total: power of all that there were."""
+    """Return the peaks of `lines`; `total`: power of all lines before any peak was removed."""
     all_of_them = lines
     peaks: list[Peak] = []
     while len(peaks) < MOST:
@@ -90,7 +90,10 @@ def _search(lines: _Lines, total: float, h: float, false_alarm: float) -> tuple[
 
 
 def _notch_below(lines: _Lines, found: _Found) -> float | None:
-    """Return where the notch of a side lobe begins, for which single ordinates are not taken."""
+    """Return where the notch begins that makes the peak a side lobe of a filter; None without a notch.
+
+    Lines that are single ordinates are not searched if the peak is among averages.
+    """
     single = np.flatnonzero(~lines.averaged[: found.start])
     begin = int(single[-1]) + 1 if lines.averaged[found.start] and single.size else 0
     least = 1 if lines.averaged[found.start] else SMOOTHEST
@@ -116,7 +119,7 @@ def _with_stop_band(
 
 
 def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    """Return the bands (low, high) in Hz, wide enough to be rid of sharp lines within them in p."""
+    """Return `bands` (low, high) [Hz], widened so that no sharp line inside leaks out of them in `p`."""
     if p.weight is None:
         return bands
     hz = p.lam / (2 * np.pi * p.h)
@@ -129,12 +132,15 @@ def around(p: Periodogram, bands: tuple[tuple[float, float], ...]) -> tuple[tupl
 
 
 def _averaged(weight: Array) -> NDArray[np.bool_]:
-    """Return whether lines are averages over blocks; the others are ordinates, or averages of a few alike."""
+    """Return which lines are averages over blocks; all others are averages of one or a few ordinates."""
     return np.asarray(weight != np.rint(weight))
 
 
 def _extent(lines: _Lines, found: _Found) -> tuple[int, int]:
-    """Return the stretch with its skirts: as far as pieces of half its width are above the level."""
+    """Return the range of the peak with its skirts.
+
+    A skirt ends where a piece of half the peak's width is no longer above the level.
+    """
     piece = max(LOBE if lines.averaged[found.start] else 3, (found.stop - found.start) // 2)
 
     def above(begin: int, end: int) -> bool:
@@ -174,7 +180,7 @@ def _describe(lines: _Lines, found: _Found, extent: tuple[int, int], total: floa
         width_hz=float(steps[wide].sum() * to_hz),
         power_share=float((part - found.level) @ steps / total),
         height=height_over(float(np.average(lines.power[core], weights=lines.weight[core])), found.level),
-        # A little more: the ends must not be kept for rounding.
+        # The band is a little wider than the peak, so that rounding does not keep the lines at its ends.
         notch_hz=(
             float((lines.lam[left] - steps[0] / 4) * to_hz),
             float((lines.lam[right - 1] + steps[-1] / 4) * to_hz),

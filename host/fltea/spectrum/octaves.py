@@ -1,15 +1,16 @@
-"""The spectrum of samples that come one after the other, for ever: constant memory, no loss of resolution.
+"""The spectrum of an endless series of samples: constant memory, no loss of resolution.
 
-Octave after octave of the spectrum is Welch's (blocks of 256, Hann, half overlapping), each at half the rate
-of the one before; below them the whole record is kept at a rate at which it has no more than 3,072 samples
-(firmware/core/engine/octave_ladder.hpp). Up to 3,072 samples the spectrum is therefore the periodogram of
-the record, and of longer ones the lowest frequencies have the resolution of the whole. Sums of two stretches
-add up.
+Each octave of the spectrum is a Welch estimate (blocks of 256 samples, Hann window, half overlapping), at
+half the sample rate of the octave above it. Below these octaves the whole record is kept at a rate at which
+it has at most 3,072 samples (firmware/core/engine/octave_ladder.hpp). So the spectrum of up to 3,072 samples
+is the periodogram of the record, and the lowest frequencies of a longer record have the resolution of the
+whole record. The sums of two records can be added.
 
-What is no noise is left out and counted: knocks, steps of the offset, gaps (firmware/core/engine/gate.hpp),
-and what somebody who knows more says is motion.
+Samples that are no noise are left out and counted: knocks, steps of the offset, gaps
+(firmware/core/engine/gate.hpp), and samples that the caller marks as motion.
 
-With a memory of M samples nothing older than two M is in the figures, and between one and two M it fades.
+With a memory of M samples, the weight of older samples fades between M and 2 M samples, and nothing older
+than 2 M contributes.
 """
 
 import functools
@@ -48,7 +49,7 @@ with all lines of the block before and of the one after it, summed up."""
 
 
 class Counts(NamedTuple):
-    """Counts of what happened to the samples of a lane."""
+    """Counts of what happened to the samples of one lane (axis)."""
 
     used: int
     """Samples in the spectrum, or waiting for a chunk to be full."""
@@ -77,9 +78,10 @@ class Counts(NamedTuple):
 
 
 class BandCells(NamedTuple):
-    """How the power of one band went on in time: logarithms of blocks' powers.
+    """The power of one frequency band over time, as logarithms of the powers of its blocks.
 
-    They are in at most 16 cells, and of each scale of time there is how much they change.
+    The blocks are grouped into at most 16 cells (intervals of time). For each time scale, the variance
+    between neighbouring runs of blocks is included.
     """
 
     low_hz: float
@@ -115,7 +117,7 @@ class AllanPoints(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """The slow part that is not noise: cubics over the stretches of the whole level."""
+    """The slow part that is not noise: a cubic in each unbroken stretch of the whole-record level."""
 
     power: float
     """Mean square of their amplitudes, which white noise of variance R gives the mean R."""
@@ -128,7 +130,7 @@ Lines = tuple[Array, Array, Array]
 
 
 class Parts(NamedTuple):
-    """The parts from which a spectrum is put together."""
+    """The parts that make up a spectrum."""
 
     welch: list[Lines]
     """The lines of each octave that has blocks."""
@@ -142,25 +144,25 @@ class Parts(NamedTuple):
 
 
 class Octaves:
-    """Running spectra of several lanes that are sampled together."""
+    """Running spectra of several lanes (axes) that are sampled together."""
 
     def __init__(self, lanes: int, memory_samples: float = 0.0) -> None:
-        """Begin.
+        """Begin without samples.
 
         Raises:
-            ValueError: no lanes, or a memory that is neither 0 (nothing is forgotten) nor 256 to 10^12
+            ValueError: there are no lanes, or the memory is neither 0 (nothing is forgotten) nor 256 to 10^12
                 samples.
         """
         self.native = _native.Octaves(lanes, memory_samples)
 
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None, longest: float = 0.0) -> None:
-        """Take samples, (n, lanes). How many come at a time changes nothing.
+        """Add samples `y`, (n, lanes). The result does not depend on how many samples a call adds.
 
-        moving (n, lanes): which of them are of motion and left out, but for what goes on for longer than
-        `longest` samples, without 1,024 at rest in a row: that is noise from there on.
+        `moving` (n, lanes): samples that are motion and are left out. A motion that lasts longer than
+        `longest` samples, without 1,024 samples at rest in a row, counts as noise from there on.
 
         Raises:
-            ValueError: another shape, or numbers that are not finite or beyond 5e99.
+            ValueError: the shape is wrong, or a number is not finite or beyond 5e99.
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         if moving is None:
@@ -169,33 +171,33 @@ class Octaves:
             self.native.add_at_rest(rows, np.ascontiguousarray(moving).view(np.uint8), longest)
 
     def skip(self, count: int) -> None:
-        """Take note that so many samples of all lanes were lost before the next one."""
+        """Record that `count` samples of all lanes were lost before the next sample."""
         self.native.skip(count)
 
     def merge(self, other: "Octaves") -> None:
-        """Take all that another one has seen, as a later stretch behind a break.
+        """Add everything that `other` contains, as a later part of the record after a break.
 
         Raises:
-            ValueError: it has other lanes or another memory.
+            ValueError: `other` has other lanes or another memory.
         """
         self.native.merge(other.native)
 
     def copy(self) -> "Octaves":
-        """Return another one that has seen the same, for any thread."""
+        """Return an independent copy, which another thread may use."""
         result = Octaves.__new__(Octaves)
         result.native = self.native.copy()
         return result
 
     def save(self) -> bytes:
-        """Return all of it, for `restore`."""
+        """Return the whole state, for `restore`."""
         return self.native.save()
 
     @classmethod
     def restore(cls, lanes: int, memory_samples: float, data: bytes) -> "Octaves":
-        """Go on from what `save` returned.
+        """Return spectra that continue from the state that `save` returned.
 
         Raises:
-            ValueError: that is not sound, or had other lanes or another memory.
+            ValueError: the state is damaged, or had other lanes or another memory.
         """
         result = cls(lanes, memory_samples)
         result.native.load(data)
@@ -203,33 +205,34 @@ class Octaves:
 
     @property
     def samples(self) -> int:
-        """The number of samples of a lane that were taken, whatever became of them."""
+        """The number of samples of a lane so far, whether or not they were used."""
         counts, _ = self.native.counts(0)
         return counts[0] + counts[-2]
 
     def counts(self, lane: int) -> Counts:
-        """Return what became of the samples of a lane so far."""
+        """Return the counts of what happened to the samples of a lane so far."""
         counts, constant = self.native.counts(lane)
         taken, _, bridged, lost, gaps, knocks, knocked, steps, changes, *rest = counts
         return Counts(taken - knocked, bridged, lost, gaps, knocks, knocked, steps, changes, constant, *rest)
 
     @property
     def noticed(self) -> int:
-        """The number of steps and changes of all lanes so far."""
+        """The number of steps and changes in all lanes so far."""
         return self.native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
-        """Return the spectrum of a lane sampled every h seconds, with weights.
+        """Return the weighted spectrum of a lane; `h`: sampling period [s].
 
-        Its n is that of the longest stretch that is kept whole, in samples of the lane.
+        Its `n` is the length, in samples of the lane, of the longest stretch without a break in the
+        whole-record level.
 
         Raises:
-            ValueError: the lane is constant, h is not positive, or there is too little yet.
+            ValueError: the lane is constant, h is not positive, or there are too few samples yet.
         """
         return self.lines_and_drift(lane, h)[0]
 
     def lines_and_drift(self, lane: int, h: float) -> tuple[Periodogram, Drift | None]:
-        """Return what `periodogram` does, and the drift, which was taken out of it if the record is long.
+        """Return the spectrum of `periodogram`, and the drift that was subtracted if the record is long.
 
         Raises:
             ValueError: as `periodogram`.
@@ -244,7 +247,7 @@ class Octaves:
         return put_together(found.welch + found.whole, h, found.n), found.drift
 
     def parts(self, lane: int) -> Parts:
-        """Return what the spectrum of a lane is put together from."""
+        """Return the parts from which the spectrum of a lane is made."""
         welch, values, lengths = self.native.spectrum(lane)
         depth = len(welch)
         octaves = [
@@ -260,7 +263,7 @@ class Octaves:
         return Parts(octaves, whole, depth, _drift_of(amplitudes, depth), n)
 
     def cells(self, lane: int, h: float) -> list[BandCells]:
-        """Return how the power of each octave went on, highest band first; h as of `periodogram`."""
+        """Return the power of each octave over time, highest band first; `h`: sampling period [s]."""
         _, levels = self.native.cells(lane)
         result = []
         for level, (data, scales) in enumerate(levels):
@@ -293,12 +296,12 @@ class Octaves:
 
 
 def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
-    """Return the lines of all parts, at least one, in order; n: as of `Periodogram`.
+    """Return the lines of all parts (at least one) in rising order; `n`: as in `Periodogram`.
 
     Raises:
-        ValueError: there are too few.
+        ValueError: there are too few lines.
     """
-    # Without gaps the lines rise from the last part to the first.
+    # Unless there are gaps, the frequencies rise from the last part to the first.
     lam, power, weight = map(np.concatenate, zip(*reversed(parts), strict=True))
     if not (lam[1:] > lam[:-1]).all():
         lam, power, weight = in_order(*map(np.concatenate, zip(*parts, strict=True)))
@@ -314,16 +317,17 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> L
 
 @functools.cache
 def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
-    """Return the frequencies of the lines of a level's blocks, and what makes a power of their sums."""
+    """Return the frequencies of a level's lines, and the factors that convert block sums into powers."""
     own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(lines)), dtype=np.float64)
     return own / 2**level, 2.0**level / _HANN_POWER / _passed(own, level)
 
 
 def _drift(values: Array) -> tuple[Array, Array]:
-    """Return the cubic through values (m,) of mean 0, and its amplitudes, N(0, 1) for white noise.
+    """Return the cubic through `values` (m,) of mean 0, and its amplitudes, each N(0, 1) for white noise.
 
-    Drift that ends elsewhere than it began leaks into all frequencies, as 1/λ², far above those that it has.
-    Of noise the cubic takes what is in the ordinates below LOWEST, and a few percent of that one.
+    Drift that ends at another value than it began with leaks into all frequencies as 1/λ², far above its own
+    frequencies. From noise, the cubic takes the power of the ordinates below LOWEST, and a few percent of
+    ordinate LOWEST.
     """
     basis = _cubics(len(values))
     amplitudes = basis @ values
@@ -332,7 +336,7 @@ def _drift(values: Array) -> tuple[Array, Array]:
 
 @functools.lru_cache(maxsize=8)
 def _cubics(m: int) -> Array:
-    """Return three functions (3, m) of unit power whose sums are all cubics of mean 0."""
+    """Return three orthogonal cubics (3, m) of unit power and mean 0."""
     x = np.linspace(-1, 1, m)
     squares = x * x
     curve = squares - squares.mean()
@@ -349,9 +353,9 @@ def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
 
 
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
-    """Return frequencies, powers and weights.
+    """Return frequencies, powers and weights of the lines of the whole-record level.
 
-    Of drift, taken out of long records, `amplitudes` takes note.
+    The cubic drift is subtracted from long records, and its amplitudes are appended to `amplitudes`.
     """
     m = len(y)
     lam, gain = _whole_gain(level, m)
@@ -367,14 +371,14 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
 
 @functools.lru_cache(maxsize=8)
 def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
-    """Return the frequencies of the lines of m samples of a level, and what makes powers of their squares."""
+    """Return the frequencies of the lines of m samples of a level, and the factors from |FFT|² to power."""
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
     return own / 2**level, 2.0**level / m / _passed(own, level)
 
 
 def _drifts(values: Array, amplitudes: Array) -> bool:
-    """Return whether a short record drifts so much that its ends would leak into what is fitted."""
+    """Return whether a short record drifts so much that the drift would leak into fitted frequencies."""
     near = np.fft.rfft(values)[NEAR_THE_DRIFT]
     level = float(np.mean(near.real**2 + near.imag**2)) / len(values) if near.size else 0.0
     return float(np.mean(amplitudes**2)) > LARGE_DRIFT * level > 0
@@ -387,7 +391,7 @@ def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[
 
 
 def _passed(own: Array, level: int) -> Array:
-    """Return the power gain of the filters before a level, at rad a sample of its own rate, up to 0.7 π."""
+    """Return the power gain of the filters before a level; `own` [rad a sample of the level], up to 0.7 π."""
     return np.interp(own, _GRID, _passed_on_grid(level))
 
 
@@ -404,7 +408,7 @@ def _passed_on_grid(level: int) -> Array:
 
 
 def in_order(lam: Array, power: Array, weight: Array) -> Lines:
-    """Return the lines rising in frequency; those at the same one become their average."""
+    """Return the lines with rising frequency; lines at equal frequencies become their average."""
     order = np.argsort(lam)
     lam, power, weight = lam[order], power[order], weight[order]
     unique, place = np.unique(lam, return_inverse=True)

@@ -1,10 +1,11 @@
-"""Odds that a noise has an order: a Bayes factor of the two best models, as it was calibrated (pure).
+"""Odds that a noise has an order: a calibrated Bayes factor of the two best models.
 
-BIC's difference is about -2 log of the Bayes factor of two models (Schwarz, *Ann. Stat.* 6, 1978), but only
-about: the search has chosen both models, and sums of relaxations have priors of their own. So the odds are a
-logistic regression on how far the best model with an order is ahead of the best without one and of the
-richest without one. It is fitted to noises drawn at random, of which one half has an order and the other is
-made of relaxations (tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
+BIC's difference is about -2 log of the Bayes factor of two models (Schwarz, *Ann. Stat.* 6, 1978). This is
+only approximate: the search has chosen both models, and sums of relaxations have priors of their own. So the
+odds come from a logistic regression on two leads of the best model with an order: its lead over the best
+model without an order, and its lead over the richest model without an order. The regression is fitted to
+noises drawn at random. Half of them have an order, and the other half consist of relaxations
+(tools/validation/odds/populations.py, host/docs/evaluation/odds.md).
 """
 
 import math
@@ -18,10 +19,11 @@ FARTHEST = 40.0
 
 
 def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
-    """Return the odds of an order over none, from 1 / MOST to MOST.
+    """Return the odds that there is an order, from 1 / MOST to MOST.
 
-    lead: of the best model with an order over the best without one, after BIC's price. lead_over_rich: of its
-    2 log L over that of the richest without one. ordinates: that both are fitted to.
+    `lead`: lead in 2 log L of the best model with an order over the best without one, after BIC's price.
+    `lead_over_rich`: its lead in 2 log L over the richest model without an order. `ordinates`: number of
+    ordinates to which the models are fitted.
     """
     lowest, highest = ORDINATES
     decades = math.log10(min(max(ordinates, lowest), highest) / lowest)
@@ -34,7 +36,7 @@ def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
 
 
 def odds_of(f: CandidateModels) -> float | None:
-    """Return the odds of an order by the models of a spectrum; None: none that was fitted has one."""
+    """Return the odds of an order from the candidate models; None if no model with an order was fitted."""
     if f.ordered is None:
         return None
     return order_odds(f.lead, f.lead_over_rich, f.ordinates)

@@ -1,9 +1,9 @@
-"""Periodogram of one axis: which ordinates are used, and their averages over bins (pure).
+"""Periodogram of one axis: the ordinates in use, and their averages over bins.
 
-λ is in rad a sample, I(λ) = |sum_t (y_t - mean) e^{-iλt}|² / n, so that white noise of variance σ² has the
-mean I = σ². The three lowest ordinates carry what is left of offset and drift, and that at π has another
-distribution: neither is used. Of bins only the averages are needed by Whittle's likelihood, as long as the
-spectrum hardly changes over one of them.
+λ is in rad a sample. I(λ) = |sum_t (y_t - mean) e^{-iλt}|² / n, so that white noise of variance σ² has the
+mean I = σ². Four ordinates are not used: the three lowest ones, since they contain remains of offset and
+drift, and the one at π, since it has another distribution. Whittle's likelihood needs only the averages over
+bins, as long as the spectrum hardly changes within a bin.
 """
 
 import functools
@@ -32,7 +32,7 @@ COARSER = 2.0
 
 
 class Periodogram(NamedTuple):
-    """Ordinates in use, in rising order."""
+    """Ordinates in use, with rising frequency."""
 
     lam: Array
     """Frequencies (m,) in rad a sample."""
@@ -47,34 +47,34 @@ class Periodogram(NamedTuple):
 
     @property
     def ordinates(self) -> float:
-        """The number of effective ordinates."""
+        """The effective number of ordinates."""
         return float(len(self.lam)) if self.weight is None else float(self.weight.sum())
 
     def without(self, from_hz: float, notch: Sequence[tuple[float, float]]) -> "Periodogram":
-        """Return it without ordinates below `from_hz` and in the bands (low, high) of `notch`, in Hz.
+        """Return the periodogram without ordinates below `from_hz` or in the bands (low, high) `notch` [Hz].
 
         Raises:
-            ValueError: fewer than `FEWEST` are left.
+            ValueError: fewer than `FEWEST` ordinates are left.
         """
         blocks = []
         for begin in range(0, len(self.lam), AT_ONCE):
             lam = self.lam[begin : begin + AT_ONCE]
             if self.weight is None:
                 hz = np.rint(lam * (self.n / (2 * np.pi))) / (self.n * self.h)
-            else:  # averages are not at multiples of 1/(n h)
+            else:  # averages over blocks are not at multiples of 1/(n h)
                 hz = lam / (2 * np.pi * self.h)
             blocks.append(_kept(hz, from_hz, notch))
         keep = np.flatnonzero(np.concatenate(blocks))
         check_enough(len(keep), self.n)
         rows: slice | NDArray[np.intp] = keep
         if keep[-1] - keep[0] + 1 == len(keep):
-            rows = slice(int(keep[0]), int(keep[-1]) + 1)  # no copy
+            rows = slice(int(keep[0]), int(keep[-1]) + 1)  # a slice makes no copy
         weight = None if self.weight is None else self.weight[rows]
         return self._replace(lam=self.lam[rows], power=self.power[..., rows], weight=weight)
 
 
 class Binned(NamedTuple):
-    """Averages of neighbouring ordinates."""
+    """Averages of neighbouring ordinates over bins."""
 
     lam: Array
     """The mean frequency of each (bins,), in rad a sample."""
@@ -85,16 +85,16 @@ class Binned(NamedTuple):
 
     @property
     def ordinates(self) -> int:
-        """The number of ordinates in all bins, which BIC and the null distribution take for that of data."""
+        """The number of ordinates in all bins, the sample size in BIC and in the null distribution."""
         return round(float(self.counts.sum()))
 
 
 def periodogram(
     y: ArrayLike, h: float, *, from_hz: float = 0.0, notch: Sequence[tuple[float, float]] = ()
 ) -> Periodogram:
-    """Return the ordinates of y, (n,) or (series, n), at a sampling period of h seconds.
+    """Return the ordinates of `y`, (n,) or (series, n); `h`: sampling period [s].
 
-    from_hz: ordinates below are left out. notch: bands (low, high) in Hz to leave out.
+    `from_hz`: ordinates below this frequency are left out. `notch`: bands (low, high) [Hz] to leave out.
 
     Raises:
         ValueError: y is not finite or constant, h is not positive, or fewer than `FEWEST` ordinates are left.
@@ -116,17 +116,18 @@ def periodogram(
     if power is not None:
         power = power[LOWEST:] if len(use) == len(power) - LOWEST else power[use]
         lam: Array = np.multiply(2 * np.pi, use, dtype=np.float64)
-        lam /= n  # of a day each of these has 35 MB
+        lam /= n  # in place, since the array of a day takes 35 MB
         return Periodogram(lam, power, h, n)
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
     return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
 
 
 def _power_in_parts(y: Array) -> Array:
-    """Return ordinates 0 to the last below π of y (n,), n a multiple of PARTS.
+    """Return ordinates 0 to the last one below π of `y` (n,), where n is a multiple of PARTS.
 
-    Every PARTS-th sample is transformed by itself, and the transforms are put together, a few ordinates at a
-    time: what a transform of the whole takes beside its result would be four times as large as y.
+    Each set of every PARTS-th sample is transformed separately, and the transforms are combined for a few
+    ordinates at a time. A transform of the whole would need four times the memory of y in addition to its
+    result.
     """
     n, mean = len(y), y.mean()
     size = n // PARTS
@@ -150,7 +151,7 @@ def _power_in_parts(y: Array) -> Array:
 
 
 def check_enough(ordinates: int, n: int) -> None:
-    """Raise ValueError if so few ordinates of n samples cannot be fitted."""
+    """Raise ValueError if `ordinates` of `n` samples are too few for a fit."""
     if ordinates < FEWEST:
         raise ValueError(
             f"{n} samples leave {ordinates} frequencies to fit, and at least {FEWEST} are needed: record "
@@ -161,7 +162,7 @@ def check_enough(ordinates: int, n: int) -> None:
 def used_ordinates(
     n: int, h: float, *, from_hz: float = 0.0, notch: Sequence[tuple[float, float]] = ()
 ) -> NDArray[np.intp]:
-    """Return the numbers j of the ordinates at 2πj/n that are used of n samples."""
+    """Return the numbers j of the ordinates 2πj/n in use, for n samples."""
     j = np.arange(LOWEST, (n - 1) // 2 + 1)
     return j[_kept(j / (n * h), from_hz, notch)]
 
@@ -174,9 +175,9 @@ def _kept(frequency_hz: Array, from_hz: float, notch: Sequence[tuple[float, floa
 
 
 def binned(p: Periodogram) -> Binned:
-    """Average over bins that grow with the frequency; the lowest ordinates stay single.
+    """Average ordinates over bins that widen with the frequency; the lowest ordinates stay single.
 
-    Where lines have weights the bins are `COARSER`, for speed.
+    If ordinates have weights, the bins are `COARSER` times as wide, for speed.
     """
     starts = bin_starts(p.lam, p.n, 1.0 if p.weight is None else COARSER)
     lam, power = p.lam, np.atleast_2d(p.power)
@@ -189,7 +190,7 @@ def binned(p: Periodogram) -> Binned:
 
 
 def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
-    """Return where in `lam` each bin begins; the edges depend on n only, whatever is left out."""
+    """Return where in `lam` each bin begins; the bin edges depend only on n, not on what is left out."""
     starts = np.minimum(np.searchsorted(lam, _edges(n, wider)), len(lam) - 1)
     others = np.ones(len(starts), dtype=np.bool_)
     np.greater(starts[1:], starts[:-1], out=others[1:])

@@ -1,8 +1,8 @@
-"""What a sentence without an order says: relaxations, drift, a filter, a resonance, a rise (pure).
+"""What a model without an order says: relaxations, drift, a filter, a resonance, a rise.
 
-A sentence describes a spectrum as well as it can, so that a part of it may be but the trace of something
-else: the skirt of a peak that was found, or the difference of the true filter from the one that is fitted.
-What is left counts.
+A model describes a spectrum as well as it can. So one of its parts may be only the trace of something else:
+the skirt of a peak that was found, or the difference between the true filter and the fitted one. Such traces
+are removed, and the remaining parts are reported.
 """
 
 import math
@@ -55,7 +55,7 @@ RISES, HIGHEST = 1.05, 0.85
 
 
 class Reading(NamedTuple):
-    """What a sentence says besides white noise."""
+    """What a model says in addition to white noise."""
 
     relaxations: tuple[Relaxation, ...]
     """Those whose corner is in the band, the slowest first."""
@@ -74,15 +74,15 @@ class Reading(NamedTuple):
 
 
 def corner_hz(part: Relaxation) -> float:
-    """Return the frequency at which a relaxation has half of its density."""
+    """Return the frequency [Hz] at which a relaxation has half of its low-frequency density."""
     return 1 / (2 * math.pi * part.tau_s)
 
 
 def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
-    """Return what is left of the best sentence without an order, without the traces of `peaks`.
+    """Return what remains of the best model without an order after the traces of `peaks` are removed.
 
-    from_hz: lowest fitted frequency. apart: in 2 log L, by which a slow relaxation has to differ from a walk,
-    and a sentence with a high-pass from white noise.
+    `from_hz`: lowest fitted frequency. `apart`: difference in 2 log L by which a slow relaxation has to beat
+    a random walk, and a model with a high-pass has to beat white noise.
     """
     sentence, h = f.plain, f.h
     parts = [p for p in sentence.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
@@ -104,7 +104,8 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         relaxations = [part for part in relaxations if corner_hz(part) < near]
     rises = last > RISES * first
     if rises:
-        # What makes the density rise again at low frequencies counts, and no trace of the rise.
+        # Relaxations that raise the density at low frequencies are kept, since they are no trace of the
+        # rise at high frequencies.
         relaxations = [p for p in relaxations if _lowest(p, h) > first / 2 and p.tau_s > h]
     inside = [
         part
@@ -117,7 +118,7 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
     coloured = low_pass is not None or any(part.row().says == "colour" for part in parts)
     resonances = [part for part in parts if isinstance(part, Resonance)]
     if inside or drifts or coloured or notch is not None or behind is not None:
-        # Beside others a resonance may be but a correction of their shape; alone it is what there is.
+        # With other parts a resonance may only correct their shape; a resonance alone is real.
         ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
         resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(sentence, p, h)]
     elif not resonances:
@@ -146,7 +147,7 @@ def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
 
 
 def _flat(sentence: Sentence, low_pass: LowPass, h: float, from_hz: float) -> bool:
-    """Return whether the pass band is as flat as that of a filter that is not quite the true one."""
+    """Return whether the pass band is flat, within the difference of the true filter and the fitted one."""
     inside = max(from_hz, 1e-3 * low_pass.corner_hz)
     hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])
     low, high = sentence.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
@@ -154,7 +155,7 @@ def _flat(sentence: Sentence, low_pass: LowPass, h: float, from_hz: float) -> bo
 
 
 def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
-    """Return what 2 log L loses with a walk in the place of a relaxation."""
+    """Return the loss of 2 log L when a random walk replaces the relaxation."""
     codes: list[int] = []
     eta: list[float] = []
     for code, at in f.plain.words():
@@ -169,16 +170,16 @@ def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
 
 
 def _stands_out(sentence: Sentence, part: Resonance, h: float) -> bool:
-    """Return whether a resonance is a maximum of the whole, and not only of its part."""
+    """Return whether the resonance is a maximum of the whole spectrum, not only of its own part."""
     hz = part.frequency_hz * np.array([1.0, 1 / ASIDE, ASIDE])
     top, *sides = sentence.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
     return bool(top > STANDS_OUT * max(sides))
 
 
 def _ends(f: CandidateModels, sentence: Sentence, from_hz: float) -> tuple[float, float]:
-    """Return the density of a sentence at the lowest frequency, and the mean of the highest ones.
+    """Return the model's density at the lowest fitted frequency, and the mean density at the highest ones.
 
-    These are the fitted ones, since a filter's zeros are filled by what lies between neighbours.
+    Only fitted frequencies count, since power between neighbouring frequencies fills the zeros of a filter.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
@@ -197,7 +198,7 @@ def _highest(part: Relaxation, h: float) -> float:
 
 
 def _is_left_out(part: Part, f: CandidateModels) -> bool:
-    """Return whether a resonance is where there are no data, as in the band of a peak."""
+    """Return whether a resonance lies where the data are left out, as in the band of a peak."""
     if not isinstance(part, Resonance):
         return False
     hz = f.data.lam / (2 * math.pi * f.h)
@@ -205,7 +206,7 @@ def _is_left_out(part: Part, f: CandidateModels) -> bool:
 
 
 def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
-    """Return whether a part is what is left of a strong resonance, or what leaks from a line."""
+    """Return whether a part is the remainder of a strong resonance, or the leakage of a line."""
     strong = [peak for peak in peaks if peak.power_share > LARGE_SHARE]
     match part:
         case Relaxation():
@@ -215,7 +216,7 @@ def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
         case HighPass():
             hz = part.corner_hz
         case _:
-            # What has no coordinates cannot be bent to what is left of a peak.
+            # A part without free parameters cannot bend to fit the remainder of a peak.
             shaped = part.row().says == "colour" and part.row().coordinates
             return bool(shaped) and any(peak.kind == "resonance" for peak in strong)
     return any(

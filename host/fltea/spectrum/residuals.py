@@ -1,4 +1,4 @@
-"""Whether what a model leaves over is white: Kolmogorov and Smirnov on the cumulative periodogram (pure)."""
+"""Test whether the residuals of a model are white: Kolmogorov–Smirnov on the cumulative periodogram."""
 
 import math
 
@@ -9,14 +9,14 @@ from fltea.spectrum.periodogram import AT_ONCE
 
 
 def farthest(ratio: Array, weight: Array | None = None) -> float:
-    """Return √m times the largest distance of the cumulative sum of I/S, scaled to 1, from a line.
+    """Return √m times the largest distance of the cumulative sum of I/S, scaled to 1, from a straight line.
 
-    Of a right model the ratios are exponential and alike, and the sum is a Brownian bridge (Bartlett 1955).
-    ratio: I/S, (m,), which is overwritten. weight: effective ordinates of each line, of which there are then
-    m in all.
+    For a correct model all ratios I/S have the same exponential distribution, and the sum is a Brownian
+    bridge (Bartlett 1955). `ratio`: I/S, (m,), which is overwritten. `weight`: effective number of ordinates
+    of each line; m is then the sum of the weights.
     """
     if weight is not None:
-        # A line of weight w adds w I/S, with the variance w: the bridge has W = sum of w in place of m.
+        # A line of weight w contributes w I/S with the variance w: the sum W of all weights replaces m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
         return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)
@@ -30,5 +30,5 @@ def farthest(ratio: Array, weight: Array | None = None) -> float:
 
 
 def kolmogorov(p: float) -> float:
-    """Return what the statistic of Kolmogorov and Smirnov exceeds with the small probability p."""
+    """Return what the Kolmogorov–Smirnov statistic exceeds with the small probability `p`."""
     return math.sqrt(-math.log(p / 2) / 2)

@@ -1,8 +1,8 @@
-"""Side lobes of a filter that averages over a window: humps that are no resonances (pure).
+"""Side lobes of a filter that averages over a window: humps that are no resonances.
 
-Between a hump and higher parts of the spectrum at lower frequencies there lies the notch of the filter, which
-is not much wider than the hump. Beside a resonance there is the floor, which is. From the first notch on is
-the filter's stop band: in it there are lobes and notches, and lines that are far above all of them.
+Between a hump and the higher parts of the spectrum at lower frequencies lies a notch of the filter, which is
+not much wider than the hump. Next to a resonance lies the noise floor, which is much wider. The filter's stop
+band begins at the first notch. It contains lobes and notches, and any lines in it are far above all lobes.
 """
 
 import numpy as np
@@ -21,18 +21,18 @@ AVERAGED = 8.0
 
 
 def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> float | None:
-    """Return where the notch begins that makes the hump from start to stop a side lobe; else None.
+    """Return where the notch begins that makes the hump from `start` to `stop` a side lobe; else None.
 
-    lam, power: (m,), rising in frequency. least: lines that are averaged at least.
+    `lam`, `power`: (m,), with rising frequency. `least`: smallest number of lines in an average.
     """
-    # What is beyond is as wide as the hump, and a notch is narrower.
+    # The higher part of the spectrum is at least as wide as the hump; the notch may be narrower.
     wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
     top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
     low = np.flatnonzero(fine[:top] < DEPTH * height)
     if not low.size:
         return None
     bottom = int(low[-1])
-    # Nothing of the hump itself may be in a mean of what is beyond.
+    # An average over the higher part must not include any of the hump.
     higher = np.flatnonzero(wide[: max(min(bottom, start - (stop - start) // 2), 0)] >= BEYOND * height)
     if not higher.size:
         return None
@@ -45,8 +45,8 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
 
 
 def smoothed(power: Array, lines: int) -> Array:
-    """Return means of so many neighbours; at the ends of those that there are."""
-    # By sums from the beginning: a hump of a long record is a million lines wide.
+    """Return running means over `lines` neighbours; near the ends, over fewer."""
+    # Cumulative sums are used, since a hump of a long record can be a million lines wide.
     lines, places = min(lines, len(power)), np.arange(len(power))
     sums = np.concatenate([[0.0], np.cumsum(power)])
     first, last = np.maximum(places - lines // 2, 0), np.minimum(places + (lines - 1) // 2 + 1, len(power))
@@ -54,9 +54,10 @@ def smoothed(power: Array, lines: int) -> Array:
 
 
 def lines_among_lobes(power: Array, lines: int, weight: float = 1.0) -> list[tuple[int, int, float]]:
-    """Begin, end and surrounding level of what stands out from all lobes of a stop band, power (m,).
+    """Return begin, end and surrounding level of each peak above all lobes of a stop band, `power` (m,).
 
-    lines: so many have a lobe or a notch in them, and a line in few of them. weight: ordinates in each.
+    `lines`: number of lines that holds a whole lobe or notch; a narrow line takes only a few. `weight`:
+    ordinates in each line.
     """
     if not len(power):
         return []

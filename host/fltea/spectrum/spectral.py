@@ -1,9 +1,10 @@
-"""What the spectrum of one axis says: null tests, peaks, stationarity, drift, and the sentences that compete.
+"""What the spectrum of one axis says: null tests, peaks, stationarity, drift, and the candidate models.
 
-There are several sets of ordinates: all that the user left in; these without lines and resonances; and of
-these those above what is called drift, which are the clean ones, to which the sentences are fitted.
+There are three sets of ordinates. The first has all ordinates that the user left in. The second lacks the
+lines and resonances of the first. The third, the clean ordinates, has those of the second above the drift.
+The models are fitted to the clean ordinates.
 
-The same for a recording and for a sensor that is looked at every second; only the level differs.
+A recording and a live sensor are examined in the same way; only the significance level of the tests differs.
 """
 
 from collections.abc import Callable, Iterable
@@ -52,7 +53,7 @@ GROWN = 1.1
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The clean ordinates of the band that is judged."""
+    """The band of the clean ordinates, which the verdict is about."""
 
     from_hz: float
     to_hz: float
@@ -62,7 +63,7 @@ class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Spectral(msgspec.Struct, frozen=True):
-    """The evidence, and the figures that it was drawn from."""
+    """The evidence for the verdict, and the figures from which it was computed."""
 
     evidence: Evidence
     likelihood_ratio: float
@@ -73,24 +74,27 @@ class Spectral(msgspec.Struct, frozen=True):
 
 
 class Looks:
-    """What the last look at one axis found; the next begins there until the record has grown by a tenth."""
+    """Results of the last refit of one axis.
+
+    The next refit begins there, until the record has grown by a tenth.
+    """
 
     def __init__(self) -> None:
         self._found: dict[str, tuple[Any, float]] = {}
 
     def forget(self) -> None:
-        """Look for everything again."""
+        """Discard all results, so that the next refit searches from the beginning."""
         self._found.clear()
 
     def looked(self, name: str, ordinates: float, look: Callable[[], T]) -> T:
-        """Return what `look` found last under this name, or finds now if the record has grown."""
+        """Return the last result of `look` for `name`; call `look` if the record has grown by a tenth."""
         found, then = self._found.get(name, (None, 0.0))
         if ordinates > GROWN * then:
             found, then = self._found[name] = look(), ordinates
         return cast(T, found)
 
     def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
-        """Return the sentences of some ordinates: those of the last search, fitted again, or of a new one."""
+        """Return the candidate models of these ordinates: the last ones fitted again, or a new search."""
         data = binned(p)
         last, then = self._found.get(name, (None, 0.0))
         if last is None or data.ordinates > GROWN * then:
@@ -100,7 +104,7 @@ class Looks:
         return found
 
     def null_ratio(self, name: str, p: Periodogram) -> float:
-        """Return the null test's ratio on some ordinates."""
+        """Return the null test's likelihood ratio on these ordinates."""
         data = binned(p)
         last, then = self._found.get(name, ([], 0.0))
         if data.ordinates > GROWN * then:
@@ -127,15 +131,16 @@ def examine(
 ) -> Spectral:
     """Examine one axis.
 
-    whole: all ordinates that the user left in, which are those above from_hz and outside the bands (low,
-    high) of `notch`, in Hz. duration_s, samples: what they are of. cells: for the test of stationarity;
-    none: no test. drift: what was taken out of `whole`. peaks: those found elsewhere, with a finer
-    resolution; None: they are searched for in `whole`. before: the ordinates before a comb among these peaks
-    was taken out; None: it was not. median: the median filter that was seen in the samples. level: of each
-    test. looks: those before, where the searches begin.
+    `whole`: all ordinates that the user left in, which are those above `from_hz` and outside the bands (low,
+    high) of `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for
+    the test of stationarity; empty: no test. `drift`: the drift that was subtracted from `whole`. `peaks`:
+    peaks found elsewhere with a finer resolution; None: search for them in `whole`. `before`: the ordinates
+    before a comb among these peaks was removed; None: no comb was removed. `median`: the median filter
+    detected in the samples. `level`: significance level of each test. `looks`: results of earlier refits,
+    where the searches begin.
 
     Raises:
-        ValueError: too few ordinates are left, or there is no power in any.
+        ValueError: too few ordinates are left, or all ordinates are zero.
     """
     if not float(whole.power.max()) > 0:
         raise ValueError("the samples repeat themselves exactly: there is no noise in them")
@@ -164,7 +169,8 @@ def examine(
         without = p_value(looks.null_ratio("without peaks", left), left.ordinates)
 
     def change() -> Change | None:
-        # Where a sharp resonance rules, neighbouring blocks are alike: parts of the record differ for that.
+        # With a strong sharp resonance, neighbouring blocks are alike, and parts of the record differ for
+        # that reason alone.
         compared = [one for one in cells if _share_of_peaks(whole, one, seen.of_comb + found) < LARGEST_SHARE]
         return find_change(compared, clean.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
 
@@ -198,12 +204,12 @@ def examine(
 
 
 def null_ratio(p: Periodogram) -> float:
-    """Return the null test's ratio on some ordinates, which is searched for from all starts."""
+    """Return the null test's likelihood ratio on these ordinates, searched for from all starting points."""
     return Looks().null_ratio("", p)
 
 
 class _Seen(NamedTuple):
-    """What stands out of a spectrum, and the bands (low, high) in Hz that are left out for it."""
+    """The peaks of a spectrum, and the bands (low, high) [Hz] that are left out because of them."""
 
     combs: tuple[Peak, ...]
     of_comb: Bands
@@ -225,7 +231,7 @@ def _seen(
     false_alarm: float,
     looks: Looks,
 ) -> _Seen:
-    """Return what stands out; arguments as of `examine`."""
+    """Return the peaks and their bands; the arguments are those of `examine`."""
     of_comb: Bands = ()
     is_fine = peaks is not None
     if peaks is None:
@@ -233,10 +239,10 @@ def _seen(
     of_median = () if median is None else (median.shaped_hz(whole.h, duration_s),)
     try:
         rest = whole.without(0.0, of_comb + of_median) if of_comb or of_median else whole
-    except ValueError:  # too few are left
+    except ValueError:  # too few ordinates are left
         rest, of_comb, of_median = whole, (), ()
     others = [peak for peak in peaks if peak.repeats is None]
-    if of_median:  # humps up there are of the filter
+    if of_median:  # at high frequencies these are humps of the filter
         others = [peak for peak in others if peak.kind != "resonance" or peak.frequency_hz < of_median[0][0]]
     bands = tuple(peak.notch_hz for peak in others)
     return _Seen(
@@ -250,7 +256,7 @@ def _seen(
 
 
 def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Bands]:
-    """Return the peaks, a comb first, and the bands that are left out to be rid of the comb."""
+    """Return the peaks, a comb first, and the bands that are left out to remove the comb."""
     if whole.weight is None:
         return find_peaks(whole, false_alarm), ()
     comb = find_octave_comb(whole, false_alarm * FALSE_COMB / FALSE_PEAK)
@@ -263,9 +269,9 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
 
 
 def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels) -> tuple[Peak, ...]:
-    """Return the peaks without the humps of a band between a high-pass and what is faster.
+    """Return the peaks without the humps that are the band between a high-pass and a faster limit.
 
-    The sentence of what is outside of such a hump has it inside, too.
+    If the model of the ordinates outside a hump also explains the ordinates inside it, the hump is no peak.
     """
     if HighPass not in f.plain.kinds:
         return peaks
@@ -283,7 +289,7 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Return where the clean ordinates begin: beyond what leaks from slow lines."""
+    """Return the frequency [Hz] at which the clean ordinates begin, above the leakage of slow lines."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")
@@ -293,7 +299,7 @@ def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
 
 
 def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> Periodogram | None:
-    """Return the ordinates below slow_hz, if there are any."""
+    """Return the ordinates below `slow_hz` and outside the bands `found`, or None if there are none."""
     hz = whole.lam / (2 * np.pi * whole.h)
     keep = (hz < slow_hz) & (hz >= from_hz)
     for low, high in found:
@@ -305,7 +311,7 @@ def _slow(whole: Periodogram, from_hz: float, slow_hz: float, found: Bands) -> P
 
 
 def _highest(f: CandidateModels) -> Callable[[Array], Array]:
-    """Return the highest spectrum of the sentences that may be right, with what the record's ends leak."""
+    """Return the highest spectrum of all plausible models, with the leakage of the record's ends."""
     possible = [f.plain] + ([f.ordered] if f.ordered is not None and f.lead > -APART else [])
 
     leaks = [(one, LEAKS_AT_MOST * end_leak(f, one)) for one in possible]
@@ -317,7 +323,7 @@ def _highest(f: CandidateModels) -> Callable[[Array], Array]:
 
 
 def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
-    """Return the share of a band's power that is in peaks."""
+    """Return the share of a band's power that lies in peaks."""
     if not peaks:
         return 0.0
     hz = whole.lam / (2 * np.pi * whole.h)
@@ -334,7 +340,7 @@ def _clean(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogra
     """Return the clean ordinates, and how many of the bands `found` are left out.
 
     Raises:
-        ValueError: too few ordinates are left even so.
+        ValueError: too few ordinates are left even with the fewest bands left out.
     """
     least = max(FEWEST, whole.ordinates / 2)
     for kept in range(len(found), 0, -1):

@@ -1,12 +1,13 @@
-"""Narrow lines and broad resonances in a periodogram, with a known rate of false alarms (pure).
+"""Find narrow lines and broad resonances in a periodogram, with a known rate of false alarms.
 
-A peak is a stretch of ordinates whose mean is too far above the means of the flanks on both sides of it.
-Where the spectrum is flat the ratio to one flank has an F distribution, whatever its level, and where it
-slopes one of the flanks is higher. Stretches of 1, 2, 4, ... ordinates are tried; the rate of false alarms is
-shared out among all that are tried (Bonferroni).
+A peak is a range of ordinates whose mean is too far above the means of the flanks on both sides of it. Where
+the spectrum is flat, the ratio to a flank has an F distribution at any level. Where the spectrum slopes, one
+of the flanks is higher. Ranges of 1, 2, 4, ... ordinates are tried; the rate of false alarms is divided by
+the number of trials (Bonferroni).
 
-At the ends of the band only lines are searched for. Near 0 the lower flank is as short as it has to be. At
-Nyquist's frequency there is a lower one only: its level is continued as it rises from one half to the other.
+At the ends of the band, the search finds lines only. Near 0 Hz the lower flank may be short. At the Nyquist
+frequency there is only a lower flank: its level is extrapolated by its rise from the first half to the
+second.
 """
 
 import functools
@@ -52,7 +53,7 @@ IN_A_LINE = 0.7
 
 
 class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What happens at equal intervals, and makes a comb of lines."""
+    """An event that repeats at equal intervals and causes a comb of lines."""
 
     period_s: float
     harmonics: int
@@ -86,12 +87,12 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
-    """Find the peaks of one series, strongest first; each is taken out before the next is searched for."""
+    """Find the peaks of one series, strongest first; each peak is removed before the next search."""
     return _search(p, float(p.power.sum()), false_alarm)
 
 
 def _search(p: Periodogram, total: float, false_alarm: float) -> tuple[Peak, ...]:
-    """Return the peaks of the ordinates of p; total: power of all that there were."""
+    """Return the peaks of the ordinates `p`; `total`: power of all ordinates before any peak was removed."""
     lam, power = p.lam, p.power
     peaks: list[Peak] = []
     while len(peaks) < MOST:
@@ -128,7 +129,7 @@ def _with_stop_band(p: Periodogram, total: float, false_alarm: float, edge: floa
 
 
 def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Return where the most striking stretch begins and ends, and the level around it; None if none is."""
+    """Return begin and end of the most striking significant range, and the level around it; or None."""
     m = len(power)
     sums = np.zeros(m + 1)
     np.cumsum(power, out=sums[1:])
@@ -158,8 +159,8 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
         highest, place, around = top
         tried = len(range(first, last, step))
         log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
-        # Of stretches that pass the likeliest is taken, as if the level were known: probabilities would
-        # favour the wide ones, whose flanks are longer.
+        # Among the significant ranges the likeliest is taken, as if the level were known. A comparison of
+        # probabilities would favour wide ranges, whose flanks are longer.
         gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
         if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
             best = gain, place, place + width, around
@@ -167,7 +168,7 @@ def _strongest(power: Array, false_alarm: float) -> tuple[int, int, float] | Non
 
 
 def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return gain, begin, end and surrounding level of the likeliest line that is too near to an end."""
+    """Return gain, begin, end and surrounding level of the likeliest line too close to an end for a flank."""
     m = len(sums) - 1
     at, width = _end_tries(m)
     if not len(at):
@@ -189,7 +190,7 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
     needed = math.log(len(at) / false_alarm)
     for i in np.argsort(-gain)[: np.count_nonzero(gain > needed - SURELY_NOT)].tolist():
         mean, wide = float(ratio[i] * level[i]), int(width[i])
-        # Each flank by itself: a short one is low by luck more often.
+        # The flanks are tested separately, since a short flank is more often low by chance.
         flanks = [(float(below[i]), int(at[i] - width[i] - begin[i])), (float(above[i]), FLANK)]
         log_p = max(f_log_tail(mean / one, 2 * wide, 2 * many) for one, many in flanks if one > 0)
         if log_p < -needed:
@@ -198,9 +199,10 @@ def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, floa
 
 
 def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
-    """Return the same of the likeliest hump that ends at Nyquist's frequency, as mains does at 100 Hz.
+    """Return gain, begin, end and surrounding level of the likeliest hump that ends at the Nyquist frequency.
 
-    Noise that rises up to there changes by less over so few ordinates.
+    Mains at half of a sample rate of 100 Hz makes such a hump. Noise that rises towards the Nyquist frequency
+    changes by less over so few ordinates.
     """
     m, best = len(sums) - 1, None
     widths = [1 << i for i in range(2, int(math.log2(max(FOLDED_SHARE * m, 1))) + 1)]
@@ -223,7 +225,7 @@ def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float
 
 @functools.lru_cache(maxsize=8)
 def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return where stretches near the ends of m ordinates begin, and their widths."""
+    """Return the begins and the widths of the ranges to try near the ends of m ordinates."""
     tries = [
         (at, width)
         for width in END_WIDTHS
@@ -237,7 +239,10 @@ def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _extent(power: Array, start: int, stop: int, level: float) -> tuple[int, int]:
-    """Return the stretch with its skirts: as far as pieces of half its width are above the level."""
+    """Return the range of the peak with its skirts.
+
+    A skirt ends where a piece of half the peak's width is no longer above the level.
+    """
     piece = max(3, (stop - start) // 2)
     above = 1 + 2 / math.sqrt(piece)
     left, right = max(start - 1, 0), min(stop + 1, len(power))
@@ -266,7 +271,7 @@ def _describe(
     half = level + (smoothed[top] - level) / 2
     wide = int((smoothed > half).sum())
     sharp = int(part.argmax())
-    if _in_few_ordinates(part - level, sharp):  # smoothing would widen it
+    if _in_few_ordinates(part - level, sharp):  # smoothing would widen a sharp peak
         top, wide = sharp, min(wide, LINE_ORDINATES)
     return Peak(
         kind="line" if wide <= LINE_ORDINATES else "resonance",
@@ -279,12 +284,12 @@ def _describe(
 
 
 def _in_few_ordinates(excess: Array, top: int) -> bool:
-    """Return whether nearly all of a peak's power is about its top."""
+    """Return whether nearly all of a peak's power is close to its top."""
     half = LINE_ORDINATES // 2
     near = float(excess[max(top - half, 0) : top + half + 1].sum())
     return near > IN_A_LINE * float(excess.sum())
 
 
 def height_over(power: float, level: float) -> float:
-    """Return how many times the noise a peak is; infinite without noise, as in exactly periodic counts."""
+    """Return the peak's power over the noise level; infinite without noise, as in exactly periodic counts."""
     return power / level if level > 0 else math.inf

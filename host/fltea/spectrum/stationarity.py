@@ -1,10 +1,10 @@
-"""Whether the noise stayed the same: power of its octaves, compared between parts of the record (pure).
+"""Test whether the noise stayed the same: the power of its octaves, compared between parts of the record.
 
-Each octave keeps the mean and the variance of the logarithm of its blocks' power in a few cells of time. If
-the noise is stationary the cells' means differ no more than blocks do within a cell (analysis of variance).
-The logarithm makes the test robust against heavy tails, and the variance is that of the data themselves.
-Of a long record cells are long. What goes up and down within them is found at its own scale of time
-(`swings`), so a longer record never says less.
+Each octave keeps the mean and the variance of the logarithm of its blocks' power in a few cells (intervals of
+time). If the noise is stationary, the means of cells differ no more than the blocks within a cell explain
+(analysis of variance). The logarithm makes the test robust against heavy tails, and the variance comes from
+the data themselves. The cells of a long record are long. Changes up and down within a cell are found at their
+own time scale (`swings`), so that a longer record never shows less.
 """
 
 import math
@@ -51,12 +51,12 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def is_step(self) -> bool:
-        """Whether it is one step rather than up and down."""
+        """Whether the change is a single step rather than up and down."""
         return self.share >= MOSTLY_ONE_STEP
 
 
 class _Parted(NamedTuple):
-    """How the cells of an octave differ; `variance` is that of the logarithm of power beyond chance."""
+    """How the cells of an octave differ; `variance`: that of the logarithm of power, beyond chance."""
 
     deviate: float
     variance: float
@@ -80,8 +80,8 @@ def find_change(
 ) -> Change | None:
     """Return the most significant change of any octave, if it is significant and large enough to matter.
 
-    level: probability to find one in stationary noise. Octaves that reach below from_hz or into a band of
-    `notch` (low, high), all in Hz, are not looked at.
+    `level`: probability of finding a change in stationary noise. Octaves that reach below `from_hz` or into a
+    band (low, high) of `notch`, all in Hz, are not tested.
     """
     looked = [
         band
@@ -92,7 +92,7 @@ def find_change(
     cells_of = [(band, joined) for band in looked if (joined := _joined(band)) is not None]
     parted = [(band, one) for band, its in cells_of if (one := _compared(*its, h)) is not None]
     swinging, compared = find_swings(looked, h)
-    # Half of the level is for each of the two tests.
+    # Each of the two tests gets half of the level.
     tests, comparing = 2 * len(cells_of), 2 * compared
     step, worst = _worst(parted, tests, level), _worst(swinging, comparing, level)
     if step is not None:
@@ -112,7 +112,7 @@ def find_change(
 def _worst(
     found: Sequence[tuple[BandCells, Found]], tests: int, level: float
 ) -> tuple[BandCells, Found] | None:
-    """Return the most significant one of those that are significant and large enough, with its octave."""
+    """Return the most significant change that is also large enough, with its octave."""
     least = -NormalDist().inv_cdf(level / tests) if tests else math.inf
     those = [one for one in found if one[1].deviate > least and _size(one[1].variance) >= LEAST_SIZE]
     return max(those, key=lambda one: one[1].deviate, default=None)
@@ -123,19 +123,19 @@ def _p(deviate: float, tests: int) -> float:
 
 
 def _size(variance: float) -> float:
-    """Return two standard deviations of the logarithm of power as a ratio of powers."""
+    """Return two standard deviations of the logarithm of power, as a ratio of powers."""
     return math.exp(2 * math.sqrt(variance))
 
 
 def _compared(
     counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
 ) -> _Parted | None:
-    """Compare cells; arguments as `_joined` returns them. None if they differ by less than what matters."""
+    """Compare the cells; arguments as `_joined` returns them. None if they differ too little to matter."""
     total = float(counts.sum())
     around = means - counts @ means / total
     between = float(counts @ around**2)
     free = len(counts) - 1
-    variance = max(between - free * within, 0.0) / total  # what the cells differ by beyond chance
+    variance = max(between - free * within, 0.0) / total  # difference of the cells beyond chance
     if _size(variance) < LEAST_SIZE:
         return None
     deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
@@ -154,9 +154,9 @@ def _compared(
 
 
 def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
-    """Return counts, means and first samples of cells with enough blocks.
+    """Return counts, means and first samples of cells, joined until each has enough blocks.
 
-    The variance within, and its degrees.
+    Also return the variance within the cells, and its degrees of freedom.
     """
     counts = np.asarray(band.counts, dtype=np.float64)
     some = counts > 0
@@ -175,11 +175,12 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
         return None
     n = np.add.reduceat(counts, starts)
     mean = np.add.reduceat(counts * means, starts) / n
-    # Squares about the joined mean.
+    # Sum of squares about the mean of the joined cell.
     total = np.add.reduceat(squares + counts * means**2, starts) - n * mean**2
     degrees = float(n.sum()) - len(n)
     within = float(total.sum()) / degrees
     if not within > 0:
         return None
-    # Neighbours in time are correlated a little: a cell's mean varies more than its blocks say.
+    # Neighbouring blocks are slightly correlated, so that a cell's mean varies more than independent blocks
+    # would.
     return n, mean, first[starts], within * (1 + 2 * OVERLAP), degrees

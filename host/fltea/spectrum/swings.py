@@ -1,10 +1,10 @@
-"""Whether the power of an octave goes up and down, at any scale of time (pure).
+"""Test whether the power of an octave goes up and down, at any time scale.
 
-The means of the logarithm of power in neighbouring runs of 2^s blocks differ, if blocks do not depend on each
-other, by a variance that is the same for every scale s but for the factor 2^s (`octaves.BandCells`). Power
-that goes up and down adds to the scales near its own time and to few others, so that each scale is compared
-with those that are shorter and with those that are longer, by F. A scale has the more pairs the longer the
-record is: what was seen in a short record is seen in a longer one.
+Consider the means of the logarithm of power in neighbouring runs of 2^s blocks. If blocks are independent,
+these means differ by a variance that falls as 1 / 2^s and is otherwise the same for every scale s
+(`octaves.BandCells`). Power that goes up and down increases the variance at scales near its own time and at
+few others. So each scale is compared by an F test with the shorter scales and with the longer ones. A longer
+record has more pairs at each scale: what a short record shows, a longer one shows too.
 """
 
 import functools
@@ -30,7 +30,7 @@ EVERYDAY = 3.0
 
 
 class Swing(NamedTuple):
-    """The scale of time at which the power of an octave differs most from what chance allows."""
+    """The time scale at which the power of an octave differs most from what chance allows."""
 
     deviate: float
     """Of a normal variable, as unlikely as the ratio of variances that was found."""
@@ -41,7 +41,7 @@ class Swing(NamedTuple):
 
 
 class _Compared(NamedTuple):
-    """Variances of scales over what they are expected to be; all (k,), from one octave."""
+    """Variances of the scales of an octave over their expected values; all (k,)."""
 
     ratio: Array
     pairs: Array
@@ -50,9 +50,9 @@ class _Compared(NamedTuple):
 
 
 def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCells, Swing]], int]:
-    """Return the most significant scale of each band, where it is not an everyday one; h: the period in s.
+    """Return the most significant scale of each band, if it is unusual; `h`: sampling period [s].
 
-    And how many pairs of scales were compared in all bands.
+    Also return how many pairs of scales were compared in all bands.
     """
     those = [_Scales.of(band) for band in bands]
     enough = [(band, its) for band, its in zip(bands, those, strict=True) if len(its.runs) >= 2]
@@ -75,7 +75,7 @@ def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCe
 
 
 class _Scales(NamedTuple):
-    """The scales (k,) of a band that have enough pairs; runs: blocks in a run of each."""
+    """The scales (k,) of a band that have enough pairs; `runs`: blocks in a run of each scale."""
 
     runs: Array
     pairs: Array
@@ -88,21 +88,21 @@ class _Scales(NamedTuple):
         return cls(runs, band.pairs[known], band.scale_variance[known])
 
     def slow(self) -> _Compared:
-        """Compare each scale with the shorter ones."""
+        """Compare each scale with the shorter scales."""
         return _against(self.variance / _expected(self.runs, MOST_ALIKE), self.pairs)
 
     def fast(self) -> _Compared:
-        """Compare each scale with the longer ones."""
+        """Compare each scale with the longer scales."""
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return what the scales have beyond the usual variance; hop_s: time from a block to the next."""
+        """Return the variance beyond the usual one; `hop_s`: time [s] from a block to the next."""
         excess = np.maximum(self.variance - usual * _expected(self.runs, alike), 0.0) / (2 * self.runs)
         return Swing(deviate, float(excess.sum()), float(self.runs[excess.argmax()]) * hop_s)
 
 
 def _against(variance: Array, pairs: Array) -> _Compared:
-    """Compare each variance (k,) with the mean of the first ones, of every number of them before it."""
+    """Compare each variance (k,) with the mean of the first 1, 2, … variances before it."""
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = _below(len(pairs))
@@ -115,5 +115,5 @@ def _below(scales: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _expected(runs: Array, alike: float) -> Array:
-    """Return the variance of scales over that of blocks, neighbours among which are correlated."""
+    """Return the expected variance of scales over that of blocks; `alike`: correlation of neighbours."""
     return 1 + 2 * alike - 3 * alike / runs

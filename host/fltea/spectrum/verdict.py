@@ -1,10 +1,10 @@
-"""The verdict on one axis: which sentences stand, and what they say (pure).
+"""The verdict on one axis: which models stand, and what they say.
 
-Two sets of sentences compete, those with an order and those without one. Each has the best that a search
-found, and what is said is what wins by `APART` in 2 log L after BIC's price. An order has to be ahead of
-richer sentences without one, too, and one without is ahead of an order only if none in place of its
-relaxations comes near. Where two stand within that, both are said. Each question is kept with the figure that
-answered it, so that a reader can follow.
+Two sets of models compete: models with an order and models without one. Each set has the best model that a
+search found, and a set wins if its best model leads by `APART` in 2 log L after BIC's price. An order also
+has to be ahead of richer models without one. A model without an order wins only if no order in place of its
+relaxations comes near. If neither wins, both are reported. Each question is stored with the figure that
+answered it, so that a reader can follow the verdict.
 """
 
 import msgspec
@@ -50,7 +50,7 @@ NEXT_PEAK = (
 
 
 class Rule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A question, its answer, and the figure that it was drawn from."""
+    """A question, its answer, and the figure that decided it."""
 
     question: str
     answer: bool
@@ -80,7 +80,7 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Its order with the intervals; all is null where there is none, or where the data do not define it."""
 
     def saying(self, **words: str) -> "Verdict":
-        """Return it with other `what`, `why` or `next`, and the text that these make."""
+        """Return the verdict with other `what`, `why` or `next`, and the text composed from them."""
         found = msgspec.structs.replace(self, **words)
         return msgspec.structs.replace(found, text=f"{found.what} {found.why} {found.next}")
 
@@ -103,9 +103,9 @@ class _Questions:
 
 
 def winner(e: Evidence, verdict: Verdict) -> Sentence:
-    """Return the sentence that stands for the noise, for curves, figures, filters and simulations.
+    """Return the model that stands for the noise in curves, figures, filters and simulations.
 
-    Where the data do not tell whether there is an order, it is the one of lower BIC.
+    Where the data do not show whether there is an order, it is the model with the lower BIC.
     """
     f = e.candidates
     if verdict.has_order and f.order is not None and (verdict.kind == "fractional" or f.lead > 0):
@@ -114,7 +114,7 @@ def winner(e: Evidence, verdict: Verdict) -> Sentence:
 
 
 def decide(e: Evidence) -> Verdict:
-    """Ask until one question settles it."""
+    """Ask one question after the other until an answer settles the verdict."""
     q, f = _Questions(), e.candidates
     changed = (
         "no"
@@ -158,7 +158,7 @@ def decide(e: Evidence) -> Verdict:
 
 
 def _claimed(e: Evidence, q: _Questions) -> bool:
-    """Return whether the best sentence with an order is ahead of all without one."""
+    """Return whether the best model with an order is ahead of all models without one."""
     f = e.candidates
     if f.ordered is None:
         return False
@@ -187,7 +187,7 @@ def _claimed(e: Evidence, q: _Questions) -> bool:
 
 
 def _either(e: Evidence, q: _Questions) -> bool:
-    """Return whether a sentence with an order describes the noise nearly as well as those without one."""
+    """Return whether a model with an order describes the noise nearly as well as those without one."""
     f = e.candidates
     if f.pure is None or f.ordered is None:
         return False
@@ -225,7 +225,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _without_order(e: Evidence, q: _Questions) -> Verdict:
-    """Return the verdict where no order is claimed, by what the best sentence without one says."""
+    """Return the verdict where no order is claimed, by what the best model without an order says."""
     f = e.candidates
     found = e.reading
     said = wording.sentence(f.plain.parts(f.h) if found.high_pass is None else found.high_pass.told, e)
@@ -315,7 +315,7 @@ def _resonance(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict
 
 
 def _is_but_a_high_pass(e: Evidence) -> bool:
-    """Return whether a high-pass leaves nothing to say, so that an order beside one is but its true shape."""
+    """Return whether a high-pass explains everything, so that an order only corrects the filter's shape."""
     f, found = e.candidates, e.reading.high_pass
     return (
         found is not None
@@ -366,7 +366,7 @@ def _low_pass(e: Evidence, q: _Questions, found: Reading, said: str) -> Verdict:
 
 
 def _white(e: Evidence, q: _Questions, accepted: str) -> Verdict:
-    """Return the verdict on noise that is white but for what else was found, or too near to white."""
+    """Return the verdict on noise that is white, or nearly white, apart from peaks, drift and the like."""
     q.has_order = False
     rejected = e.p_clean < e.level
     if e.drifts:

@@ -1,4 +1,4 @@
-"""What a verdict says in words: what the noise is, how sure that is, and what to do next (pure)."""
+"""The words of a verdict: what the noise is, how sure that is, and what to do next."""
 
 import math
 from collections import Counter
@@ -34,17 +34,17 @@ def duration(seconds: float) -> str:
 
 
 def listed(parts: Sequence[str], word: str = "and") -> str:
-    """Return several things as a part of a sentence."""
+    """Return the parts as a list in words, such as "a, b and c"."""
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {word} {parts[-1]}"
 
 
 def capital(text: str) -> str:
-    """Return the text with a capital, as a sentence begins."""
+    """Return the text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
 def peaks(found: tuple[Peak, ...]) -> str:
-    """Return the strongest few."""
+    """Return words for the strongest few peaks."""
     parts = [_peak(peak) for peak in found[:3]]
     if len(found) > 3:
         parts.append(f"{len(found) - 3} more")
@@ -64,14 +64,14 @@ def _peak(peak: Peak) -> str:
 
 
 def peak_hz(frequency_hz: float) -> str:
-    """Return the frequency of a peak; of a slow one its period, too, since 0.00 Hz says nothing."""
+    """Return words for a peak's frequency; a slow peak also gets its period, since 0.00 Hz says nothing."""
     if frequency_hz < 0.1:
         return f"{frequency_hz:.2g} Hz (a period of {duration(1 / frequency_hz)})"
     return f"{frequency_hz:.{2 if frequency_hz < 10 else 1}f} Hz"
 
 
 def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) -> str:
-    """Return the parts of a noise and its filters, as a part of a sentence; order: with its interval."""
+    """Return the parts of a noise and its filters in words; `order`: the order with its interval."""
     told = [
         (part, _order(order or OrderFit()) if part.has("ordered") else part.words(e.rate_hz))
         for part in parts
@@ -105,7 +105,7 @@ def relaxations(found: Sequence[Relaxation]) -> str:
 
 
 def corners(found: Sequence[Relaxation], e: Evidence) -> str:
-    """Return the corners of relaxations, as far as the data have them."""
+    """Return words for the corners of relaxations, with figures for corners in the band of the data."""
     values = sorted(corner_hz(part) for part in found)
     inside = [f"{value:.3g}" for value in values if e.from_hz <= value <= e.to_hz]
     parts = []
@@ -119,7 +119,7 @@ def corners(found: Sequence[Relaxation], e: Evidence) -> str:
 
 
 def drift(e: Evidence) -> str:
-    """Return the words for power that is slower than what is fitted."""
+    """Return words for power that is slower than the fitted frequencies."""
     ratio = max(e.slow.offset, e.slow.ratio)
     times = f"{ratio:.2g}" if ratio < 1000 else f"{ratio:.0e}"
     return (
@@ -131,7 +131,7 @@ def drift(e: Evidence) -> str:
 def also_found(
     e: Evidence, *, with_peaks: bool = True, with_drift: bool = True, with_median: bool = True
 ) -> str:
-    """Return sentences on all else that was found, whatever the verdict."""
+    """Return sentences on everything else that was found, which the verdict does not name."""
     parts = []
     if e.reading.high_pass is not None:
         parts.append(f" {TAKEN_OUT}")
@@ -145,7 +145,7 @@ def also_found(
 
 
 def change(e: Evidence) -> str:
-    """Return a sentence on how the noise changed."""
+    """Return words for how the noise changed."""
     c = e.change
     assert c is not None
     band = f"between {c.low_hz:.3g} and {c.high_hz:.3g} Hz"
@@ -163,13 +163,13 @@ def change(e: Evidence) -> str:
 
 
 def band(e: Evidence) -> str:
-    """Return the band of the data in words."""
+    """Return words for the band of the data."""
     decades = math.log10(e.to_hz / e.from_hz)
     return f"{in_hz(e.from_hz)} to {in_hz(e.to_hz)}, {decades:.1f} decades"
 
 
 def either(ordered: str, said: str, value: float | None) -> str:
-    """Return a sentence on an order and what looks like it; value: the odds of the order, if known."""
+    """Return a sentence on an order and its look-alike `said`; `value`: odds of the order, if known."""
     if value is None or 1 / LIKELY < value < LIKELY:
         return f"This record cannot separate {ordered} from {said}"
     likely, other = (ordered, said) if value > 1 else (said, ordered)
@@ -177,7 +177,7 @@ def either(ordered: str, said: str, value: float | None) -> str:
 
 
 def odds_of_order(e: Evidence) -> str:
-    """Return a sentence on the odds of an order, where it may be one."""
+    """Return a sentence on the odds of an order, if there may be an order."""
     if e.odds is None:
         return ""
     said = f"for an order are {odds(e.odds)}" if e.odds >= 1 else f"against an order are {odds(1 / e.odds)}"
@@ -186,7 +186,7 @@ def odds_of_order(e: Evidence) -> str:
 
 
 def null_test(e: Evidence) -> str:
-    """Return what the null test says, and at which level."""
+    """Return words for the result of the null test, and its significance level."""
     level = f"{e.level:.2g}" if e.level >= 0.01 else f"{e.level:.0e}"
     why = "" if e.level >= 0.01 else ", strict since it is repeated live"
     rejects = "rejects" if e.p_clean < e.level else "does not reject"
@@ -194,14 +194,14 @@ def null_test(e: Evidence) -> str:
 
 
 def rejected_by(e: Evidence) -> str:
-    """Return what speaks against white noise, where it is missing power; nothing otherwise."""
+    """Return words for what rejects white noise if power is missing; otherwise an empty text."""
     if e.candidates.missing.nll >= e.candidates.null.nll:
         return ""
     return ": low frequencies have less power than the others, as behind AC coupling or an auto-zero"
 
 
 def names(kinds: Iterable[type[Part]]) -> str:
-    """Return a short name of a sentence with parts of these kinds, for tables."""
+    """Return a short name of a model with parts of these kinds, for tables."""
     counted = Counter(
         "order (ARFIMA)" if kind is Arfima else str(kind.__struct_config__.tag) for kind in kinds
     )
