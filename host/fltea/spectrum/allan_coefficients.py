@@ -18,19 +18,20 @@ from fltea.records.fit import Interval
 from fltea.records.units import FLICKER, HOUR
 
 FEWEST_DOF = 6.0
-"""Degrees of freedom below which nothing is read from a point: it is uncertain by half its value."""
+"""Points with fewer degrees of freedom are not read: their deviation is uncertain by half its value."""
 SPAN = 3.0
-"""The least length of a stretch, as its last τ over its first."""
+"""Smallest length of a range of points, as its last τ over its first."""
 TOLERANCE = 0.1
 K_TOLERANCE = 0.25
-"""The tolerance of K's local slope is wide, since the curve is uncertain there and other slopes are far."""
+"""The tolerance of K's slope is wide: the curve is uncertain at long τ, and no other slope is near."""
 FEWEST_AVERAGED = 5
-"""Samples, for K: below, the sum of steps is more than 1 % above the line of a continuous random walk."""
+"""Smallest τ for K, in samples: below it, a sampled random walk is over 1 % above a continuous one."""
 
 
 Source = Literal["curve", "spectrum", "model", "tracker"]
-"""What N, B or K was read from: the Allan deviation; white noise, 1/f noise and a random walk fitted to the
-spectrum; the model that stands for the noise; or the tracker, which knows how the offset walks."""
+"""Source of N, B or K: "curve", the Allan deviation; "spectrum", white noise, 1/f noise and a random walk
+fitted to the spectrum; "model", the model that stands for the noise; "tracker", which estimates the random
+walk of the offset."""
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,13 +45,13 @@ class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low: float | None = None
     high: float | None = None
     tau_from_s: float | None = None
-    """Where it was read."""
+    """The first averaging time at which the coefficient was read."""
     tau_to_s: float | None = None
     reason: str = ""
     of: Source = "curve"
-    """What it was read from."""
+    """The source from which the coefficient was read."""
     at_most: float | None = None
-    """Where it is not known: it is smaller with 95 % probability; None where there is no bound."""
+    """Upper bound, with 95 % probability, of a coefficient that is not known; None without a bound."""
 
     @property
     def interval(self) -> Interval:
@@ -72,11 +73,11 @@ class Points(NamedTuple):
     tau_s: Array
     deviation: Array
     low: Array
-    """95 % interval."""
+    """Ends of the 95 % intervals of the deviations."""
     high: Array
     degrees_of_freedom: Array
     slope: Array
-    """The slope of log σ against log τ."""
+    """The local slope of log σ against log τ."""
 
 
 def coefficients(points: Points, h: float, unit: str = "deg/s") -> Coefficients:

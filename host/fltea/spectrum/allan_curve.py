@@ -23,9 +23,9 @@ from fltea.spectrum.candidate_models import CandidateModels, Sentence
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
-"""Samples."""
+"""Fewest samples for an Allan deviation."""
 LONGEST_SHARE = 1 / 3
-"""Longest averaging time of the live curve over the record."""
+"""Longest averaging time of the live curve, as a share of the record."""
 AROUND = 2.0
 """A local slope is fitted to the points within this factor of τ."""
 
@@ -36,18 +36,18 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tau_s: tuple[float, ...]
     deviation: tuple[float, ...]
     low: tuple[float, ...]
-    """95 % interval."""
+    """Ends of the 95 % intervals."""
     high: tuple[float, ...]
     degrees_of_freedom: tuple[float, ...]
     differences: tuple[float, ...]
-    """The number of differences of neighbouring means that were averaged."""
+    """Number of averaged differences between neighbouring means, at each averaging time."""
     N: Coefficient
-    """N in the unit per √s, which is the same as the unit over √Hz."""
+    """N in the unit of the samples over √Hz, such as deg/√s for samples in deg/s."""
     B: Coefficient
     K: Coefficient
-    """The unit per √s."""
+    """K in the unit of the samples per √s."""
     model: tuple[float, ...] = ()
-    """Allan deviation of the model that stands for the noise; empty if there is none beside the curve."""
+    """Allan deviation of the model that stands for the noise; empty if there is no model."""
 
     @classmethod
     def of(cls, found: Points, differences: ArrayLike, h: float, unit: str) -> "Allan":

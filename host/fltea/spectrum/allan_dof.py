@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from fltea.records.arrays import Array
 
 PARTS = 8
-"""The number S of blocks that begin within one block, of running sums (host/native/allan_sums.hpp)."""
+"""Number S of blocks that begin within the length of a block of running sums (host/native/allan_sums.hpp)."""
 FULL_PARTS = 64
-"""So many stand for full overlap."""
+"""Number of blocks within a block's length that stands for full overlap (one block begins per sample)."""
 FINITE = 33
-"""Averaging factors up to here are taken as they are; above, as if sampling were continuous."""
+"""Averaging factors up to this value are exact; for larger ones sampling is taken as continuous."""
 
 
 def degrees_of_freedom(

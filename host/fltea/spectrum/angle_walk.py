@@ -36,17 +36,18 @@ from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
-"""Half the width of the interval of a density's logarithm, from which on it is not known."""
+"""A density is not known if the interval of its logarithm has at least this half-width."""
 SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
-"""Parts that shape the high frequencies, where a relaxation or a rise may stand in their place."""
+"""Parts that shape the high frequencies; a relaxation or a rise is tried in place of them."""
 SEEN = 2.706
-"""2 log L by which a model with one more relaxation has to be better, to count: 95 % of the law of a variance
-that cannot be below 0, which is half 0 and half χ² with one degree (Self & Liang, *JASA* 82, 1987)."""
+"""Gain in 2 log L from which on a model with one more relaxation counts as better. It is the 95 % point of
+the law of a variance that cannot be below 0: half 0 and half χ² with one degree of freedom (Self & Liang,
+*JASA* 82, 1987)."""
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
-"""Where the search for one more relaxation begins: its rate in rad a sample, and its density at low
+"""Starting points of the search for one more relaxation: its rate [rad a sample], and its density at low
 frequencies over that of the white noise."""
 RISING = (0.4, 1.0), (1.0, 1.0)
-"""The same of a rise: δ, and its density at half the rate."""
+"""Starting points of the search for a rise: δ, and its density at half the sample rate over white noise."""
 
 
 def angle_walk(f: CandidateModels, sentence: Sentence) -> Interval:

@@ -19,7 +19,7 @@ from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW_KINDS = (White, *SLOW)
-"""Parts that describe the frequencies to which the three terms are fitted."""
+"""Parts that have power at the low frequencies to which the three terms are fitted."""
 
 
 def bias_instability(of_curve: Coefficient, f: CandidateModels, stands: Sentence, unit: str) -> Coefficient:

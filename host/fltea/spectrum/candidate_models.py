@@ -32,20 +32,21 @@ from fltea.spectrum.octaves import BLOCK, JOIN, WHOLE
 from fltea.spectrum.periodogram import Binned
 
 BY_CHANCE = 4.0
-"""2 log L that chance may gain with each further parameter that was sought."""
+"""Gain in 2 log L that chance may give to each further parameter of a search."""
 LEAST_ORDER, MOST_ORDER = 0.15, 0.85
-"""Orders that are fitted: below, little of one is left, and above it is as good as a relaxation."""
+"""Orders that are fitted: below them, hardly any order is left; above, it is as good as a relaxation."""
 AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
-"""Orders at which the search for those up to 2 begins, too."""
+"""Orders at which the search also begins, for orders up to 2."""
 WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
-"""Orders at which the fit of the reported one begins once more, without white noise: with so much less of it,
-in the logarithm."""
+"""The fit of the reported order begins a second time without white noise, at each of the orders
+WITHOUT_WHITE; its log R is lowered by NO_WHITE."""
 AHEAD = 6.0
-"""In 2 log L, by which ARFIMA has to be ahead of the state."""
+"""Lead in 2 log L that ARFIMA needs over the fractional state to be reported."""
 LEAK_OF_CUBIC = 1 / 9
-"""The leak of a random walk without its cubic: the mean square of the step from the last sample to the first
-over what the walk does in a record, which it has more at all frequencies of the whole."""
+"""Leakage of a random walk after its cubic is subtracted. It is the mean square of the step between the last
+sample and the first, over the mean square step of the walk in the same time; the leakage affects all
+frequencies."""
 
 Raw = tuple[list[int], list[float], float]
 
@@ -59,7 +60,7 @@ class Sentence(NamedTuple):
     codes: tuple[int, ...]
     eta: tuple[float, ...]
     nll: float
-    """-log L."""
+    """-log L of the fit."""
 
     @property
     def parameters(self) -> int:

@@ -23,61 +23,63 @@ from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import Periodogram, bin_starts
 
 FALSE_ALARM = 1e-3
-"""Probability to find a comb in noise without one."""
+"""Probability of finding a comb in noise without one."""
 FEWEST_TEETH = 5
-"""A comb has more lines than mains hum with its second and third harmonic."""
+"""Fewest teeth of a comb: more than mains hum with its second and third harmonic has."""
 FEWEST_PERIODS = 8
-"""Periods in the record: the teeth are so many ordinates apart, between which noise can be seen."""
+"""Fewest periods in the record. Teeth are that many ordinates apart, so that noise is visible between
+them."""
 SHORTEST_PERIOD = 2 * FEWEST_TEETH
-"""In samples, of which half a sample rate has `FEWEST_TEETH` multiples."""
+"""Shortest period in samples: half of the sample rate then holds `FEWEST_TEETH` multiples."""
 LOOKED_AT = 0.01
-"""The probability to look at a candidate in noise without a comb."""
+"""Probability that noise without a comb yields a candidate."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
-"""The largest ratio of an ordinate to its surroundings that counts for candidates: at least the first, and
-the second times the root of the number of ordinates, for then one line is a quarter of a deviation."""
+"""The largest ratio of an ordinate to its surroundings that counts for candidates is the larger of two
+limits: LEAST_LIMIT, and LIMIT_SHARE times the root of the number of ordinates. With the latter, one line
+alone is a quarter of a standard deviation."""
 LEVEL_BINS = 5
-"""Bins on each side whose median is the level of a bin; few of them can hold a tooth."""
+"""The level of a bin is the median of this many bins on each side; few of these can hold a tooth."""
 TOGETHER = 4
-"""Ordinates that are added up first, which leaves two thirds of the autocorrelation at the longest lag."""
+"""Number of ordinates that are summed first; two thirds of the autocorrelation remain at the longest lag."""
 WIDTHS = (1, 3, 5)
-"""Lags that are averaged: a period need not be a whole number of samples, and may have some jitter."""
+"""Numbers of lags that are averaged, since a period may have jitter and need not be whole samples."""
 GUARD = 2
-"""Ordinates on each side of a tooth into which it leaks."""
+"""Number of ordinates on each side of a tooth into which the tooth leaks."""
 WIDEST_FLANK = 24
-"""Ordinates on each side beyond these, to which a tooth is compared."""
+"""Number of ordinates on each side, outside the guard, with which a tooth is compared."""
 MOST_A_TOOTH = 8.0
-"""The largest term of a tooth, which noise exceeds once in 3,000 ordinates."""
+"""Largest evidence of a single tooth, which noise exceeds once in 3,000 ordinates."""
 CLEAR = 4.0
-"""The term from which on a tooth is seen by itself; `FEWEST_TEETH` of them are a comb."""
+"""Evidence from which on a single tooth is clear; `FEWEST_TEETH` clear teeth are a comb."""
 FIRST_SHARE = 0.6
-"""Share of the highest autocorrelation that the first multiple of the period surely has."""
+"""The first multiple of the period has at least this share of the highest autocorrelation."""
 NEAR = 2.0
-"""Samples by which the period may differ from a candidate."""
+"""Largest difference between the period and a candidate, in samples."""
 MOST_DIVISOR = 6
-"""The period may be the candidate over a whole number up to this."""
+"""The true period may be a candidate divided by a whole number up to this one."""
 NEARLY = 0.8
-"""Share of the most evidence that the true period has, if a multiple of it has the most."""
+"""The shortest period with at least this share of the highest evidence is taken, over its multiples."""
 MOST_SOONER, FIRST_TEETH = 12, 8
-"""How often something may happen in a period that was found, and by how many of its lowest lines that is
-seen."""
+"""MOST_SOONER: how often at most an event may happen within a period that was found. FIRST_TEETH: number of
+its lowest lines that are compared."""
 NO_TOOTH, SHAPED = 1.5, 0.08
-"""The mean height up to which lines between these are noise, of which it is 1, or are made by rounding to the
-nearest sample; the second over the height of the lines."""
+"""Lines between the teeth count as noise, or as made by rounding to the nearest sample, up to the mean height
+NO_TOOTH (noise has 1), or up to SHAPED times the height of the teeth."""
 AT_ONCE = 1 << 18
-"""Teeth that are looked up at a time."""
+"""Number of teeth that are looked up at a time."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""Numbers of teeth, from the first on, that are tried: a smooth wave has only a few."""
+"""Numbers of teeth, counted from the lowest, that are tried: a smooth wave has only a few."""
 
 
 class Comb(NamedTuple):
     """A comb: the lines of an event that repeats at equal intervals."""
 
     period: float
-    """In samples."""
+    """The period in samples."""
     teeth: int
-    """Multiples of its frequency that are in the band up to the highest that belongs to it."""
+    """Number of the highest tooth in the band that belongs to the comb."""
     height: float
-    """The mean ratio of these teeth to what is around them."""
+    """The mean ratio of the teeth to the level around them."""
 
 
 class _Ordinates:

@@ -4,7 +4,7 @@ from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 SAME_FREQUENCY = 3e-3
-"""The relative difference up to which a frequency is that of mains, which itself is kept within 0.4 %."""
+"""Relative difference up to which a frequency counts as that of mains, which is kept within 0.4 %."""
 NEXT = (
     "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "
     "No figure of the noise has it in it."

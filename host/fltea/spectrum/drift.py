@@ -11,14 +11,14 @@ from fltea.spectrum.octaves import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
 PERIODS = 10.0
-"""Periods in a record of the slowest wave that is fitted; fewer may be a part of anything."""
+"""Periods in a record of the slowest fitted wave; a wave with fewer periods may be a part of any drift."""
 CUBIC_PERIODS = 0.7
-"""Periods in a record of the waves that a cubic is most like."""
+"""Periods in a record of the waves that resemble a cubic most."""
 LEAST_OFFSET = 10.0
-"""Power of the offset's drift over that of noise; less is of no importance."""
+"""Least power of the offset's drift over that of the noise; a smaller drift does not matter."""
 LEAST_RATIO = 2.0
 FALSE_ALARM = 1e-4
-"""The false alarms of each of the two tests, in a record that is looked at once."""
+"""Probability of a false alarm of each of the two tests, in a record that is tested once."""
 
 
 class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,13 +26,14 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     below_hz: float
     ratio: float = 1.0
-    """The ratio of the power there to what the best model has there."""
+    """The slow power over the slow power that the best model has."""
     p: float = 1.0
-    """Probability of so much, if that model were right there too."""
+    """Probability of at least this ratio if the model also holds at the slow frequencies."""
     offset: float = 0.0
-    """Power of the cubic that was taken out of a long record, over what the model has there."""
+    """Power of the cubic that was subtracted from a long record, over the model's power at its
+    frequencies."""
     offset_p: float = 1.0
-    """Probability of so much."""
+    """Probability of at least this offset drift if the model also holds at its frequencies."""
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
         """Return whether there is more slow power than the model explains, and enough of it to matter."""

@@ -19,11 +19,11 @@ from fltea.records.plus_minus import NORMAL_95
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
-"""Points of the integral, where the response has its waves and beyond, where their mean counts."""
+"""Points of the integral: FINE where the response oscillates, COARSE above, where its mean is enough."""
 WAVES_TO = 100.0
 OUTSIDE = 0.05
 NEAR = 1e-4
-"""Of half an interval, to which it is found."""
+"""Relative accuracy of half the interval."""
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:

@@ -16,12 +16,12 @@ from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.stationarity import Change
 
 LEVEL = 0.05
-"""The null test rejects below, of a recording that is looked at once."""
+"""The null test of a recording, which is tested once, rejects white noise at p-values below this level."""
 ANYTIME_LEVEL = 1e-5
-"""The level for a sensor that is looked at every second for a day: with it at most one white sensor in a
-hundred is ever called anything else."""
+"""The level for a sensor that is tested every second for a day: at most one white sensor in a hundred is ever
+reported as anything else."""
 APART = 6.0
-"""The difference in 2 log L from which on two sentences count as different."""
+"""Difference in 2 log L from which on two models count as different."""
 
 
 class Evidence(NamedTuple):
@@ -31,19 +31,19 @@ class Evidence(NamedTuple):
     samples: int
     rate_hz: float
     p_all: float
-    """Null test of all ordinates that the user left in."""
+    """The p-value of the null test of all ordinates that the user left in."""
     p_without_peaks: float
-    """The p-value of these ordinates without lines and resonances."""
+    """The p-value of the null test without the ordinates of lines and resonances."""
     p_clean: float
-    """The p-value of these above what is called drift."""
+    """The p-value of the null test of the clean ordinates: without peaks, and above the drift."""
     peaks: tuple[Peak, ...]
     candidates: CandidateModels
-    """The sentences on the clean ordinates."""
+    """The candidate models, fitted to the clean ordinates."""
     reading: Reading
-    """What the best of them without an order says."""
+    """What the best model without an order says."""
     from_hz: float
     to_hz: float
-    """The clean ordinates are between."""
+    """`from_hz` and `to_hz` are the ends [Hz] of the band of the clean ordinates."""
     slow: SlowPower
     change: Change | None
     clean: Periodogram
@@ -51,7 +51,7 @@ class Evidence(NamedTuple):
     level: float = LEVEL
     """The level at which the null test rejects."""
     median: MedianFilter | None = None
-    """The median filter that the samples have been through, if that was seen in them."""
+    """The median filter that was detected in the samples; None without one."""
 
     def residual_ks(self, sentence: Sentence) -> float:
         """Return the Kolmogorov–Smirnov distance of the periodogram over the model (`residuals`)."""

@@ -17,20 +17,20 @@ from fltea.spectrum.candidate_models import CandidateModels, Sentence, walk_colu
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW = 1 / 20
-"""Frequencies over the sample rate up to which is fitted: a sensor's own filter is nearly always faster."""
+"""Highest fitted frequency over the sample rate; a sensor's own filter nearly always acts above it."""
 FEWEST = 30.0
-"""Ordinates without which nothing is fitted."""
+"""Fewest ordinates for a fit."""
 ROUNDS = 60
 LEAST_GAIN = 1e-5
-"""Of log L in a round, below which a fit has ended."""
+"""The fit ends when a round gains less than this in log L."""
 DAMPING = 1e-3
 LEAST = 1e-12
-"""What an amplitude can be at least, over the largest that it could be."""
+"""Least value of an amplitude, over the largest value that it could have."""
 NEAR = 0.05
-"""In 2 log L, within which an end of an interval is found."""
+"""Accuracy of an end of an interval, in 2 log L."""
 SEARCHES = 12
 WIDEST = 100.0
-"""An end of the interval of B² is within this factor of it."""
+"""Each end of the interval of B² is at most this factor away from B²."""
 
 
 class Flicker(NamedTuple):
@@ -39,15 +39,16 @@ class Flicker(NamedTuple):
     B: Interval
     """The amplitude of the 1/f noise, in the unit of the samples; all null if it gains too little.
 
-    Where no walk is needed, it is that of the fit without one: a walk cannot be negative, so that what chance
-    gives to a walk would be missing in B. The lower end of its interval is that of the profile with a walk
-    all the same, for there may be one."""
+    Where the fit needs no random walk, B is that of the fit without a walk. A walk's power cannot be
+    negative, so that any power that chance gives to a walk would be missing in B. The lower end of the
+    interval still comes from the profile with a walk, since there may be one.
+    """
     gain: float
-    """2 log L that the 1/f noise gains."""
+    """Gain in 2 log L by the 1/f noise."""
     gain_of_walk: float
-    """2 log L that the random walk gains."""
+    """Gain in 2 log L by the random walk."""
     behind: float
-    """2 log L by which the model that stands for the noise is ahead, at the same frequencies."""
+    """Lead in 2 log L, at the same frequencies, of the model that stands for the noise."""
     ordinates: float
 
 

@@ -17,13 +17,14 @@ from fltea.spectrum.candidate_models import CandidateModels, Sentence
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
-"""The largest density over that of the pass band that is the filter's own shape, as fitted by a relaxation,
-and by a resonance."""
+"""Largest density over that of the pass band that counts as the filter's own shape: SWINGS if a relaxation
+fits the shape, RINGS if a resonance does."""
 NEAR = 10.0
-"""Times the corner: the band in which the shape is looked at."""
+"""The shape of the filter is examined up to this multiple of its corner."""
 POINTS = 64
 LEAKS_AT_MOST = 15.0
-"""What leaks from the two ends hangs on one figure: it is at most so many times its mean, with 99.99 %."""
+"""The leak of the two ends depends on a single random number: with 99.99 % it is below this multiple of its
+mean."""
 
 
 class HighPassed(NamedTuple):
@@ -31,7 +32,7 @@ class HighPassed(NamedTuple):
 
     high_pass: HighPass
     parts: tuple[Part, ...]
-    """Without the filter, and without what is but its shape or a leak."""
+    """The parts without the filter, its shape and the leak of the ends."""
 
     @property
     def is_all(self) -> bool:

@@ -15,13 +15,15 @@ from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
 
 LAGS = 20
-"""The lags of Ljung and Box's test: an even number, so that its χ² has a closed form."""
+"""Number of lags in the Ljung–Box test; it is even, so that χ² has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
-"""Innovations are coloured if white ones give such a Ljung–Box statistic no more often,."""
+"""Innovations may be coloured if white ones exceed their Ljung–Box statistic with at most this
+probability."""
 COLOURED = 0.1
-"""And the root of the sum of the squares of their correlations is more. It is 0.3 to 0.7 behind a low-pass,
-and 0.12 to 0.15 where α is too small by 0.25 to 0.5; in a day something is significant in any noise."""
+"""Coloured innovations must also exceed this root of the sum of their squared correlations, since in a day
+any noise has something significant. The root is 0.3 to 0.7 behind a low-pass, and 0.12 to 0.15 where α is too
+small by 0.25 to 0.5."""
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -31,10 +33,10 @@ class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     nis: float
     """The mean normalised innovation squared."""
     lag1: float
-    """Correlation of neighbours."""
+    """Correlation of neighbouring innovations."""
     ljung_box: float
     ljung_box_p: float
-    """Probability that white innovations give this much or more."""
+    """Probability that white innovations give at least this Ljung–Box statistic."""
 
 
 class InnovationSums:

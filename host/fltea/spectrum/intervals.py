@@ -38,31 +38,33 @@ from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, Candidate
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
-"""The same where the best fit that has the value has no white noise.
+"""Replaces CRITICAL where the best fit with the value has no white noise.
 
-That of two normal estimates with the correlation ρ, of which the second cannot be below 0 and is there while
-the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is Self & Liang's,
-*JASA* 82, 1987). Nine tenths of 35 noises with R = 0 have, by the information, up to 0.9 between f and R,
-0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py)."""
+It is the 95 % point for two normal estimates with the correlation ρ, where the second cannot be below 0 and
+is present while the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is
+Self & Liang's, *JASA* 82, 1987). In nine tenths of 35 noises with R = 0, the correlation by the Fisher
+information is at most 0.9 between f and R, 0.95 between α and R, 0.99 for F and 1 for s2
+(tools/validation/bound.py).
+"""
 LEAST = 7.0
-"""Below this power of e under its best value a variance is 0."""
+"""A variance counts as 0 if its logarithm is more than this below that of the best value."""
 LITTLE = 4.0
-"""Logarithm of the power at the highest frequencies over that of little white noise."""
+"""Log of the power at the highest frequencies over that of a small amount of white noise (`little_white`)."""
 SLOWEST = 300.0
-"""Correlation times are tried up to so many times the longest that the data can show."""
+"""Correlation times are tried up to this multiple of the longest one that the data can show."""
 WIDEST_ORDER = 0.9
-"""Width of the interval from which on an order is undefined."""
+"""An order is undefined if its interval is at least this wide."""
 NOTHING = 1e-4
-"""Information about a coordinate that is as good as none."""
+"""A parameter with less information than this counts as having none."""
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
-"""Numbers of parts by other coordinates, to hold what those of `fltea.noise.parts` do not hold. Of the order:
-F and log -g, or α and log -f, in place of α and logit(-g / 2^α); log Q in place of log s2. Of ARFIMA: log s2
-in place of log s2 / (1 - φ)²."""
+"""Numbers of parts with other free parameters, which make it possible to hold a parameter that the parts in
+`fltea.noise.parts` only imply. For the order: F and log -g, or α and log -f, in place of α and logit(-g /
+2^α); or log Q in place of log s2. For ARFIMA: log s2 in place of log s2 / (1 - φ)²."""
 HIGHEST_ORDER = 1.999
 LOOKED_AT = np.arange(0.04, 1.3, 0.08)
-"""Orders at which a second maximum is looked for."""
+"""Orders at which a second maximum is searched for."""
 
 
 class Ends(NamedTuple):
@@ -115,7 +117,7 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     s2: Interval = Interval()
     R: Interval = Interval()
     arfima: bool = False
-    """Whether it is ARFIMA(1, d, 0), of which α is d and f has no meaning."""
+    """Whether the order is that of ARFIMA(1, d, 0), for which α is d and f has no meaning."""
 
 
 def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:

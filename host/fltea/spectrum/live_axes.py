@@ -27,17 +27,17 @@ from fltea.spectrum.verdict import decide, winner
 POINTS = 150
 """The largest number of points of a spectrum."""
 SHORTEST_MEMORY = 256
-"""Samples."""
+"""Shortest memory of a live fit, in samples."""
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
-"""So many ordinates are left of them."""
+"""Fewest samples for a fit, so that FEWEST ordinates remain."""
 LONGEST_MOTION_S = 600.0
-"""What moves for longer, without 1,024 samples of rest in a row, is noise that has changed."""
+"""Motion that lasts longer, without 1,024 samples of rest in a row, counts as noise that has changed."""
 LEFT_OUT = "lost", "bridged", "knocked", "moved", "limited"
-"""What became of samples that are not used, or stand for others, as the record `fit` has it."""
+"""Kinds of samples that are not used, or are replaced, under their names in the record `fit`."""
 BREAKS = "gaps", "knocks", "motions", "steps", "changes"
-"""By what the stretch of samples was broken."""
+"""Kinds of breaks in the series of samples, under their names in the record `fit`."""
 REMEMBERED = 2
-"""Times the time constant: what is older is in no figure."""
+"""Samples older than this multiple of the memory's time constant do not contribute to any figure."""
 
 
 class Noise(NamedTuple):

@@ -13,35 +13,37 @@ import numpy as np
 from fltea.records.arrays import Array
 
 GLIMPSE, LEAST_SHARE = 8192, 0.01
-"""Samples that are looked at first, and the share of them that is the same as the one before, at least."""
+"""The first GLIMPSE samples are examined first; at least LEAST_SHARE of them must equal their predecessor."""
 MOST = 1 << 17
-"""Samples that are looked at, at most."""
+"""Largest number of samples that are examined."""
 LONGEST = 31
-"""The longest window that is looked for."""
+"""The longest window that can be detected, in samples."""
 SURE = 6.0
-"""Standard deviations of the number of repeated values over what rounding explains."""
+"""The excess of repeated values over those by rounding is significant from this many standard deviations
+on."""
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""The largest ratio of differences of 0 to those of one step on either side, if a distribution is smooth; and
-with another value in between, which a difference of 0 makes less likely."""
+"""For a smooth distribution, the largest ratio of the number of differences of 0 to the number of differences
+of one step on either side: ROUNDED in general, ROUNDED_BETWEEN with another value in between, which makes a
+difference of 0 less likely."""
 FINE = 1.5
 """Steps that half of all differences have at least: coarser numbers are the same for no other reason."""
 ONE_VALUE = 0.5
-"""Share of the repeated values that have the commonest one in a dead band, or where a value is stuck."""
+"""If the commonest value has this share of the repeats, the cause is a dead band or a stuck value."""
 REPLACES = 0.2
-"""Share of values that are the same as the one before, below which only outliers were replaced."""
+"""If fewer values than this share equal their predecessor, the filter replaced only outliers."""
 
 SHAPED, ENOUGH = 0.1, 128
-"""The frequency times the length of the window, up to which the power behind the filter falls by a twentieth,
-and the ordinates below that are fitted, if the record is long enough for so many."""
+"""SHAPED: frequency times window length up to which the filter lowers the power by at most a twentieth.
+ENOUGH: ordinates below that frequency; only these are fitted if the record is long enough to have ENOUGH."""
 
 
 class MedianFilter(NamedTuple):
     """A median filter that was detected in samples."""
 
     samples: int
-    """The length of its window, about."""
+    """The length of the filter's window in samples, approximately."""
     share: float
-    """The samples that are the same as the one before beyond what rounding explains, over all."""
+    """Share of samples that equal their predecessor, beyond what rounding explains."""
 
     @property
     def replaces_outliers(self) -> bool:

@@ -30,10 +30,10 @@ class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     name: str
     parts: tuple[AnyPart, ...]
     parameters: int
-    """How many BIC counts."""
+    """Number of parameters that BIC counts."""
     log_likelihood: float
     bic: float
-    """Above that of white noise: the lower, the better."""
+    """BIC minus that of white noise: the lower, the better."""
 
 
 class NoiseFigures(NamedTuple):
@@ -41,7 +41,7 @@ class NoiseFigures(NamedTuple):
 
     sentence: Sentence
     parts: tuple[Estimated, ...]
-    """With their 95 % intervals."""
+    """The parts of the model, with 95 % intervals of their parameters."""
     level: Level
 
     def spectrum(self, h: float) -> Callable[[Array], Array]:

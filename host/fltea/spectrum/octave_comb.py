@@ -21,31 +21,32 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""Lines from tooth to tooth, of which Hann's window takes up to four."""
+"""Fewest lines from tooth to tooth; under Hann's window a tooth takes up to four."""
 LOBES = 2.75
 """Lines on each side of a tooth that are left out with it under Hann's window."""
 LEAKS = 0.05
-"""Leaked power over that of noise, down to which the skirts of a tooth are left out without a window."""
+"""The skirts of a tooth without a window are left out down to this ratio of leaked power to noise power."""
 AROUND, ASIDE = 12, 3
-"""Lines on each side whose median is the level of a line, and the distance of two that are not higher than
-an average: a lobe of a filter is no tooth."""
+"""AROUND: lines on each side whose median is the level of a line. ASIDE: distance of the two lines that must
+not be higher than the average of a tooth, since a lobe of a filter is no tooth."""
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
-"""Clear lines, and the share of all lines that are clear by chance: with fewer than both together no comb is
-looked for, which saves time."""
+"""CLEAR_BY_CHANCE: share of all lines that are clear by chance. A comb is only searched for if FEWEST_CLEAR
+more lines than that are clear, which saves time."""
 CLEAR, MOST = 2.5, 4.0
-"""The deviate from which on a tooth is seen by itself, and the largest that counts."""
+"""CLEAR: deviate from which on a single tooth is clear. MOST: largest deviate that counts."""
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
-"""Share of the level that averages over at least so many ordinates hardly ever have, but notches do, and the
-lines on each side among which there is one beside a lobe."""
+"""NOTCH: share of the level below which a line is taken for a notch; averages over LEAST_WEIGHT ordinates or
+more are hardly ever so low by chance. LOBE: a lobe has such a line within this many lines on one side."""
 NEARLY, SAME = 0.8, 0.02
-"""Share of the most evidence that the lowest fundamental frequency has, and its relative error."""
+"""NEARLY: the lowest fundamental with this share of the highest evidence is taken. SAME: relative error of
+the fundamental."""
 MOST_LEFT_OUT = 0.42
-"""Share of the distance to the next tooth, on each side of one."""
+"""Largest part of the spectrum that is left out on each side of a tooth, over the distance of teeth."""
 STEP = 1 / 160
-"""The relative step of fundamental frequencies: half a line where they are closest together."""
+"""Relative step between the fundamentals that are tried: half a line where lines are closest together."""
 MOST_TEETH = 32
 PREFIXES = np.array([5, 8, 12, 20, 32])
-"""Numbers of teeth, from the first on, that are tried."""
+"""Numbers of teeth, counted from the lowest, that are tried."""
 
 
 class OctaveComb(NamedTuple):

@@ -25,13 +25,13 @@ from fltea.spectrum.spectral_lines import (
 )
 
 LOBE = 2
-"""Lines on each side that a sharp line spreads to."""
+"""Number of lines on each side to which a sharp line spreads."""
 SHORTEST_FLANK = 12
-"""Lines in a flank, however many ordinates each of them stands for."""
+"""Fewest lines in a flank, however many ordinates each line stands for."""
 NARROW = 3
-"""A peak that is not wider than so many averaged lines may be a line or a resonance."""
+"""A peak up to this many averaged lines wide may be a line or a resonance."""
 SKIRT = 0.05
-"""What is less above the level around it is no part of a peak."""
+"""A line belongs to a peak if its power is more than this share above the level around the peak."""
 
 
 class _Lines(NamedTuple):
@@ -39,9 +39,9 @@ class _Lines(NamedTuple):
     power: Array
     weight: Array
     averaged: NDArray[np.bool_]
-    """Under Hann's window."""
+    """Whether each line is an average over blocks under Hann's window."""
     spread: Array
-    """Rad a sample that each stands for."""
+    """The width [rad a sample] of the band that each line stands for."""
 
     def without(self, left: int, right: int) -> "_Lines":
         keep = np.r_[0:left, right : len(self.lam)]

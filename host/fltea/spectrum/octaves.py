@@ -27,25 +27,27 @@ from fltea.records.arrays import Array
 from fltea.spectrum.periodogram import LOWEST, Periodogram, check_enough
 
 WHOLE: int = _native.OCTAVES_WHOLE
-"""Samples up to which the spectrum is the periodogram of the whole."""
+"""Number of samples up to which the spectrum is the periodogram of the whole record."""
 BLOCK: int = _native.OCTAVES_BLOCK
 LANE_BYTES: int = _native.OCTAVES_LANE_BYTES
-"""Memory of a lane, whatever the length."""
+"""Memory of a lane in bytes, whatever the length of the record."""
 SHORTEST = 64
-"""Samples: shorter stretches of the whole level have nothing to say."""
+"""Fewest samples of an unbroken stretch of the whole-record level; shorter ones are not used."""
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
 LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
-"""Power of a cubic over that of these ordinates, from which on it is taken out of a short record too."""
+"""A cubic is subtracted from a short record too if its power is LARGE_DRIFT times that of these ordinates."""
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
-"""Rad a sample of its own rate: the whole level serves below, the level above it from there on."""
+"""Frequency, in rad a sample of the whole-record level, below which that level gives the spectrum; above, the
+octaves do."""
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""Neighbouring lines of Hann's window are correlated: so many count as one."""
+"""Neighbouring lines under Hann's window are correlated: this number of lines counts as one."""
 _HALF_OVERLAP = 2 / 12
-"""So many more of them count as one where blocks overlap by half: the squares of the correlations of a line
-with all lines of the block before and of the one after it, summed up."""
+"""Blocks that overlap by half make lines more correlated. This is the increase of the number of lines that
+count as one: the sum of the squared correlations of a line with all lines of the previous and of the next
+block."""
 
 
 class Counts(NamedTuple):
@@ -54,7 +56,7 @@ class Counts(NamedTuple):
     used: int
     """Samples in the spectrum, or waiting for a chunk to be full."""
     bridged: int
-    """Lost samples that a straight line stands for."""
+    """Lost samples that a straight line replaces."""
     lost: int
     """All lost samples, bridged ones included."""
     gaps: int
@@ -62,19 +64,19 @@ class Counts(NamedTuple):
     knocks: int
     """Chunks of 128 samples left out as knocks."""
     knocked: int
-    """Samples left out, with knocks and with steps."""
+    """Samples left out because of knocks or steps."""
     steps: int
     """The number of steps of the offset."""
     changes: int
     """The number of changes of the noise's level by more than ten times in power."""
     constant: bool
-    """No sample was other than the first."""
+    """Whether all samples are equal to the first."""
     limited: int = 0
-    """The samples among those used that were handed on smaller than they came."""
+    """Used samples that were reduced to a limit because of their size."""
     moved: int = 0
-    """Samples left out as motion, with those of an unfinished chunk before it."""
+    """Samples left out as motion, including the unfinished chunk before the motion."""
     motions: int = 0
-    """Breaks because of it."""
+    """Breaks because of motion."""
 
 
 class BandCells(NamedTuple):
@@ -87,20 +89,20 @@ class BandCells(NamedTuple):
     low_hz: float
     high_hz: float
     counts: Array
-    """The blocks of each cell (c,), which overlap by half."""
+    """The number of blocks of each cell (c,); the blocks overlap by half."""
     mean_log: Array
-    """The mean logarithm of their power (c,), in the squared unit of the samples."""
+    """The mean logarithm of the blocks' power (c,), power being in the squared unit of the samples."""
     variance_log: Array
-    """The variance of these logarithms in the cell (c,); NaN for a single one."""
+    """The variance of these logarithms within the cell (c,); NaN for a cell with a single block."""
     first: NDArray[np.int64]
-    """The number of the first sample (c,), lost ones counted."""
+    """The index of the first sample of each cell (c,), where lost samples count."""
     hop: int
-    """Samples from a block to the next."""
+    """Number of samples from the start of a block to the start of the next."""
     pairs: Array
-    """How many pairs of neighbouring runs of 2^s blocks were compared, for each scale s (k,)."""
+    """Number of compared pairs of neighbouring runs of 2^s blocks, for each scale s (k,)."""
     scale_variance: Array
-    """Mean of 2^s d²/2 over them (k,), d being how far the means of these logarithms in the two runs of a
-    pair are apart: at all scales the same if blocks do not depend on each other."""
+    """Mean of 2^s d²/2 over these pairs (k,), where d is the difference of the mean logarithms of the two
+    runs. It is the same at all scales if the blocks are independent."""
 
 
 class AllanPoints(NamedTuple):
@@ -111,18 +113,18 @@ class AllanPoints(NamedTuple):
     avar: list[float]
     """Allan variances in the squared unit of the samples, (k,)."""
     terms: list[float]
-    """Effective numbers of terms, (k,)."""
+    """Effective numbers of averaged terms, (k,)."""
     samples: float
-    """The number of samples that they are of."""
+    """Number of samples from which the variances were computed."""
 
 
 class Drift(NamedTuple):
     """The slow part that is not noise: a cubic in each unbroken stretch of the whole-record level."""
 
     power: float
-    """Mean square of their amplitudes, which white noise of variance R gives the mean R."""
+    """Mean square of the cubics' amplitudes; for white noise of variance R it has the mean R."""
     amplitudes: int
-    """Three a stretch."""
+    """Number of amplitudes: three for each stretch."""
 
 
 Lines = tuple[Array, Array, Array]
@@ -135,12 +137,12 @@ class Parts(NamedTuple):
     welch: list[Lines]
     """The lines of each octave that has blocks."""
     whole: list[Lines]
-    """The lines of each stretch that is kept whole, at the lowest rate."""
+    """The lines of each unbroken stretch at the lowest rate, the whole-record level."""
     depth: int
-    """Octaves above that."""
+    """Number of octaves above the whole-record level."""
     drift: Drift | None
     n: int
-    """Samples of the longest stretch that is kept whole; without any, of a block."""
+    """Number of samples of the longest unbroken stretch; without any stretch, that of a block."""
 
 
 class Octaves:
@@ -396,7 +398,7 @@ def _passed(own: Array, level: int) -> Array:
 
 
 _GRID = np.linspace(0, 0.71 * np.pi, 2001)
-"""Between two of these a line is good for seven digits."""
+"""Interpolation between two neighbouring grid points is accurate to seven digits."""
 
 
 @functools.cache

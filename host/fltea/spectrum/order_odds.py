@@ -15,7 +15,7 @@ from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.order_odds_constants import COEFFICIENTS, ORDINATES
 
 FARTHEST = 40.0
-"""Differences in 2 log L beyond are as good as this."""
+"""Larger differences in 2 log L are treated as this one."""
 
 
 def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:

@@ -17,18 +17,19 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.records.arrays import Array
 
 LOWEST = 4
-"""Number of the first ordinate that is used."""
+"""Number of the lowest ordinate in use."""
 FEWEST = 64
-"""Ordinates below which nothing is fitted."""
+"""Fewest ordinates for a fit."""
 LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
 """If there are more samples than LONG, the last few are left out, so that their number is a multiple of
-PARTS, and the transform is put together from PARTS small ones, AT_ONCE ordinates at a time."""
+PARTS. The transform is then combined from PARTS smaller ones, for AT_ONCE ordinates at a time."""
 GROWTH = 0.03
-"""Width of a bin over its frequency: a spectrum that goes with λ^-4 changes by 12 % over it."""
+"""Width of a bin over its frequency: a spectrum proportional to λ^-4 changes by 12 % over a bin."""
 WIDEST = math.pi / 120
-"""Rad a sample: no bin is wider, so that peaks of that width are seen for what they are."""
+"""Largest width of a bin [rad a sample], so that peaks of that width are resolved."""
 COARSER = 2.0
-"""By how much bins of weighted lines are wider. The null test's p-values are the same to 2 %."""
+"""Factor by which the bins of weighted lines are wider. It changes the null test's p-values by 2 % at
+most."""
 
 
 class Periodogram(NamedTuple):
@@ -37,13 +38,13 @@ class Periodogram(NamedTuple):
     lam: Array
     """Frequencies (m,) in rad a sample."""
     power: Array
-    """The powers (m,), or (series, m) of several series."""
+    """Power at each frequency, (m,), or (series, m) for several series."""
     h: float
     """Sampling period in s."""
     n: int
-    """Samples."""
+    """Number of samples."""
     weight: Array | None = None
-    """The effective ordinates (m,) that each stands for, or None if each stands for one."""
+    """Effective number of ordinates that each power stands for (m,); None if each stands for one."""
 
     @property
     def ordinates(self) -> float:
@@ -77,11 +78,11 @@ class Binned(NamedTuple):
     """Averages of neighbouring ordinates over bins."""
 
     lam: Array
-    """The mean frequency of each (bins,), in rad a sample."""
+    """The mean frequency of each bin (bins,) [rad a sample]."""
     counts: Array
-    """The ordinates in each (bins,), which need not be whole numbers if they were averages."""
+    """The number of ordinates in each bin (bins,); it need not be whole if the ordinates were averages."""
     power: Array
-    """The mean power of each, (series, bins)."""
+    """The mean power of each bin, (series, bins)."""
 
     @property
     def ordinates(self) -> int:

@@ -30,39 +30,42 @@ from fltea.spectrum.high_pass import HighPassed, high_passed
 from fltea.spectrum.spectral_lines import Peak
 
 SLOW = 3.0
-"""The frequency over the lowest one below which a corner is as good as none."""
+"""A corner below this multiple of the lowest fitted frequency counts as no corner."""
 LARGE_SHARE = 0.05
-"""The share of the power in a peak that leaves a trace to be seen."""
+"""A peak with at least this share of the power leaves a visible trace."""
 LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
-"""Ratios of frequencies over which a line leaks, and over which a resonance's skirts reach."""
+"""Ratio of frequencies up to which a line leaks (LINE_LEAKS), and a resonance's skirts reach
+(RESONANCE_LEAKS)."""
 NO_WHITE = 0.03
-"""The share of the density at half the rate that is not of a relaxation, below which it is as good as
-none."""
+"""White noise counts as none if its share of the density at half the sample rate is below this one."""
 LEAST_CORNER = 10.0
-"""The corner over the lowest frequency from which on a relaxation without white noise is a filter."""
+"""A relaxation without white noise is a filter if its corner is above this multiple of the lowest
+frequency."""
 NEAR_THE_FILTER = 0.1
-"""The corner of a relaxation over that of a filter, from which on it may be but the filter's shape."""
+"""A relaxation may be only the filter's shape if its corner is above this share of the filter's corner."""
 AS_FILTERS_DIFFER = 1.6
-"""The ratio of densities in the pass band up to which it is."""
+"""Ratio of densities in the pass band up to which a relaxation is taken for the filter's shape."""
 RIPPLES = 0.4
-"""The frequency over the corner of a filter from which on a hump is of the filter."""
+"""A hump above this share of a filter's corner belongs to the filter."""
 STANDS_OUT, ASIDE = 1.2, 3.0
-"""The density of a resonance over that on both sides, at so many times its frequency and a part of it."""
+"""A resonance has to be STANDS_OUT times as high as the density at ASIDE times its frequency and at 1/ASIDE
+of it."""
 SMOOTHS = -0.15
-"""s of a short filter that is a low-pass."""
+"""A short filter with s below this value is a low-pass."""
 RISES, HIGHEST = 1.05, 0.85
-"""The density at the highest frequencies, from so much of half the rate on, over that at the lowest."""
+"""The density rises if its mean above HIGHEST of half the sample rate is RISES times that at the lowest
+frequency."""
 
 
 class Reading(NamedTuple):
     """What a model says in addition to white noise."""
 
     relaxations: tuple[Relaxation, ...]
-    """Those whose corner is in the band, the slowest first."""
+    """The relaxations whose corner is in the band, the slowest first."""
     drifts: bool
-    """Whether there is a walk, or a relaxation that is slower than the record can tell from one."""
+    """Whether there is a random walk, or a relaxation too slow to be distinguished from one."""
     low_pass: LowPass | None
-    """The filter that all has gone through."""
+    """The low-pass through which the whole noise has passed."""
     resonance: Resonance | None
     notch: Notch | None
     rises: bool
@@ -70,7 +73,7 @@ class Reading(NamedTuple):
     coloured: bool
     """Whether there is a filter or a rise of any kind."""
     high_pass: HighPassed | None = None
-    """The filter that has taken out all that is slow, and what is left."""
+    """The filter that removed everything slow, and the parts that remain."""
 
 
 def corner_hz(part: Relaxation) -> float:

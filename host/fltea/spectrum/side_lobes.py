@@ -10,14 +10,14 @@ import numpy as np
 from fltea.records.arrays import Array
 
 DEPTH, BEYOND = 0.2, 0.6
-"""Levels over that of the hump: at most in a notch, and at least on both sides of it."""
+"""Levels over that of the hump: a notch is below DEPTH, and the spectrum beyond it is above BEYOND."""
 NOTCH_WIDTH = 1.5
-"""The largest width of a notch over that of the hump."""
+"""Largest width of a notch over that of the hump."""
 TELLING = 30.0
-"""The power over the highest lobe's from which on something is a line, since single ordinates scatter."""
+"""Something is a line if its power is this multiple of the highest lobe's, since single ordinates scatter."""
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""Effective ordinates from which on an average is taken for a line sooner."""
+"""Averages over at least this effective number of ordinates need a smaller ratio to be a line."""
 
 
 def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> float | None:

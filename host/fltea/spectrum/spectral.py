@@ -33,23 +33,23 @@ Bands = tuple[tuple[float, float], ...]
 T = TypeVar("T")
 
 FALSE_PEAK = 0.01
-"""Probability to find one where there is none, at `LEVEL`; the bins of octaves do not show lines so well that
-less would leave those of real sensors."""
+"""Probability, at `LEVEL`, of finding a peak where there is none. The bins of octaves show lines less
+clearly, so that a smaller probability would miss lines of real sensors."""
 FALSE_COMB = 1e-3
-"""The same probability for a comb."""
+"""Probability, at `LEVEL`, of finding a comb where there is none."""
 FALSE_CHANGE = 1e-3
-"""The same probability for a change during the record."""
+"""Probability, at `LEVEL`, of finding a change during the record where there is none."""
 LEAKS = 3.0
-"""The distance over which a line leaks, over the width of its notch."""
+"""Distance over which a line leaks, over the width of its notch."""
 SLOW_LINES = 4.0
-"""The frequency over the lowest one below which lines are slow ones."""
+"""Lines below this multiple of the lowest frequency are slow lines."""
 LARGEST_SHARE = 0.15
-"""The largest share of peaks in a band's power for which changes of the band are looked for: two lines that
-have so much together beat by less than a change that matters."""
+"""Largest share of peaks in a band's power for which the band is tested for changes. Two lines with that
+share together beat, but by less than a change that matters."""
 EXPLAINED = 1.5
-"""The power of a peak over that of the model of all else, up to which it is none."""
+"""A peak is discarded if its power is below this multiple of the power that the other parts explain."""
 GROWN = 1.1
-"""The growth of the record after which sentences, peaks and changes are looked for again."""
+"""Growth of the record after which models, peaks and changes are searched for again."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -67,9 +67,9 @@ class Spectral(msgspec.Struct, frozen=True):
 
     evidence: Evidence
     likelihood_ratio: float
-    """The null test's ratio on all ordinates."""
+    """The null test's likelihood ratio on all ordinates."""
     ordinates: int
-    """The number of all effective ordinates."""
+    """The effective number of all ordinates."""
     band: Band
 
 
@@ -213,12 +213,12 @@ class _Seen(NamedTuple):
 
     combs: tuple[Peak, ...]
     of_comb: Bands
-    """Only live: of a file a comb was taken out of the samples."""
+    """Bands of a comb, for live data only: in a file, a comb is removed from the samples themselves."""
     of_median: Bands
     peaks: tuple[Peak, ...]
-    """All others."""
+    """All peaks other than the comb."""
     bands: Bands
-    """One for each of these."""
+    """One band for each of `peaks`."""
     rest: Periodogram
     """The ordinates outside of the bands of the comb and the median filter."""
 

@@ -24,32 +24,33 @@ from fltea.spectrum.periodogram import AT_ONCE, Periodogram
 from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 
 FALSE_ALARM = 3e-3
-"""Probability to find anything in noise without lines, of a record that is looked at once."""
+"""Probability of finding any peak in noise without peaks, in a record that is tested once."""
 FLANK = 48
-"""Ordinates in the shortest flank; the flanks of wide stretches are twice as long as these."""
+"""Ordinates in the shortest flank; the flanks of a wide range are twice as long as the range."""
 MOST = 12
-"""Peaks after which the search ends: a record with more has other troubles."""
+"""The search ends after this many peaks: a record with more has other problems."""
 SMOOTHEST = 9
-"""Ordinates that are averaged at least to see whether a hump is a side lobe."""
+"""Fewest ordinates that are averaged to test whether a hump is a side lobe."""
 LINE_SKIRT = 3
-"""Ordinates on both sides of a line among side lobes that are left out with it."""
+"""Number of ordinates on both sides of a line among side lobes that are left out with the line."""
 SHORTEST_FLANK = 4
-"""Near frequency 0."""
+"""Fewest ordinates in the lower flank near frequency 0."""
 END_WIDTHS = (1, 2, 4)
-"""Widths of stretches at the ends of the band."""
+"""Widths of the ranges that are tried at the ends of the band."""
 SURELY_NOT = 4.0
-"""What a logarithm of a probability is below that of a known level at most."""
+"""Largest difference between the log of a range's probability and that log for an exactly known level."""
 WIDEST_SHARE = 0.08
 """The widest stretch, as a share of all ordinates."""
 FOLDED_SHARE, FOLDED_HEIGHT, FLAT = 0.04, 5.0, 1.3
-"""The widest hump at Nyquist's frequency, as a share of all ordinates; its least mean over the level below
-it; and the largest ratio of the halves of that: noise that alternates in sign falls off slowly."""
+"""Limits for a hump at the Nyquist frequency: FOLDED_SHARE, its largest width as a share of all ordinates;
+FOLDED_HEIGHT, its least mean over the level below it; FLAT, the largest ratio of the two halves of that
+level. The last one excludes noise that alternates in sign, whose spectrum falls slowly."""
 LEAST_LEVEL = 1e-12
-"""The least level over the mean, which stands for a level of 0, as made-up noise may have it."""
+"""Least level over the mean; it replaces a level of 0, as simulated noise may have it."""
 LINE_ORDINATES = 6
-"""What has nearly all its power in so many is a line: an oscillation that stays in phase over the record."""
+"""A peak with nearly all its power in this many ordinates is a line: its phase is stable over the record."""
 IN_A_LINE = 0.7
-"""Share of the power: the rest is the noise about it."""
+"""Share of a peak's power that counts as nearly all: the rest is noise around the line."""
 
 
 class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -57,9 +58,9 @@ class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     period_s: float
     harmonics: int
-    """The number of lines that it has in the spectrum, about."""
+    """Approximate number of lines of the event in the spectrum."""
     shape: Literal["glitch", "wave", "unknown"] = "unknown"
-    """A glitch is much shorter than the period; of sums alone, as live, the shape is unknown."""
+    """A glitch is much shorter than the period. Live sums do not show the shape: it is "unknown"."""
     duration_s: float | None = None
     """The length of a glitch."""
     deviations: float | None = None
@@ -70,20 +71,20 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A line, a resonance, or a comb of lines."""
 
     kind: str
-    """Line or resonance; peak, where the resolution cannot tell; comb, for lines at all multiples of one
-    frequency, which is `frequency_hz`."""
+    """Line or resonance; peak, where the resolution cannot distinguish the two; comb, for lines at all
+    multiples of one frequency, which is `frequency_hz`."""
     frequency_hz: float
-    """Where it is highest, the resonance after smoothing."""
+    """Frequency of the maximum; for a resonance, after smoothing."""
     width_hz: float
-    """The width at half its height above the surroundings."""
+    """Width at half the peak's height above its surroundings."""
     power_share: float
-    """Its share of all power in the ordinates used."""
+    """The peak's share of all power in the ordinates in use."""
     height: float
-    """Its mean over the level around it."""
+    """The peak's mean power over the level around it."""
     notch_hz: tuple[float, float]
-    """The band to leave out to be rid of it; of a comb the band of its lowest line."""
+    """The band to leave out in order to remove the peak; for a comb, the band of its lowest line."""
     repeats: Repeats | None = None
-    """Only of a comb."""
+    """The repeating event; only for a comb."""
 
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:

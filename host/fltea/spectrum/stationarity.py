@@ -21,11 +21,11 @@ from fltea.spectrum.octaves import BandCells
 from fltea.spectrum.swings import OVERLAP, Swing, find_swings
 
 LEAST_IN_CELL = 4
-"""Blocks; cells with fewer are joined with their neighbours."""
+"""Fewest blocks in a cell; smaller cells are joined with their neighbours."""
 LEAST_SIZE = 1.25
 """Ratio of powers, up or down: a smaller change is of no practical importance."""
 MOSTLY_ONE_STEP = 0.6
-"""Share of the differences that one step has to explain to be called so."""
+"""A change is called a step if a single step explains this share of the differences."""
 
 
 class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -36,18 +36,18 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     p: float
     """The p-value of the test that found it, times the number of tests."""
     size: float
-    """Two standard deviations of the true levels, as a ratio of powers: of one step in mid-record this is
-    the step."""
+    """Two standard deviations of the true levels, as a ratio of powers. For a single step in the middle of
+    the record it is the size of the step."""
     ratio: float = 1.0
-    """Mean power after `at_s` over that before; 1 where it went up and down."""
+    """Mean power after `at_s` over that before; 1 if the power went up and down."""
     at_s: float = 0.0
-    """Where a division in two parts explains most."""
+    """Time at which a division of the record in two parts explains most of the differences."""
     share: float = 0.0
-    """How much of the differences that division explains; the rest is up and down."""
+    """Share of the differences that this division explains; the rest is up and down."""
     half_s: float | None = None
-    """Time between ups and downs, to a factor of two; None where only parts of the record were compared."""
+    """Time between ups and downs, to a factor of two; None if only parts of the record were compared."""
     period_s: float | None = None
-    """The period, where the samples show that it goes up and down regularly."""
+    """Period of the changes, if the samples show that the power goes up and down regularly."""
 
     @property
     def is_step(self) -> bool:
@@ -63,9 +63,9 @@ class _Parted(NamedTuple):
     ratio: float
     at_s: float
     explained: float
-    """Variance that the division in two parts explains."""
+    """Variance between cells that the division in two parts explains."""
     share: float
-    """That over the variance between cells."""
+    """Share of the variance between cells that the division explains."""
 
 
 Found = TypeVar("Found", _Parted, Swing)

@@ -21,23 +21,23 @@ from fltea.spectrum.octaves import BandCells
 OVERLAP = 1 / 36
 """Correlation of the power of blocks that overlap by half, under Hann's window."""
 MOST_ALIKE = 0.1
-"""The largest correlation of neighbouring blocks that is no change: an outlier is in both, and a resonance
-goes on from one to the next."""
+"""Largest correlation of neighbouring blocks that counts as no change: two blocks share an outlier, and a
+resonance continues from one block to the next."""
 FEWEST_PAIRS = 3
-"""Pairs of a scale that is compared."""
+"""Fewest pairs with which a scale is compared."""
 EVERYDAY = 3.0
-"""Deviate of a comparison up to which it is significant at no level that is asked for."""
+"""A deviate up to this value is not significant at any level in use."""
 
 
 class Swing(NamedTuple):
     """The time scale at which the power of an octave differs most from what chance allows."""
 
     deviate: float
-    """Of a normal variable, as unlikely as the ratio of variances that was found."""
+    """Normal deviate that is as unlikely as the ratio of variances found."""
     variance: float
-    """Of the logarithm of power, beyond chance, at all scales together."""
+    """Variance of the logarithm of power beyond chance, summed over all scales."""
     half_s: float
-    """Time between ups and downs, to a factor of two: the scale that has most of that variance."""
+    """Time between ups and downs, to a factor of two, by the scale with most of the variance."""
 
 
 class _Compared(NamedTuple):

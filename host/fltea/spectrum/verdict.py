@@ -21,22 +21,23 @@ from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
-"""The odds of an order, and how far its 2 log L is ahead of the richest model without one, from which on the
-noise is called fractional: at most one in a hundred of each kind of noise without an order is, sums of
-regular relaxations too, which look like an order (host/docs/evaluation/odds.md)."""
+"""The noise is called fractional if the odds of an order are at least CLAIMED and the order's 2 log L leads
+the richest model without an order by LEAST_OVER_RICH. Then at most one in a hundred noises of each kind
+without an order is called so. This includes sums of regular relaxations, which look like an order
+(host/docs/evaluation/odds.md)."""
 LEAST_RESIDUAL_LEVEL = 0.01
-"""The level of the test of residuals, which speaks against a claim and not for one."""
+"""Level of the test of residuals. The test can only contradict a claim, not support one."""
 SHORT_S = 580.0
-"""About ten minutes: a claim on less is a claim about what so short a record shows."""
+"""About ten minutes: a verdict on a shorter record holds only for what so short a record shows."""
 PEAKS: dict[str, VerdictKind] = {
     "line": "line",
     "resonance": "resonance",
     "peak": "line or resonance",
     "comb": "comb",
 }
-"""What a peak is called; live, narrow ones cannot be distinguished."""
+"""Name of each kind of peak; in live data, narrow peaks cannot be distinguished."""
 RISING = tuple(kind for kind in CODES if kind.has("rising"))
-"""An order beside one of these is not in its place."""
+"""Parts whose power rises with the frequency; in a model with one of them, no order explains the rise."""
 NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
 NEXT_FILTER = (
@@ -62,22 +63,22 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     kind: VerdictKind
     text: str
-    """The sentences of what, why and next, one after the other."""
+    """The texts `what`, `why` and `next` in a row."""
     what: str
     """What the noise is."""
     why: str
-    """How sure that is, and what it rests on."""
+    """How sure that is, and on what evidence."""
     next: str
-    """What to do about it."""
+    """What the user can do about it."""
     rules: tuple[Rule, ...]
-    """The rules that were asked."""
+    """The questions that were asked, with their answers."""
     odds: float | None = None
-    """The odds that coloured noise has an order (`spectrum.order_odds`); null: it is as good as white, or not
-    stationary, or nothing that was fitted has an order."""
+    """The odds that coloured noise has an order (`spectrum.order_odds`). Null if the noise is as good as
+    white or not stationary, or if no fitted model has an order."""
     has_order: bool = False
-    """Whether the sentence with an order is one of those that stand."""
+    """Whether a model with an order is among the models that stand."""
     order: OrderFit = OrderFit()
-    """Its order with the intervals; all is null where there is none, or where the data do not define it."""
+    """The order with its intervals; all null if there is no order or the data do not determine it."""
 
     def saying(self, **words: str) -> "Verdict":
         """Return the verdict with other `what`, `why` or `next`, and the text composed from them."""

@@ -15,9 +15,9 @@ from fltea.spectrum.spectral_lines import Peak
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
-"""Odds, one way or the other, from which on it is said what a noise most likely is."""
+"""Odds, for or against an order, from which on the text says what the noise most likely is."""
 REGULAR = 3.0
-"""Odds from which on it is said that regular relaxations look like an order."""
+"""Odds from which on the text says that regular relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
     "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of "
