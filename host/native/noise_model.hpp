@@ -1,6 +1,7 @@
-// The filters of the noise of an axis (tracker_model.hpp): of one system, or of two. Each is weighted by how
-// likely it makes the samples, which tell the two apart as they come (multiple-model estimation: Bar-Shalom,
-// Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 11.6.2).
+// The Kalman filters for the noise of an axis (tracker_model.hpp): of one noise system, or of two rivals.
+// Each is weighted by the likelihood of the samples under it, so that the weights change with the samples
+// (multiple-model estimation: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and
+// Navigation, section 11.6.2).
 #pragma once
 
 #include <cmath>
@@ -19,13 +20,13 @@ class NoiseModel {
     typedef System<kMost> Noise;
     typedef Kalman<kMost> Filter;
 
-    // What changes with the samples.
+    // The data that change with the samples.
     struct State {
         std::vector<Filter> filters;
         std::vector<double> unlikely;
     };
 
-    // Without a model, one has to be loaded.
+    // Constructed without a model, the object needs load() of a saved model.
     explicit NoiseModel(const std::shared_ptr<TrackerModel>& of = nullptr) : of_(of) {
         if (of == nullptr) return;
         rivals_.resize(of->count());
@@ -33,7 +34,7 @@ class NoiseModel {
         weigh();
         stays_ = rivals_.back().weight;
     }
-    // With nothing known of the offset.
+    // Starts all filters with an unknown offset.
     void start() {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             rivals_[i].filter.start(&of_->rival(i).system, &of_->rival(i).map);
@@ -45,7 +46,7 @@ class NoiseModel {
         for (std::size_t i = 0; i < rivals_.size(); ++i) rivals_[i].filter = filtered.filter(i);
         predict();
     }
-    // All remembered samples go through the filters, which are as likely as they were before.
+    // Filters all remembered samples again; the weights of the systems stay as they were.
     void filter_again(const Remembered& memory) {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             memory.filter_again(of_->rival(i).system, of_->rival(i).map, rivals_[i].filter);
@@ -57,7 +58,7 @@ class NoiseModel {
     int size() const { return of_->rival(best_).system.n; }
     const double* x() const { return rivals_[best_].filter.x; }
     int offset() const { return of_->rival(0).system.offset(); }
-    // Of the innovation of the next sample.
+    // Variance of the innovation of the next sample.
     double variance() const { return variance_; }
 
     double innovation(double y) {
@@ -70,13 +71,14 @@ class NoiseModel {
         return e;
     }
 
-    // An innovation in its deviations, for a test of steps: of the offset that does not walk, if that was the
-    // likelier one for long. The other one follows a step, and hides it.
+    // Returns an innovation in standard deviations, for the test for steps. It is that of the system whose
+    // offset does not walk, if that system was more likely for long. The other system follows a step, and
+    // would hide it.
     double for_steps(double e) const {
         const Rival& still = rivals_.back();
         return rivals_.size() > 1 && stays_ > 0.5 ? still.e / std::sqrt(still.S) : e / std::sqrt(variance_);
     }
-    // A step has explained what the samples since then have said of the two.
+    // Forgets the likelihoods of the newest samples, after a step was found that explains them.
     void forget_newest() {
         if (rivals_.size() < 2) return;
         rivals_.front().unlikely = TrackerModel::unlikely(1 - stays_);
@@ -101,7 +103,7 @@ class NoiseModel {
         predict();
     }
 
-    // e: the innovation of all.
+    // e: the weighted innovation of all systems.
     Known known(double e) const {
         if (rivals_.size() == 1) return rivals_.front().filter.known(e);
         Known all = Known{0, 0, 0, 0, e, variance_};
@@ -121,7 +123,8 @@ class NoiseModel {
         for (const Rival& one : rivals_) sum += one.weight * one.filter.bias();
         return sum;
     }
-    // Of what rows, one for each system, make of x.
+    // Returns mean and variance of a quantity; `rows`: for each system, the linear map from its state x to
+    // the quantity.
     void mean_of(const MeanAhead<kMost>* rows, double& mean, double& variance) const {
         mean = variance = 0;
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
@@ -133,8 +136,8 @@ class NoiseModel {
         variance = std::fmax(variance - mean * mean, 0);
     }
 
-    // The offset walks by steps of this variance at least, from here on. False if it does, or nothing is
-    // left.
+    // Sets the variance of the offset's random walk steps to at least `q`. Returns false if it is at least
+    // `q` already, or if no valid model results.
     bool raise_walk(double q, const BiasLengths& lengths) {
         const int i = offset();
         if (i < 0) return false;
@@ -151,7 +154,7 @@ class NoiseModel {
         return true;
     }
 
-    // The filters as they are now are those of a chunk ago before long.
+    // Stores the present filters; the previously stored ones become those of one chunk earlier.
     void keep() {
         for (Rival& one : rivals_) {
             one.before[0] = one.before[1];
@@ -223,13 +226,14 @@ class NoiseModel {
     }
 
   private:
-    // Likelier by more than this, by log L, a system is not; it may become the right one.
+    // Limit of the log likelihood by which a system can lead, so that the other system can become the right
+    // one.
     static constexpr double kMostLikely = 12, kClip = 6, kSlow = 1 / 2048.0;
 
     struct Rival {
         Filter filter, before[2];
         double e = 0, S = 1, weight = 1;                   // of the newest sample
-        double unlikely = 0, unlikely_before[2] = {0, 0};  // -log L, but for a constant
+        double unlikely = 0, unlikely_before[2] = {0, 0};  // -log L, up to a constant
     };
 
     void weigh() {
@@ -256,7 +260,7 @@ class NoiseModel {
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;
-    double stays_ = 1;  // weight of the last system, in the mean of the newest few thousand samples
+    double stays_ = 1;  // mean weight of the last system in the newest few thousand samples
 };
 
 }  // namespace track

@@ -1,5 +1,5 @@
-// What a system says by itself: with one coordinate more, and how well its coordinates and sums of samples
-// are known (host/fltea/noise/system.py, heading.py).
+// Properties of a single noise system: the system with one more state, and how well its states and sums of
+// samples are known (host/fltea/noise/system.py, heading.py).
 #pragma once
 
 #include <cstdint>
@@ -10,13 +10,13 @@
 namespace fltea {
 namespace track {
 
-// One coordinate more, which no other one drives. variance: before the first sample; shared: what of it is
-// the other way round in the coordinate before, so that their sum is as it was.
+// One more state, which no other state drives. `variance`: before the first sample. `shared`: part of that
+// variance which the previous state has with the opposite sign, so that the sum of both states is unchanged.
 struct Coordinate {
     double a, q, variance, signal, shared;
 };
 
-// s has room for it.
+// Appends a state; the arrays of `s` have room for it.
 inline void append(System<kMost>& s, const Coordinate& one) {
     const int n = s.n, all = n + 1;
     for (double* matrix : {s.Q, s.P0}) {
@@ -39,7 +39,7 @@ inline void append(System<kMost>& s, const Coordinate& one) {
     s.P0[(n - 1) * all + n] = s.P0[n * all + n - 1] = -one.shared;
 }
 
-// A of a system, in rows of n.
+// Writes the transition matrix A of a system, in rows of n.
 template <int N>
 void transition(const System<N>& s, double* A) {
     const int n = s.n;
@@ -51,7 +51,7 @@ void transition(const System<N>& s, double* A) {
     }
 }
 
-// X <- X Y' of matrices, and (X + X') / 2.
+// Writes X Y' of two matrices.
 inline void times_transposed(const double* X, const double* Y, double* out, int n) {
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j < n; ++j) out[i * n + j] = dot(X + i * n, Y + j * n, n);
@@ -63,8 +63,9 @@ inline void make_symmetric(double* X, int n) {
     }
 }
 
-// The covariance P of x after so many samples at rest, the first of which is the first ever: X goes to
-// H + A X (1 + G X)^-1 A' in 1, 2, 4 … samples. False if the numbers do not allow it.
+// Computes the covariance P of the state x after `samples` samples at rest, starting at the first sample of
+// all. Doubles the number of samples in each step, X -> H + A X (1 + G X)^-1 A'. Returns false if the numbers
+// do not allow it.
 inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     enum { kSize = kMost * kMost };
     const int n = s.n, size = n * n;
@@ -122,17 +123,17 @@ inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     return true;
 }
 
-// The sum of c x, and of white noise of variance R, over samples to come: what x of the last sample makes of
-// it, and the variance of what comes on top.
+// Prediction of the sum of c x, and of white noise of variance R, over samples to come: `row` maps the state
+// x of the last sample to the mean of the sum, and `variance` is that of the noise to come.
 struct SumAhead {
     double row[kMost], variance;
 };
 
-// For several numbers of samples, which have the squares of the transition in common.
+// Predicts the sums for several numbers of samples, which share the squares of the transition matrix.
 inline void sums_ahead(const System<kMost>& s, const double* c, double R, const std::int64_t* counts,
                        int count, SumAhead* to) {
     enum { kAll = kMost + 1 };
-    // The sum is one coordinate more, the last one.
+    // The sum is one more state, the last one.
     const int n = s.n, all = n + 1;
     double A[kMost * kMost], F[kAll * kAll] = {0}, Q[kAll * kAll] = {0}, T[kAll * kAll], U[kAll * kAll];
     transition(s, A);
@@ -158,7 +159,7 @@ inline void sums_ahead(const System<kMost>& s, const double* c, double R, const 
         for (int k = 0; k < count; ++k) {
             if (((counts[k] >> bit) & 1) == 0) continue;
             std::memcpy(rows, to[k].row, sizeof(double) * std::size_t(n));
-            rows[n] = 1;  // the sum goes on as it is
+            rows[n] = 1;  // the sum keeps its value
             to[k].variance += form(rows, Q, rows, all);
             for (int j = 0; j < n; ++j) {
                 double sum = 0;

@@ -1,4 +1,4 @@
-// A model of a spectrum as it was fitted: its parts, white noise first, with their coordinates.
+// A fitted noise model of a spectrum: its parts, white noise first, with their transformed free parameters.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +35,7 @@ struct Sentence {
             if (words[i].part != other.words[i].part || words[i].size != other.words[i].size) return false;
         return true;
     }
-    // As BIC counts them.
+    // The number of parameters that BIC counts.
     int parameters() const {
         int found = free_of(words);
         for (const Word& word : words) found += row_of(word.part).sought;

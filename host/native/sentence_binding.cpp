@@ -1,5 +1,5 @@
-// Sentences of noise for Python (host/fltea/spectrum/candidate_models.py): bins once, then any number of fits
-// to them.
+// Fits of noise models for Python (host/fltea/spectrum/candidate_models.py): the bins are given once, then
+// any number of models is fitted to them.
 #include "sentence_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -29,7 +29,7 @@ using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu
 using OutRows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 constexpr double kLargestPower = 1e100;
-constexpr int kMeanFrom = 100;  // codes from here on: the mean of so many samples
+constexpr int kMeanFrom = 100;  // codes from here on: kMeanFrom + m is the mean of m samples
 
 const Kernel& fastest() {
 #if defined(FLTEA_X86)
@@ -57,7 +57,7 @@ Words words_of(const std::vector<int>& codes) {
     return words;
 }
 
-// A sentence for Python: codes, parameters, -log L; no codes: there is none.
+// A model for Python: codes of its parts, parameters, -log L; without codes there is no model.
 using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
 
 Raw raw_of(const Sentence& s) {
@@ -116,8 +116,8 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // White, null, plain, rich, pure, ordered and missing (Frontier); last: those of an earlier search,
-    // which are fitted again, or nothing.
+    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). last: the models of
+    // an earlier search, which are then fitted again; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<Sentence> before;
         for (const Raw& one : last) {
@@ -139,8 +139,8 @@ class Fitted {
                 raw_of(f.pure),  raw_of(f.ordered), raw_of(f.missing)};
     }
 
-    // 2 log L of the null test's two alternatives above white noise, an order and a high-pass, and the
-    // coordinates of both; last: those of an earlier test, or nothing.
+    // Returns how far the two alternatives of the null test (an order, and a high-pass) are above white noise
+    // in 2 log L, and the transformed parameters of both. last: those of an earlier test, or empty.
     std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
         if (!last.empty() && last.size() != NullFits::kOrderFree + 3)
             refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
@@ -153,8 +153,8 @@ class Fitted {
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};
     }
 
-    // The end of an interval (interval_end), NaN where there is none, and by how much the coordinates there
-    // differ from the best; last: of an earlier look, or nothing.
+    // Returns the end of an interval (interval_end), NaN if there is none, and the difference between the
+    // parameters there and the best ones. last: this difference from an earlier fit, or empty.
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
                                                double usual, double at_bound, std::vector<double> last) {
@@ -172,7 +172,7 @@ class Fitted {
         return {found, std::move(last)};
     }
 
-    // The slopes of the logarithm of the spectrum, (p, bins), by the parameters.
+    // Writes the derivatives of the logarithm of the spectrum by the parameters, (p, bins).
     void slopes(const std::vector<int>& codes, const std::vector<double>& eta, OutColumn total,
                 OutRows rows) {
         const Words words = words_of(codes);
@@ -190,7 +190,7 @@ class Fitted {
     }
 
   private:
-    static constexpr double kSlowest = 300;  // correlation times over the longest that the data can show
+    static constexpr double kSlowest = 300;  // longest tried correlation time over the longest in the data
 
     void set_orders(double lowest, double highest) {
         bins_.lowest_order = lowest;
@@ -199,9 +199,9 @@ class Fitted {
     Bins bins_;
 };
 
-// The table of parts for Python: name, coordinates (what it is, lowest and highest value of its row), traits,
-// to which question it is the answer, how many parameters are sought beside the coordinates. In the order of
-// the parts' numbers.
+// Returns the table of parts for Python, in the order of the parts' numbers: name, parameters (kind of value,
+// lowest and highest value), traits, the question of the verdict that the part answers, and the number of
+// parameters that a search has tried in addition to the free ones.
 using RawCoordinate = std::tuple<std::string, double, double>;
 using RawRow =
     std::tuple<std::string, std::vector<RawCoordinate>, std::vector<std::string>, std::string, int>;
@@ -222,7 +222,7 @@ std::vector<RawRow> noise_parts() {
     return found;
 }
 
-// The spectrum of a sentence at any frequencies.
+// Writes the spectrum of a model at any frequencies.
 void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Column lam, double h,
               OutColumn total) {
     const Words words = words_of(codes);

@@ -1,4 +1,4 @@
-// The bins of a spectrum to which sentences are fitted: the columns that the kernels work on
+// The bins of a spectrum to which noise models are fitted: the columns that the kernels read
 // (sentence_kernel.hpp).
 #pragma once
 
@@ -15,8 +15,8 @@
 namespace fltea {
 namespace sentence {
 
-// A pack that lies across two lines of the cache costs twice as much to write. C++11 has no allocation that
-// is aligned so far, so what it gave is kept in front.
+// Allocates memory that begins at a cache line: a pack across two cache lines costs twice as much to write.
+// C++11 has no allocation with such an alignment, so the original pointer is stored in front of the memory.
 template <class T>
 struct OnLines {
     typedef T value_type;
@@ -38,7 +38,7 @@ struct OnLines {
 };
 typedef std::vector<double, OnLines<double>> Numbers;
 
-// From row to row of so many numbers.
+// Distance from row to row, in numbers, of rows of `size` numbers: a whole number of cache lines.
 inline std::size_t stride_of(std::size_t size) {
     constexpr std::size_t kStep = OnLines<double>::kLine / sizeof(double);
     return (size + kStep - 1) / kStep * kStep;
@@ -51,8 +51,8 @@ struct Bins {
     double lowest_order = 0, highest_order = kHighestOrder;
 
     Bins() = default;
-    // `lam` rises from above 0 to π; `walk`: the spectrum of a walk of unit steps.
-    // windows: mean square of the frequencies that a line sees around its own.
+    // `frequencies` rise from above 0 to π. `walks`: the spectrum of a random walk with steps of variance 1.
+    // `windows`: mean square of the frequency distance over which a line averages.
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
          const Numbers& windows, double h)
         : kernel(&used),
@@ -70,7 +70,8 @@ struct Bins {
         if (size()) lowest = lam[0];
         mean /= ordinates;
     }
-    // Frequencies at which there are no data, for the spectrum of parts that read these columns.
+    // Bins at frequencies without data, for the spectrum of parts; `read` selects the columns that the parts
+    // read.
     Bins(const Kernel& used, Numbers frequencies, unsigned read, double h)
         : kernel(&used),
           counts(frequencies.size()),
@@ -92,7 +93,7 @@ struct Bins {
     void fill(unsigned read) {
         for (std::size_t i = 0; i < size(); ++i) {
             quarter.push_back((kPi - lam[i]) / 2);
-            // Lines are taken to fill the space between neighbouring bins.
+            // Each line is taken to fill the space to its neighbours.
             const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
             spread.push_back(reach * reach / 3);
         }
@@ -111,7 +112,7 @@ struct Bins {
     }
 };
 
-// The median power of the highest tenth of the bins, or of the lowest.
+// Returns the median power of the highest tenth of the bins, or of the lowest tenth.
 inline double end_power(const Bins& bins, bool highest) {
     const std::size_t size = bins.size(), count = std::min(std::max<std::size_t>(size / 10, 3), size);
     const auto first = bins.power.begin() + static_cast<std::ptrdiff_t>(highest ? size - count : 0);

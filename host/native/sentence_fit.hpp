@@ -1,5 +1,6 @@
-// Whittle's likelihood of a sentence (sentence_kernel.hpp): Fisher scoring with Levenberg's damping between
-// bounds, and what a further part would gain (Rao's score). Any parameter may be held, for profiles.
+// Whittle's likelihood of a noise model (sentence_kernel.hpp), its maximum within bounds by Fisher scoring
+// with Levenberg's damping, and what a further part would gain (Rao's score). Any parameter may be held
+// fixed, for profiles.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +22,7 @@ inline int free_of(const Words& words) {
     return count;
 }
 
-// The parts without any of some traits, and with one of others, or with whatever traits if these are 0.
+// Returns the parts that have one of `traits` (any part if 0) and none of `without`.
 inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     std::vector<Part> found;
     for (const Row& row : kTable)
@@ -29,7 +30,7 @@ inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     return found;
 }
 
-// Lowest and highest value of each parameter of a word.
+// Writes the lowest and highest value of each parameter of a part.
 inline void bounds_of(const Word& word, const Bins& bins, double slowest, double* low, double* high) {
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
@@ -75,7 +76,7 @@ inline void bounds_of(const Word& word, const Bins& bins, double slowest, double
     }
 }
 
-// A sentence with its parameters: the spectrum there, and the slopes of its logarithm.
+// The spectrum of a model at given parameters, and the derivatives of its logarithm.
 class Spectrum {
   public:
     explicit Spectrum(const Bins& bins)
@@ -88,7 +89,7 @@ class Spectrum {
           floor_(size_),
           over_(size_) {}
 
-    // -log L, or infinity where there is no such spectrum.
+    // Returns -log L, or infinity if the parameters define no spectrum.
     double at(const Words& words, const double* eta) {
         const Columns columns = bins_->columns();
         std::fill(total_.begin(), total_.end(), 0.0);
@@ -123,13 +124,13 @@ class Spectrum {
 
     const Numbers& total() const { return total_; }
     const Numbers& gain() const { return gain_; }
-    // Of the logarithm of the whole.
+    // Returns the derivative of the logarithm of the whole spectrum by parameter i.
     const double* slope(int i) {
         scale();
         return row(i);
     }
 
-    // The slopes of -log L and the expected curvature.
+    // Writes the derivatives of -log L by the parameters, and the expected curvature.
     void derivatives(int free, double* gradient, double (*information)[kMostFree]) {
         const double* rows[kMostFree];
         for (int i = 0; i < free; ++i) rows[i] = slope(i);
@@ -140,7 +141,7 @@ class Spectrum {
   private:
     double* row(int i) { return rows_.data() + static_cast<std::size_t>(i) * stride_; }
 
-    // Slopes of parts and gains become those of the whole, where anybody asks for them.
+    // Converts derivatives of parts and gains into those of the whole spectrum, on first use.
     void scale() {
         for (int k = 0; k < free_ && !scaled_; ++k) bins_->kernel->times(size_, row(k), by_[k], row(k));
         scaled_ = true;
@@ -154,7 +155,8 @@ class Spectrum {
     bool scaled_ = true;
 };
 
-// Makes the lower half of a positive definite matrix its factor of Cholesky; false if it is none.
+// Replaces the lower half of a positive definite matrix by its Cholesky factor; false if it is not such a
+// matrix.
 inline bool factor(int n, double (*a)[kMostFree]) {
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j <= i; ++j) {
@@ -171,7 +173,7 @@ inline bool factor(int n, double (*a)[kMostFree]) {
     return true;
 }
 
-// Solves L b' = b in place, and with `both` L' b'' = b' too.
+// Solves L b' = b in place; with `both` it then solves L' b'' = b' too.
 inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both) {
     for (int i = 0; i < n; ++i) {
         for (int k = 0; k < i; ++k) b[i] -= a[i][k] * b[k];
@@ -183,14 +185,15 @@ inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both
     }
 }
 
-constexpr double kLongest = 3;  // of a step
+constexpr double kLongest = 3;  // largest step of a parameter
 
 struct Patience {
     int steps = 60;
-    double converged = 1e-5;  // the gain of -log L in a step
-    double slowest = 1;       // corners are where the data are, or so many times slower
-    // Information about a coordinate that is as good as not there: its steps have no end, and make no other
-    // shorter. A search does without, so that it is slow to take a relaxation for a filter of one pole.
+    double converged = 1e-5;  // a step that gains less in -log L is small
+    double slowest = 1;       // factor by which correlation times may be longer than the longest in the data
+    // A parameter with less information than this counts as absent: its step would be endless, and must not
+    // shorten other steps. A search does not use this rule, so that it does not hastily turn a relaxation
+    // into a filter of one pole.
     double nothing = 0;
 
     Patience() = default;
@@ -198,7 +201,7 @@ struct Patience {
         : steps(most), converged(gain), slowest(slower), nothing(1e-4) {}
 };
 
-// The spectra at the best place so far and at the next one, for any number of fits in a row.
+// The spectra at the best parameters so far and at the next ones, reused by consecutive fits.
 struct Room {
     const Bins& bins;
     Spectrum here, there;
@@ -206,7 +209,8 @@ struct Room {
     explicit Room(const Bins& of) : bins(of), here(of), there(of) {}
 };
 
-// Moves eta to the best that is reached from there; -log L. `held` keeps its value, -1: none does.
+// Moves `eta` to the best parameters that are reached from there, and returns -log L. Parameter `held` keeps
+// its value; -1: none is held.
 inline double score(Room& room, const Words& words, double* eta, int held, const Patience& patience) {
     const int free = free_of(words);
     double low[kMostFree], high[kMostFree], gradient[kMostFree];
@@ -242,7 +246,7 @@ inline double score(Room& room, const Words& words, double* eta, int held, const
             }
             if (!factor(count, damped)) continue;
             substitute(count, damped, move, true);
-            // A step of a factor of e³ is as far as slopes are to be trusted.
+            // Derivatives are not trusted beyond a step by a factor of e³.
             double longest = kLongest;
             for (int a = 0; a < count; ++a)
                 if (information[index[a]][index[a]] > patience.nothing)
@@ -265,7 +269,7 @@ inline double score(Room& room, const Words& words, double* eta, int held, const
         nll = found;
         std::swap(here, there);
         damping = std::fmax(damping / 6, 1e-9);
-        // A small step of a damped search is no end.
+        // A small step does not end the fit while the damping is strong.
         small = gained < patience.converged ? small + 1 : 0;
         if (small > 2 || (small && damping < 1e-2)) break;
     }

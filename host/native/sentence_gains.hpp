@@ -1,4 +1,4 @@
-// Words that may be added to a sentence, and what each would gain (Rao's score).
+// Candidates for a further part of a noise model, and what each would gain (Rao's score).
 #pragma once
 
 #include <algorithm>
@@ -14,12 +14,12 @@
 namespace fltea {
 namespace sentence {
 
-// A part that may be added, with its spectrum at these parameters; of a filter the logarithm of its gain.
+// A part that may be added, with its spectrum at these parameters; for a filter, the logarithm of its gain.
 struct Candidate {
     Word word;
     double eta[3];
-    Numbers shape, inverse;  // inverse: of the gain itself
-    bool leaks;              // a filter with white noise behind it
+    Numbers shape, inverse;  // inverse: of the gain of a filter
+    bool leaks;              // a filter behind which white noise is added
 };
 
 inline Candidate candidate(const Bins& bins, const Word& word, double a, double b, double c) {
@@ -35,7 +35,8 @@ inline Candidate candidate(const Bins& bins, const Word& word, double a, double 
     return found;
 }
 
-// The same filter with white noise behind it, which fills what it stops: a walk before it looks so.
+// Returns the same filter with white noise added behind it, which fills the stop band: a random walk before
+// such a filter has this shape.
 inline Candidate leaking(const Bins& bins, Candidate filter) {
     constexpr double kLeak = 0.2;
     for (std::size_t i = 0; i < bins.size(); ++i) {
@@ -47,9 +48,9 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
     return filter;
 }
 
-// What a further word would gain in 2 log L by Rao's score, with all parameters of the sentence free: of a
-// part of this shape by its power, which is found too (as the logarithm of what eta[0] is multiplied by); of
-// a filter by a small power of its gain, or as it is.
+// The gain of a further part in 2 log L by Rao's score, with all parameters of the model free. A part is
+// added by its power, whose logarithm (relative to the candidate's) is `log_power`. A filter is added by a
+// small power of its gain, or completely.
 struct Gain {
     double gain, log_power;
 };
@@ -73,7 +74,7 @@ class Gains {
         sound_ = factor(free_, information);
         if (!sound_) return;
         substitute(free_, information, slope_, false);
-        // The slopes with weight 1, orthogonal to each other, times the counts.
+        // The derivatives by the parameters, made orthogonal to each other and multiplied by the counts.
         normal_.resize(static_cast<std::size_t>(free_) * stride_);
         for (std::size_t i = 0; i < size_; ++i) {
             double column[kMostFree];
@@ -118,9 +119,10 @@ class Gains {
 
   private:
     static constexpr double kLocal =
-        30;  // a score says no more than this of a filter, which is no small change
+        30;  // upper limit of the score of a filter, since adding a filter is no small change
 
-    // What the filter as it is gains, with the best scale and all else as it was.
+    // Returns what the complete filter gains, with the best scale of the spectrum and all other parameters
+    // unchanged.
     double of_filter(const Candidate& one) const {
         const double* const shape = one.shape.data();
         const double* const inverse = one.inverse.data();
@@ -140,12 +142,12 @@ class Gains {
     double slope_[kMostFree];
 };
 
-constexpr double kNearlyOnePole = -4.0;  // logit of the poles of a filter
+constexpr double kNearlyOnePole = -4.0;  // logit of the number of poles of a filter with about one pole
 
-// What may be added, at a power of 1.
+// The parts that may be added, at a power of 1.
 typedef std::vector<Candidate> Candidates;
 
-// All candidates of one part, from its row of the table.
+// Makes all candidates of one part, from its row of the table.
 class Trials {
   public:
     Trials(const Bins& bins, Candidates& into)
@@ -246,8 +248,9 @@ inline Candidates orders_to_add(const Bins& of) {
     return trials(bins, parts_with(kOrdered));
 }
 
-// What one of these gives. It depends on the bins, and not on what is in them, so that the axes of a sensor,
-// which are looked at one after another, share it; the whole spectrum and its clean part have turns.
+// Returns the candidates that `make` gives. They depend on the frequencies of the bins, not on the power in
+// them. So the axes of a sensor, which are fitted one after another, share them. The newest two sets are
+// kept, since the fits of the whole spectrum and of its clean part alternate.
 template <Candidates (*make)(const Bins&)>
 std::shared_ptr<const Candidates> shared(const Bins& bins) {
     struct Made {

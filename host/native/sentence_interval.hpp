@@ -1,4 +1,4 @@
-// Ends of intervals of a sentence's parameters by profile likelihood (host/fltea/spectrum/intervals.py).
+// Ends of the intervals of a model's parameters by profile likelihood (host/fltea/spectrum/intervals.py).
 #pragma once
 
 #include <cmath>
@@ -10,28 +10,28 @@
 namespace fltea {
 namespace sentence {
 
-constexpr double kNoWhite = 0.01;  // of -log L, by which white noise is needed that is as good as none
+constexpr double kNoWhite = 0.01;  // white noise is negligible if -log L grows by less than this without it
 
-// -log L of the same without white noise.
+// Returns -log L of the same model with its white noise removed.
 inline double without_white(Room& room, const Words& words, std::vector<double> eta) {
     eta[0] = std::log(room.bins.mean) - kSmallest;
     return room.here.at(words, eta.data());
 }
 
-// The end of the interval of parameter i to one side (-1, 1): where the best fit that has the value is as far
-// below the best of all as `critical` says, in 2 log L; of those without white noise, as `at_bound` says.
-// NaN: the profile does not fall so far before `limit`.
+// The loss of 2 log L that defines an end of an interval: `usual` if the best fit with the value there has
+// white noise, `at_bound` if it has none.
 struct Critical {
-    double usual, at_bound;  // the same: it does not matter whether there is white noise
+    double usual, at_bound;  // if both are equal, white noise makes no difference
 };
 
-// A value that was tried, with the coordinates of the best fit that has it.
+// A value that was tried, with the parameters of the best fit that has this value.
 struct Tried {
-    double value, excess;  // in 2 log L
+    double value, excess;  // loss of 2 log L beyond the critical one
     std::vector<double> eta;
 };
 
-// Where the best fit goes with parameter i, and how far it is to the end, if log L were a parabola.
+// Returns the distance to the end if log L were a parabola; `by`: change of the other parameters per unit of
+// parameter i.
 inline double direction(const Bins& bins, const Words& words, const std::vector<double>& best, int i,
                         std::vector<double>& by) {
     const int free = free_of(words);
@@ -48,15 +48,17 @@ inline double direction(const Bins& bins, const Words& words, const std::vector<
     return std::sqrt(row[i]);
 }
 
-constexpr double kNear = 3e-3;  // of the distance to an end, to which it is found
+constexpr double kNear = 3e-3;  // accuracy of an end, over its distance from the best value
 
-constexpr double kLittle = 4;  // log of the power at the highest frequencies over that of little white noise
+// Log of the power at the highest frequencies over that of a small amount of white noise.
+constexpr double kLittle = 4;
 
-// A step of a coordinate, no longer than slopes are to be trusted.
+// Limits a step of a parameter to the range in which derivatives are trusted.
 inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
 
-// `end`: by how much the coordinates at the end that an earlier look found differed from the best ones, or
-// nothing; becomes that of this end, if there is one.
+// Returns the end of the interval of parameter i on one side (-1 or 1), NaN if the profile does not fall far
+// enough before `limit`. `end`: difference between the parameters at the end that an earlier fit found and
+// the best ones, or empty; it receives this difference for the new end, if there is one.
 inline double interval_end(const Bins& bins, const Words& words, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {
@@ -77,8 +79,8 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
     }
     end.clear();
-    // White noise that is as good as none has no slope by its logarithm: a fit would never find that there is
-    // some beside another value of the parameter.
+    // With negligible white noise the likelihood has no slope in log R: a fit would never find that another
+    // value of the parameter needs white noise. So the fit begins with a small amount.
     const double some_white = std::log(std::fmax(end_power(bins, true), 1e-9 * bins.mean)) - kLittle;
     for (int look = 0; look < 40; ++look) {
         if (i != 0) eta[0] = std::fmax(eta[0], some_white);
@@ -97,7 +99,7 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
         if (close || (!outside.eta.empty() &&
                       std::fabs(outside.value - inside.value) < kNear * std::fabs(outside.value - middle)))
             break;
-        // The excess is about quadratic, so its root is about straight.
+        // The excess is nearly quadratic in the value, so that its root is nearly linear.
         const double a = std::sqrt(std::fmax(inside.excess, 0.0));
         if (outside.eta.empty()) {
             const double wider = std::fmin(std::fmax(1.05 * root / std::fmax(a, 1e-3), 1.1), 2.6);

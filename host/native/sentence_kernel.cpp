@@ -1,6 +1,6 @@
-// The spectra of all parts and the sums over them, for one instruction set (sentence_kernel.hpp). Compiled
-// once per set, see CMakeLists.txt. It uses nothing from the standard library that has code: functions of the
-// library would be shared between the sets by the linker.
+// The spectra of all parts and the sums over bins, for one instruction set (sentence_kernel.hpp).
+// CMakeLists.txt compiles this file once for each set. It uses no library function that has code: the linker
+// would share the compiled function between the instruction sets.
 #include "sentence_kernel.hpp"
 
 #include <math.h>
@@ -34,8 +34,9 @@ void to(double* at, T value) {
     __builtin_memcpy(at, &value, sizeof value);
 }
 
-// Calls op(T(), i) for all bins from i on, as many as T has lanes: packs, then single numbers. A bin's result
-// does not depend on which (pack_math.hpp); compilers make no vectors of exp by themselves.
+// Calls op(T(), i) for all bins: first for packs of bins that begin at bin i, then for single bins. The
+// result of a bin does not depend on the kind of T (pack_math.hpp). Packs are explicit, since compilers do
+// not vectorise exp automatically.
 template <class Op>
 __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     std::size_t i = 0;
@@ -43,7 +44,7 @@ __attribute__((always_inline)) inline void each(std::size_t size, Op op) {
     for (; i < size; ++i) op(double(), i);
 }
 
-// The sums of one(T(), i) .. in eight lanes each, whatever the width of a pack: `term` gives kSums of them.
+// Sums `term` over all bins in eight partial sums, whatever the width of a pack; `term` yields kSums values.
 template <int kSums, class Term>
 __attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, double* found) {
     constexpr std::size_t kPacks = 8 / engine::kWidth;
@@ -73,7 +74,7 @@ __attribute__((always_inline)) inline void sums_of(std::size_t size, Term term, 
 
 double share_of(double logit) { return 1 / (1 + exp(-logit)); }
 
-// `mirrored`: about a quarter of the sample rate.
+// A relaxation; `mirrored` reflects its spectrum about a quarter of the sample rate.
 void relaxation(const Columns& b, bool mirrored, const double* eta, double* part, double* const* slope) {
     const double rate = exp(eta[1]), phi = exp(-rate), left = -::expm1(-rate);
     const double gap = -::expm1(-2 * rate), level = exp(eta[0]) * gap, own = 2 * phi / gap;
@@ -88,7 +89,7 @@ void relaxation(const Columns& b, bool mirrored, const double* eta, double* part
     });
 }
 
-// α, g and log s2, with the slopes of α and g by the two first coordinates.
+// α, g and log s2, with the derivatives of α and g by the first two parameters.
 struct Order {
     double alpha, g, by[2][2];
 };
@@ -170,7 +171,7 @@ void resonance(const Columns& b, const double* eta, double* part, double* const*
     });
 }
 
-// The sum of the branches that lie over each other once it is sampled.
+// A low-pass: the sum of the spectral branches that aliasing folds onto each other.
 void low_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
@@ -190,7 +191,8 @@ void low_pass(const Columns& b, const double* eta, double* gain, double* const* 
     });
 }
 
-// Of one pole that of a digital filter (1 - z) / (1 - a z): what an average that fades leaves of the samples.
+// A high-pass. With one pole it is the digital filter (1 - z) / (1 - a z), which subtracts a fading average
+// from the samples.
 void high_pass(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double share = share_of(eta[1]), n = 1 + (kMostPoles - 1) * share;
     const double by_n = (kMostPoles - 1) * share * (1 - share);
@@ -205,7 +207,7 @@ void high_pass(const Columns& b, const double* eta, double* gain, double* const*
     });
 }
 
-// The bilinear transform of an analog notch, as digital ones are; the mean over each bin.
+// A notch: the bilinear transform of an analog notch, averaged over each bin.
 void notch(const Columns& b, const double* eta, double* gain, double* const* slope) {
     const double at = exp(eta[0]), centre = ::tan(at / 2), square = centre * centre;
     const double width = centre * exp(eta[1]);
@@ -213,7 +215,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
         typedef decltype(one) T;
         const T sine = from<T>(b.square + i) / T(4.0), cosine = T(1.0) - sine, step = from<T>(b.spread + i);
         const T away = sine - T(square) * cosine, flat = sine * cosine;
-        // Of A / (A + K) the mean over small distances from the bin's centre, by which A is B larger.
+        // The gain is A / (A + K). It is averaged over small distances from the bin's centre, which increase
+        // A by B.
         const T A = away * away, B = flat * T(1 + square) * T(1 + square) * step;
         const T K = T(width * width) * flat, W = A + B + K;
         const T both = T(4.0) * A * B * K / (W * W * W), value = (A + B) / W - both, more = T(3.0) * both / W;
@@ -229,7 +232,8 @@ void notch(const Columns& b, const double* eta, double* gain, double* const* slo
     });
 }
 
-// The mean over a bin, `step` its spread: at the filter's zeros that is not 0.
+// The gain of a mean of m samples, averaged over a bin with the spread `step`: it is not 0 at the filter's
+// zeros.
 double mean_gain(double lam, double step, int m) {
     const double sine = ::sin(lam / 2), cosine = ::cos(lam / 2);
     const double above = ::sin(m * lam / 2), ratio = above / (m * sine);
@@ -330,7 +334,7 @@ double nll(const Columns& b, const double* total) {
     return found;
 }
 
-// One sum alone waits for the sum before; four go side by side.
+// Computes up to four sums together: in a single sum, each addition would wait for the one before.
 template <int kSums>
 void some_dots(std::size_t size, const double* a, const double* const* rows, double* found) {
     sums_of<kSums>(

@@ -1,5 +1,6 @@
 // The null test: white noise against an order in white noise, and against white noise through a high-pass of
-// one pole, which has less at low frequencies. What the ratios mean: tools/gen_null_constants.py.
+// one pole, which has less power at low frequencies. tools/gen_null_constants.py simulates the distribution
+// of the ratios.
 #pragma once
 
 #include <algorithm>
@@ -13,14 +14,14 @@
 namespace fltea {
 namespace sentence {
 
-// What the null test compares.
+// The models that the null test compares.
 struct NullTest {
     Sentence white, order, missing;
 };
 
 class NullFits {
   public:
-    static constexpr int kOrderFree = 4;  // coordinates of the order in white noise
+    static constexpr int kOrderFree = 4;  // number of parameters of the order in white noise
 
     NullFits(Bins& bins, Room& room)
         : bins_(bins), room_(room), power_(std::log(bins.mean)), lowest_(2 * std::log(bins.lowest)) {}
@@ -31,7 +32,8 @@ class NullFits {
         return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
     }
 
-    // From the coordinates `last` on, of the order and of the high-pass.
+    // Repeats the test from the parameters `last` of an earlier one: those of the order, then those of the
+    // high-pass.
     NullTest again(const std::vector<double>& last) {
         const auto second = last.begin() + kOrderFree;
         return {white(), order({last.begin(), second}), missing({second, last.end()})};
@@ -48,8 +50,8 @@ class NullFits {
     }
 
   private:
-    static constexpr double kConverged = 1e-3;  // of -log L
-    static constexpr std::size_t kOrders = 5;   // starts
+    static constexpr double kConverged = 1e-3;  // least gain of -log L in a step
+    static constexpr std::size_t kOrders = 5;   // number of starting points
 
     Sentence fitted(Words words, std::vector<double> eta, int held) {
         Patience patience;
@@ -83,7 +85,8 @@ class NullFits {
         return found;
     }
 
-    // From the best start: the likelihood has one maximum by the corner, but for chance.
+    // Fits the high-pass from the best starting point: the likelihood has a single maximum along the corner,
+    // apart from chance.
     Sentence best_high_pass(const Sentence& white, Gains& gains, const Candidates& filters) {
         double corner = lowest_, gained = 0;
         for (const Candidate& one : filters) {

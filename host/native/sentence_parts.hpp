@@ -1,8 +1,9 @@
-// The parts of which a noise is made, in one table. Search, fit and intervals take from it what they have to
-// know of a part, and so does Python (host/fltea/noise/part.py).
+// The table of the parts of noise models. Search, fit and intervals take from it everything that they need to
+// know about a part, and so does Python (host/fltea/noise/part.py).
 //
-// A new part is a number in Part and a row in kTable here, its spectrum in sentence_kernel.cpp, and a class
-// in host/fltea/noise/parts.py. Compilers and tests name what is missing (tests/noise/test_part_table.py).
+// A new part needs a number in Part and a row in kTable here, its spectrum in sentence_kernel.cpp, and a
+// class in host/fltea/noise/parts.py. Compilers and tests report whatever is missing
+// (tests/noise/test_part_table.py).
 #pragma once
 
 namespace fltea {
@@ -12,46 +13,46 @@ constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
 constexpr double kLogitEnd = 16;
 constexpr double kHighestHighPass =
-    -0.96;                            // log c of a corner at a tenth of the sample rate: above is a rise
-constexpr double kWidestPeak = -1.0;  // what is wider has no maximum to be seen
+    -0.96;  // log c of a corner at a tenth of the sample rate: a filter above it looks like a rise
+constexpr double kWidestPeak = -1.0;  // log of width over frequency; a wider peak has no visible maximum
 
-// The comments name the coordinates, in the order in which a fit has them. A search ranks what gains the same
-// in the order of the numbers.
+// The comments name the free parameters, in the order in which a fit has them. A search takes candidates with
+// equal gains in the order of these numbers.
 enum Part : int {
-    kWhite,         // log R
-    kRelaxation,    // log σ², log h/τ
-    kWalk,          // log of the variance of a step
-    kOrder,         // α, logit(-g / 2^α), log s2
-    kResonance,     // log of the height, log of the frequency in rad a sample, log of width over frequency
-    kQuantised,     // log of the variance of the noise whose differences these are
-    kRise,          // log of the power at π, δ: the power goes with |1 - e^{-iλ}|^2δ
-    kLowPass,       // log c, logit of the poles: 1 / (1 + (λ² / c)^n), sampled
-    kHighPass,      // log c, logit of the poles: 1 / (1 + (c / |1 - e^{-iλ}|²)^n)
-    kSharp,         // s: the filter -s, 1 + 2 s, -s, which sharpens, or smooths if s < 0
-    kNotch,         // log of the frequency, log of width over frequency
-    kMean,          // the mean of m samples, m fixed
-    kAlternating,   // log σ², log h/τ: as a relaxation, of which every second sample has its sign changed
-    kFloor,         // log of the variance of white noise that no filter has changed: rounding
-    kArfima,        // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
-    kOrderByF,      // F = g + α, log -g, log s2: the same as kOrder, to hold F
-    kOrderByf,      // α, log -f, log s2: the same, to hold f (or g, with h = 1)
-    kOrderByQ,      // α, logit(-g / 2^α), log Q: the same, to hold Q
-    kArfimaByStep,  // d, log rate, log of the variance of a step: the same as kArfima, to hold that variance
+    kWhite,        // log R
+    kRelaxation,   // log σ², log h/τ
+    kWalk,         // log of the variance of a step of a random walk
+    kOrder,        // α, logit(-g / 2^α), log s2
+    kResonance,    // log of the height, log of the frequency in rad a sample, log of width over frequency
+    kQuantised,    // log of the variance of the noise whose differences are this noise
+    kRise,         // log of the power at π, δ: the power goes with |1 - e^{-iλ}|^2δ
+    kLowPass,      // log c, logit of the poles: 1 / (1 + (λ² / c)^n), sampled
+    kHighPass,     // log c, logit of the poles: 1 / (1 + (c / |1 - e^{-iλ}|²)^n)
+    kSharp,        // s: the filter -s, 1 + 2 s, -s; it sharpens, or smooths if s < 0
+    kNotch,        // log of the frequency, log of width over frequency
+    kMean,         // the mean of m samples, m fixed
+    kAlternating,  // log σ², log h/τ: a relaxation with the sign of every second sample changed
+    kFloor,        // log of the variance of white noise that is added behind all filters, such as rounding
+    kArfima,       // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
+    kOrderByF,     // F = g + α, log -g, log s2: kOrder with other parameters, so that a fit can hold F
+    kOrderByf,  // α, log -f, log s2: kOrder with other parameters, so that a fit can hold f (with h = 1: g)
+    kOrderByQ,  // α, logit(-g / 2^α), log Q: kOrder with another parameter, so that a fit can hold Q
+    kArfimaByStep,  // d, log rate, log of the variance of a step: kArfima, to hold that variance in a fit
 };
 constexpr int kParts = kArfimaByStep + 1;
 
-// What a coordinate is, from which its bounds follow (bounds_of). Where no others are said they are from
-// `low` to `high` of its row.
+// Kinds of free parameters, which determine the bounds (bounds_of). Unless a comment names other bounds, they
+// are `low` and `high` of the parameter's row.
 enum Value : int {
     kLevel,      // log of the variance of white noise
     kPower,      // log of a power
     kRate,       // log of h/τ
-    kPole,       // the same of φ of ARFIMA
-    kAlpha,      // an order, as far as the fit allows
-    kNumber,     // the parameter itself
-    kShape,      // a function of the parameter, beyond whose bounds all looks the same
-    kFrequency,  // log of λ, `high` above π at most
-    kCorner,     // log of λ², `high` at most
+    kPole,       // log of the rate whose exponential e^-rate is φ of ARFIMA
+    kAlpha,      // an order, within the limits of the fit
+    kNumber,     // the parameter without a transformation
+    kShape,      // a function of the parameter; beyond the bounds the spectrum hardly changes
+    kFrequency,  // log of λ; `high` is the largest excess over π
+    kCorner,     // log of λ²; `high` is the upper bound
     kMinusF,     // log of -f
     kNoise,      // log of Q of an order
 };
@@ -73,25 +74,24 @@ struct Coordinates {
     constexpr Coordinates(Coordinate a, Coordinate b, Coordinate c) : count(3), at{a, b, c} {}
 };
 
-// Columns of the bins that only some parts read.
+// Columns of the bins that only some parts need.
 enum Read : unsigned { kNoColumn = 0, kSquare = 1, kTurn = 2, kLogSize = 4, kBranch = 8, kAllColumns = 15 };
 
 enum Trait : unsigned {
-    kFilter = 1,     // it multiplies what comes before it
-    kBehind = 2,     // it is added behind the filters
-    kSlow = 4,       // it has a memory: a tracker's state has it, and N has nothing of it
-    kOrdered = 8,    // an order, with all its slow power
-    kEndless = 16,   // a walk, whose power grows without end at low frequencies
-    kRising = 32,    // it lets the power rise with frequency
+    kFilter = 1,     // it multiplies the sum of the parts before it
+    kBehind = 2,     // it is added behind all filters
+    kSlow = 4,       // it has a memory: it is a state of the tracker's filter, and does not count for N
+    kOrdered = 8,    // an order, which has all slow power of its model
+    kEndless = 16,   // a random walk, whose power grows without limit towards low frequencies
+    kRising = 32,    // its power may rise with the frequency
     kFastOnly = 64,  // it has no power at low frequencies
-    kEntry = 128,  // a navigation file has an entry for it; all others are listed there with their parameters
-    kOther = 256,  // another part by other coordinates, which no search adds
+    kEntry = 128,    // a navigation file has an entry for it; it lists other parts with their parameters
+    kOther = 256,    // the same part as another one with other free parameters; no search adds it
 };
 constexpr const char* kTraitNames[] = {"filter", "behind",    "slow",  "ordered", "endless",
                                        "rising", "fast only", "entry", "other"};
 
-// To which question of the verdict a part is the answer, if there is no order
-// (host/fltea/spectrum/reading.py).
+// The question of the verdict that a part answers if there is no order (host/fltea/spectrum/reading.py).
 enum Says : int { kNothing, kRelaxations, kDrift, kAnOrder, kAResonance, kAColour, kANotch, kAHighPass };
 constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "order",
                                       "resonance", "colour",      "notch", "high-pass"};
@@ -99,8 +99,8 @@ constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "orde
 // Where a search tries a part (sentence_gains.hpp).
 enum Start : int {
     kNever,
-    kOnce,    // it has no coordinate but its power
-    kListed,  // at these values of the coordinate after the power, or of a filter's first
+    kOnce,    // once, since its only parameter is its power
+    kListed,  // at listed values of the parameter after the power, or of a filter's first parameter
     kCorners,
     kPeaks,
     kLowPasses,
@@ -123,16 +123,16 @@ struct Starts {
 
 struct Row {
     Part part;
-    const char* name;  // in Python, and in files
+    const char* name;  // in Python and in files
     unsigned traits;
     Says says;
     unsigned columns;
-    int most;    // of one model
-    int sought;  // parameters that BIC counts beside the coordinates, since a search has tried many values
+    int most;    // largest number of such parts in a model
+    int sought;  // parameters of which a search tries many values: BIC counts them with the free ones
     Coordinates coordinates;
     Starts starts;
 
-    // So that no column can be left out.
+    // A constructor, so that the compiler rejects a row with a missing column.
     constexpr Row(Part number, const char* called, unsigned is, Says tells, unsigned read, int at_most,
                   int tried, Coordinates free, Starts from)
         : part(number),
@@ -205,7 +205,7 @@ inline const Row& row_of(Part part) { return kTable[part]; }
 inline bool filters(Part part) { return row_of(part).is(kFilter); }
 inline int free_of(Part part) { return row_of(part).coordinates.count; }
 
-// Which coordinate of a part is the logarithm of its power; -1: it has none.
+// Returns which free parameter of a part is the logarithm of its power; -1 if none is.
 inline int power_of(Part part) {
     const Coordinates& own = row_of(part).coordinates;
     for (int k = 0; k < own.count; ++k)

@@ -1,8 +1,7 @@
-// The search for the sentences of a spectrum: parts are added while they gain more than their price, then
-// taken away again where they no longer do. Three sentences are sought as hard as each other: the best
-// without an order at the price of BIC, the best without one at a lower price, by which chance gains a
-// parameter, and the best with an order. What is claimed of them is not decided here
-// (host/fltea/spectrum/verdict.py).
+// The search for the noise models of a spectrum: parts are added while they gain more than their price, then
+// removed where they no longer do. It searches equally hard for three models: the best without an order at
+// the price of BIC; the best without an order at a lower price, which is what chance gains with a parameter;
+// and the best with an order. The claims are decided elsewhere (host/fltea/spectrum/verdict.py).
 #pragma once
 
 #include <algorithm>
@@ -17,14 +16,14 @@ namespace sentence {
 
 struct Frontier {
     Sentence white, null, plain, rich, pure, ordered;  // null: the null test's alternative, an order up to 1
-    Sentence missing;  // the alternative on the other side: white noise through a high-pass of one pole
+    Sentence missing;  // the second alternative of the null test: white noise through a high-pass of one pole
 };
 
 class Search {
   public:
     explicit Search(Bins& bins) : bins_(bins), bic_(std::log(bins.ordinates)), power_(std::log(bins.mean)) {}
 
-    // From white noise on.
+    // Searches for all models, starting from white noise.
     Frontier whole() {
         parts_ = shared<parts_to_add>(bins_);
         filters_ = shared<filters_to_add>(bins_);
@@ -37,8 +36,8 @@ class Search {
         f.plain = grown(f.white, bic_, Allowed());
         find_orders(f);
         if (f.ordered.known()) {
-            // What was found beside an order may be better with something in its place. Without either a
-            // filter would move to where the order was.
+            // Parts that were found along with an order may be better with another part in place of the
+            // order. Without an order or a replacement, a filter would move to where the order was.
             const Sentence rest = removed(f.ordered, orders());
             Gains gains(bins_, rest.words, rest.eta.data());
             Sentence other;
@@ -51,7 +50,7 @@ class Search {
         return f;
     }
 
-    // The same sentences as `last`, fitted to what the bins are now.
+    // Fits the same models as `last` to the present data of the bins.
     Frontier again(const Frontier& last) {
         Frontier f;
         f.white = null_.white();
@@ -79,17 +78,17 @@ class Search {
     }
 
   private:
-    static constexpr double kByChance = 3.0;  // 2 log L that chance gains with a parameter
-    static constexpr double kRough = 1e-3;    // of -log L
-    static constexpr double kTrial = 0.1;     // the same of what is only compared
+    static constexpr double kByChance = 3.0;  // gain in 2 log L that chance gives to a parameter
+    static constexpr double kRough = 1e-3;    // least gain of -log L in a step of a rough fit
+    static constexpr double kTrial = 0.1;     // least gain of -log L in a step of a fit that is only compared
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
-    static constexpr double kAhead = 6;     // in 2 log L
-    static constexpr double kSure = 4;      // so many prices are no matter of the curvature's being right
-    static constexpr double kNothing = 12;  // log of the mean power over white noise that is as good as none
+    static constexpr double kAhead = 6;     // lead in 2 log L that ARFIMA needs over the fractional state
+    static constexpr double kSure = 4;      // a part worth this many prices stays without a trial fit
+    static constexpr double kNothing = 12;  // log of the mean power over that of negligible white noise
 
     struct Allowed {
-        bool slow = true;  // parts that have a memory
+        bool slow = true;  // whether parts that have a memory are allowed
         bool only_low_pass = false;
     };
 
@@ -101,7 +100,7 @@ class Search {
     bool fits_in(const Sentence& s, const Word& word, const Allowed& allowed) const {
         const Row& row = row_of(word.part);
         if (s.count(word.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
-        // A high-pass makes of a walk what white noise behind the filter is, too.
+        // Behind a high-pass, a random walk has the same spectrum as white noise behind the filter.
         if (row.is(kEndless) && s.has(kHighPass)) return false;
         if (row.is(kBehind) && !s.filtered()) return false;
         return word.part != kLowPass || !s.has(kMean);
@@ -112,7 +111,7 @@ class Search {
         Gain gain;
     };
 
-    // The best few of `list`; of a kind at most `alike`, and a floor beside them.
+    // Returns the best `count` candidates of `list`, at most `alike` of one kind.
     std::vector<Ranked> best(Gains& gains, const Sentence& s, const std::vector<Candidate>& list, int count,
                              int alike, const Allowed& allowed) {
         std::vector<Ranked> all, found;
@@ -151,7 +150,8 @@ class Search {
         if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
         const bool low = candidate.word.part == kLowPass, high = candidate.word.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
-            // Rounding behind the filter, without which a steep one fits nothing.
+            // A floor such as rounding is added behind the filter; without a floor a steep filter fits
+            // nothing.
             words.push_back(Word{kFloor, 0});
             eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));
             return taken_away(fitted(words, eta, true), bic_, {kFloor});
@@ -173,7 +173,8 @@ class Search {
         return taken_away(s, price, {});
     }
 
-    // The state of D^α x = f x + ω comes first: ARFIMA, which has no f, has to be ahead of it.
+    // Keeps the better order. ARFIMA, which has no f, has to lead the fractional state D^α x = f x + ω by
+    // kAhead.
     void keep_order(const Sentence& one, Sentence& into) const {
         const auto behind = [&](const Sentence& s) { return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0); };
         if (behind(one) < behind(into)) into = one;
@@ -183,7 +184,8 @@ class Search {
         if (cost(one, price) < cost(into, price)) into = one;
     }
 
-    // `s` without words that are not worth their price; only: of these parts, or of all but the orders.
+    // Returns `s` without the parts that are not worth their price. `only`: the parts that may be removed; if
+    // empty, all but the orders.
     Sentence taken_away(Sentence s, double price, const std::vector<Part>& only) {
         for (;;) {
             Sentence next;
@@ -201,7 +203,8 @@ class Search {
         }
     }
 
-    // Of each word the square of its power over the standard deviation of it, by the curvature.
+    // Returns, for each part, the square of its power over the standard deviation of that power, by the
+    // curvature.
     std::vector<double> certainty(const Sentence& s) const {
         std::vector<double> found(s.words.size(), 0.0);
         const int free = free_of(s.words);
@@ -231,7 +234,7 @@ class Search {
         return fitted(found.words, found.eta);
     }
 
-    // The same with all else as it was.
+    // Returns the model without one part; all other parameters stay as they are.
     static Sentence removed_word(const Sentence& s, std::size_t left_out) {
         Words words;
         std::vector<double> eta;
@@ -254,7 +257,8 @@ class Search {
         return s;
     }
 
-    // The same with the rise at word i as that of quantisation, which has one parameter less.
+    // Returns the model with the rise at index i replaced by that of quantisation, which has one parameter
+    // less.
     Sentence as_quantised(const Sentence& s, std::size_t i) {
         Words words = s.words;
         std::vector<double> eta = s.eta;
@@ -282,7 +286,7 @@ class Search {
         return found;
     }
 
-    // pure: an order in place of relaxations and walks; ordered: beside any.
+    // Finds `pure`, an order in place of relaxations and walks, and `ordered`, an order with any other parts.
     void find_orders(Frontier& f) {
         std::vector<Sentence> bases = {f.white};
         Gains gains(bins_, f.white.words, f.white.eta.data());
@@ -310,7 +314,7 @@ class Search {
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
-    // What is called an order: of less than the one nothing is left of it, and of more than the other it is a
+    // Range of orders that are reported: below it hardly any order is left, and above it the order is a
     // relaxation.
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
 };
