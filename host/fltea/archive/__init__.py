@@ -1,1 +1,1 @@
-"""Whole recordings: made, summarised, exported."""
+"""Records, summarises and exports whole recordings."""

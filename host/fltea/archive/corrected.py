@@ -12,7 +12,7 @@ from fltea.stream.pipeline import Pipeline
 
 
 def corrected(source: Source, max_gap: Duration) -> Iterator[Corrected]:
-    """Yield a record with the corrected rates of each sample."""
+    """Yield, for each event of the source, a record with the samples' rates minus the estimated biases."""
     pipeline = Pipeline(source, Config(link=LinkConfig(max_gap=max_gap), output=OutputConfig(corrected=True)))
     for event in source.events():
         for item in pipeline.feed(event):

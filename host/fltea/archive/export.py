@@ -1,9 +1,8 @@
 """Exports a recording as a table: CSV, or arrays in an .npz file, with units in the names.
 
-Samples, and rates minus their biases, are computed again from the raw bytes, which are always complete. Other
-records are exported from their JSON channels as they were published, since they depend on the settings of
-that run; run
-`fltea run` on the recording for other settings.
+Samples, and rates minus their biases, are computed again from the raw bytes, which are always complete.
+Other records are exported from their JSON channels as they were published, with the settings of that run. For
+other settings, run `fltea run` on the recording.
 """
 
 import csv
@@ -55,11 +54,11 @@ def export(
 ) -> Exported:
     """Write samples or estimates of one recording; the file is written completely or not at all.
 
-    `force`: replace an existing file at `out`. `how`: the user's options on the recording.
+    `force`: replace an existing file at `out`. `how`: the user's options for reading the recording.
 
     Raises:
-        UsageError: there is no recording, it has nothing of this kind, `out` ends neither in .csv nor in .npz
-            or exists already, or the export needs more memory than the limits allow.
+        UsageError: there is no recording, it has no data of the requested kind, `out` exists already or ends
+            neither in .csv nor in .npz, or the export needs more memory than the limits allow.
         FlteaError: the file cannot be written.
     """
     suffix = out.suffix.lower()
@@ -68,7 +67,8 @@ def export(
     if not force and os.path.lexists(out):  # a broken link exists, too
         raise UsageError(f"--to {out}: exists already; give another name, or --force to replace it.")
     with whole_file(out) as file:
-        was_published = what not in ("samples", "corrected")  # other programs' files hold no such records
+        # files of other programs hold no published records
+        was_published = what not in ("samples", "corrected")
         source = None if was_published and is_one_file(paths[0]) else _source(paths, limits, how)
         if suffix == ".csv":
             table = (

@@ -26,25 +26,28 @@ if TYPE_CHECKING:
 
 
 OF_A_FILE = "recording"
-"""Sampling mode that `sources.replay` states for files of other programs, which describe no device."""
+"""Sampling mode in the summary of another program's file, which describes no device."""
 
 
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 
     `whole`: all files were finished properly and were read completely.
-    `breaks`: gaps that the recorder itself caused; `unrecorded_items`, `unrecorded_bytes`: what it counted in
-    them.
-    `damaged_bytes`: unreadable bytes in the files. `missing`: missing files before the first one, in words.
-    `being_written`: a program is still writing the recording.
-    `epochs`: number of epochs by the reason of their beginning.
-    `samples`, `lost`, `gaps`, `duplicates`, `before_hello`, `rate_differs`: as in `stats`.
+    `breaks`: gaps that the recorder itself caused.
+    `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted in these gaps.
+    `damaged_bytes`: unreadable bytes in the files.
+    `missing`: text that says which files before the first one are missing.
+    `being_written`: whether a program is still writing the recording.
+    `epochs`: number of epochs (stretches of samples without a restart) by the reason for their beginning.
+    `samples`, `lost`, `gaps`, `duplicates`, `before_hello`, `rate_differs`: the counts of these names in the
+    `stats` record.
     `steps`, `motions`: number of bias steps and of motions in the records; None if there are no such records.
-    `resets`: number of further boots of the device.
-    `rate_hz`, `clock_ppm`: rate and clock deviation in the longest epoch.
-    `notes`: texts of `error` records that reading caused. `unread`: why files were not or not completely
-    read.
-    `about`: further description in the file. `reading`: answers by which another program's file was read.
+    `resets`: number of times that the device booted again after its first boot.
+    `rate_hz`, `clock_ppm`: sampling rate [Hz] and clock deviation [ppm] in the longest epoch.
+    `notes`: texts of the `error` records that reading caused.
+    `unread`: why files were not, or not completely, read.
+    `about`: further description in the file.
+    `reading`: the answers (units, columns, rate) by which another program's file was read.
     """
 
     name: str
@@ -85,7 +88,7 @@ def sessions(paths: Sequence[Path]) -> list[list[Path]]:
     """Return the recordings in these files and folders, each as a list of its files.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is no recording.
     """
     paths = [path for one in paths for path in bags_in(one) or [one]]
     single = [[path] for path in paths if is_one_file(path)]
@@ -99,7 +102,7 @@ def summarise(
     """Read a recording once, from its raw bytes, and summarise it.
 
     Raises:
-        UsageError: it cannot be read, is no recording, or needs more memory than the limits allow.
+        UsageError: the files cannot be read, are no recording, or need more memory than the limits allow.
     """
     name = str(paths[0])
     files = list(paths)
@@ -138,7 +141,7 @@ def summarise(
                 epochs[found.new_epoch] += 1
                 of_epoch = 0
             of_epoch += len(found.block)
-            # Without recorded arrival times, the device's times stand in their place.
+            # If the file holds no arrival times, the device's times are used as arrival times.
             has_clock = has_clock or bool((found.raw.host_ns != found.block.device_us * 1000).any())
             if of_epoch >= longest[0]:
                 longest = of_epoch, decoder.native.rate_hz, decoder.native.clock_ppm
@@ -239,7 +242,7 @@ def _state(s: Summary) -> str:
 
 
 def _missed(s: Summary) -> str:
-    """Return what is missing in the recording, as far as it was counted."""
+    """Return a text that says what is missing in the recording, as far as the loss was counted."""
     found = ""
     if s.unrecorded_items:
         found += f"; {s.unrecorded_items} items with {s.unrecorded_bytes} bytes of the wire were not recorded"

@@ -63,7 +63,7 @@ OF_A_CORRECTED_AXIS = {
     "moving": "moving_{axis}",
 }
 NAMED = {"estimates": OF_AN_AXIS, "device_estimates": OF_A_DEVICE_AXIS, "corrected": OF_A_CORRECTED_AXIS}
-"""Columns for the per-axis fields of each record."""
+"""Columns for the per-axis fields of each kind of record."""
 
 OF_A_FIT = {
     "alpha": "alpha{end}_{axis}",
@@ -72,7 +72,7 @@ OF_A_FIT = {
     "s2": "s2{end}_{axis}_{unit}^2",
     "R": "R{end}_{axis}_{unit}^2",
 }
-"""Columns for the parameters of an axis in a fit; each parameter has a value, a low and a high end."""
+"""Columns for the parameters of an axis in a fit: the value and both ends of its interval."""
 
 OF_ALL = ("epoch", "seq", "device_us", "host_ns")
 
@@ -99,8 +99,9 @@ class Table(NamedTuple):
 def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Duration) -> Table:
     """Return a table with one row for each published record, or for each sample with corrected rates.
 
-    Values that were invalid, or that the data did not determine, stay empty. `what`: "device_estimates" are
-    the estimates of the device itself.
+    Values that are invalid, or that the data did not determine, stay empty.
+    `what`: the kind of records to export; "device_estimates" are the estimates that the device itself
+    computed.
 
     Raises:
         UsageError: there is no recording, or it has no such records.
@@ -141,7 +142,10 @@ def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Dur
 
 
 def _changes_table(paths: Sequence[Path], source: "McapRecording | None", what: What) -> Table:
-    """Return a table with a row for each step, or each begin and end of a motion, with its time `host_ns`."""
+    """Return a table with one row for each bias step, or for each beginning and end of a motion.
+
+    The column `host_ns` holds the time of the row.
+    """
     records = _published(source, what.removesuffix("s"))
     first = next(records, None)
     if first is None:
@@ -181,7 +185,7 @@ def _fit_values(one: AxisFit | None) -> list[float | None]:
 
 
 class _Published(msgspec.Struct, frozen=True):
-    """Fields of every record that belongs to a sample; null fields are left out."""
+    """Fields that every record about a sample has; null fields are left out."""
 
     host_ns: Whole
     device_us: Whole

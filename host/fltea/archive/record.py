@@ -25,7 +25,7 @@ from fltea.stream.decode import Decoder
 
 STATUS_NS = 10**9
 STATUS_QUIET_NS = 60 * 10**9
-"""Time between two status lines [ns]: on a terminal, where each replaces the one before, and elsewhere."""
+"""Time between two status lines elsewhere than on a terminal [ns]; there, each line replaces the last."""
 
 
 def record(config: Config, seconds: float | None) -> str:
@@ -75,7 +75,7 @@ class _Recorder:
         self._status_ns = clock.host_ns()
 
     def take(self, event: Event) -> None:
-        """Record one event: its raw bytes first, unless the source wrote them already."""
+        """Record one event; its raw bytes are written first, unless the source wrote these bytes already."""
         if self._as_wire is not None:
             for item in self._as_wire.encode(event):
                 self._sink.write(item)
@@ -90,7 +90,7 @@ class _Recorder:
 
     @property
     def lost(self) -> int:
-        """Number of items that no file holds, plus bytes that were discarded before."""
+        """Number of items that were written to no file, plus bytes that were discarded earlier."""
         return self._sink.lost + self._source.link_stats().overflow_bytes
 
     def close(self) -> None:
@@ -100,7 +100,7 @@ class _Recorder:
             self._say("")
 
     def summary(self) -> str:
-        """Return one line of text: how much was recorded, and what is missing."""
+        """Return one line of text that says how much was recorded and what is missing."""
         count, rate_hz = self._decoder.counts, self._decoder.native.rate_hz
         at = "" if rate_hz is None else f" at {rate_hz:.2f} Hz"
         lost = f"{count.lost} lost in {count.gaps} gaps"
@@ -132,7 +132,7 @@ class _Recorder:
         self._say(f"{kind}: {message}")
 
     def _say(self, text: str, passing: bool = False) -> None:
-        """Write a line to stderr; on a terminal, the next line replaces a `passing` one."""
+        """Write a line to stderr; on a terminal, the next line replaces this one if it is `passing`."""
         text = visible_lines(text)
         if self._live:
             sys.stderr.write(f"\r\x1b[K{text}" + ("" if passing or not text else "\n"))

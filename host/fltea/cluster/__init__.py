@@ -1,1 +1,1 @@
-"""Identifies thousands of recordings: workers read them, and their verdicts form one table."""
+"""Identifies the noise of thousands of recordings: workers read files, and one table lists the results."""

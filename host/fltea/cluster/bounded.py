@@ -1,4 +1,4 @@
-"""Limits the length of web servers' answers that are read completely: a page of links, or a range of a file.
+"""Limits the length of web servers' answers that are read completely: a list of links, or a range of a file.
 
 This module loads aiohttp, which fsspec needs for the web.
 """
@@ -10,19 +10,19 @@ from aiohttp import ClientResponse
 from fltea.records.errors import FlteaError
 
 MOST_PAGE_BYTES = 64_000_000
-"""Longest list of a folder [bytes], enough for a million names."""
+"""Longest web page that lists a folder [bytes]; 64 MB hold a million names."""
 
 RANGE = re.compile(r"bytes=(\d+)-(\d+)")
 
 
 class BoundedResponse(ClientResponse):
-    """Reads at most the requested range, or the limit for a page."""
+    """Web response whose body is at most as long as the requested range, or `MOST_PAGE_BYTES`."""
 
     async def read(self) -> bytes:
-        """Return the body.
+        """Return the body of the response.
 
         Raises:
-            FlteaError: the body is too long.
+            FlteaError: the body is longer than allowed.
         """
         if self._body is None:
             asked = RANGE.fullmatch(self.request_info.headers.get("Range", ""))

@@ -1,8 +1,8 @@
-"""Reads the bytes of a file as listed; a later change is an error, so that no row mixes contents.
+"""Reads a file exactly as it was listed; a later change is an error, so that no row mixes two contents.
 
-Requests to a web server name the listed content (`If-Match`, `If-Unmodified-Since`), and the headers of each
-answer are compared, since not all servers honour such requests. Other files are compared before and after
-reading. S3's file system pins the content itself.
+Requests to a web server name the listed content (`If-Match`, `If-Unmodified-Since`). The headers of each
+answer are compared too, since not all servers honour such requests. Other files are compared before and after
+reading. The file system for S3 itself reads only the listed content.
 """
 
 import contextlib
@@ -17,14 +17,17 @@ from fltea.records.errors import FlteaError
 
 PINNED = ("s3", "s3a")
 CHANGED_STATUS = (412, 416)
-"""Status codes for a failed precondition, and for a range beyond the end of a file that became shorter."""
+"""HTTP status codes: 412 for a failed precondition, and 416 for a range beyond the end of a shortened
+file."""
 RANGE = re.compile(r"bytes (\d+)-\d+/(\d+|\*)")
 ASKED = re.compile(r"bytes=(\d+)-")
 
 
 @contextlib.contextmanager
 def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
-    """Open a file for reading ranges, without reading ahead. `whole`: it is read once, from begin to end.
+    """Open a file for reading ranges of bytes, without reading ahead.
+
+    `whole`: the file is read once, from its beginning to its end.
 
     Raises:
         FlteaError: the file changed since it was listed, or a range arrives incomplete.
@@ -32,7 +35,8 @@ def open_bytes(file: File, *, whole: bool = False) -> Iterator[BinaryIO]:
     """
     system = file_system(file.protocol)
     if file.protocol in WEB:
-        # A single answer has a single content; with a given size, fsspec does not ask the server for it.
+        # All bytes of one answer belong to one content. With a given size, fsspec does not ask the server for
+        # the size.
         blocks = {"block_size": 0} if whole else {}
         asked = {"headers": _conditions(file), "raise_for_status": _check_of(file)}
         with system.open(
@@ -80,8 +84,8 @@ def _is_tag(stamp: str) -> bool:
 
 
 def _conditions(file: File) -> dict[str, str]:
-    """Return the request headers that name the wanted content. `If-Match` does not accept a weak tag."""
-    found = {"Accept-Encoding": "identity"}  # compressed answers have other ranges and tags
+    """Return the request headers that name the listed content. `If-Match` does not accept a weak tag."""
+    found = {"Accept-Encoding": "identity"}  # in compressed answers, ranges and tags differ
     if file.stamp.startswith('"') and _is_tag(file.stamp):
         found["If-Match"] = file.stamp
     elif file.stamp.endswith("GMT"):
@@ -90,7 +94,7 @@ def _conditions(file: File) -> dict[str, str]:
 
 
 def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
-    """Return a function that checks the headers of each answer, and raises FlteaError for other content."""
+    """Return a function that checks the headers of each answer and raises FlteaError if the file changed."""
     seen: dict[str, str] = {}
     if file.stamp:
         seen["ETag" if _is_tag(file.stamp) else "Last-Modified"] = file.stamp
@@ -99,7 +103,7 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
         if answer.status in CHANGED_STATUS:
             raise changed(file)
         if answer.status >= 300:
-            return  # fsspec reports this error
+            return  # fsspec reports this HTTP error
         for name in ("ETag", "Last-Modified"):
             value = answer.headers.get(name)
             if value and _bare(seen.setdefault(name, value)) != _bare(value):
@@ -116,5 +120,5 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
 
 
 def _bare(tag: str) -> str:
-    """Return an entity tag without quotes and without the mark of weak tags, which not all servers write."""
+    """Return an entity tag without its quotes and its mark for weak tags; not all servers write these."""
     return tag.removeprefix("W/").strip('"')

@@ -1,4 +1,4 @@
-"""Pieces of a large file, and what all formats need to find the places for cuts.
+"""Describes the pieces of a large file, and reads byte ranges to find where the file can be cut.
 
 A piece is a head, a range of the file's bytes and a tail, or some row groups of a Parquet file.
 """
@@ -13,9 +13,9 @@ from fltea.cluster.listing import File
 
 
 class Cut(msgspec.Struct, frozen=True):
-    """One piece of a file; a piece is a recording of its own.
+    """One piece of a file; a worker reads it like a recording.
 
-    `begin`, `end`: bytes of the file between head and tail; for Parquet, numbers of row groups.
+    `begin`, `end`: byte offsets in the file between which the piece lies; for Parquet, numbers of row groups.
     """
 
     begin: int
@@ -36,7 +36,7 @@ class Ranges:
         return self._stream.read(max(0, min(end, self.size) - begin))
 
     def are_there(self) -> bool:
-        """Return whether ranges can be read; some web servers send files only from their beginning."""
+        """Return whether ranges can be read; some web servers can send a file only from its beginning."""
         try:
             return len(self.read(self.size - 1, self.size)) == 1
         except ValueError:
@@ -44,9 +44,10 @@ class Ranges:
 
 
 def even_pieces(places: Sequence[int], end: int, block_bytes: int) -> list[tuple[int, int]]:
-    """Join parts that begin at `places` (rising) and end at `end` to equal pieces of at most a block.
+    """Join parts of a file to pieces of nearly equal size, each of at most `block_bytes`.
 
-    A piece with parts larger than a block is as large as these parts.
+    `places`: offsets at which the parts begin, rising. `end`: offset at which the last part ends.
+    A part larger than `block_bytes` is not cut, so its piece is larger too.
     """
     if not places:
         return []

@@ -1,4 +1,4 @@
-"""Cuts MCAP files of fltea and ROS: each piece has some chunks after all descriptions of the file."""
+"""Cuts MCAP files of fltea and ROS into pieces: the file's schemas and channels, followed by some chunks."""
 
 import struct
 from io import BytesIO
@@ -20,22 +20,22 @@ from fltea.records.records import Hello
 
 FOOTER_BYTES = HEAD.size + 20 + len(MCAP0_MAGIC)
 MOST_SUMMARY_BYTES = 256 << 20
-"""Largest summary that is read; a file of 1 TB in chunks of 1 MB has 100 MB."""
+"""Largest summary section that is read [bytes]; a file of 1 TB in chunks of 1 MB has a summary of 100 MB."""
 
 
 class _Summary(NamedTuple):
     header: bytes
     descriptions: bytes
-    """schemas and channels"""
+    """Schemas and channels of the file, as MCAP records."""
     chunks: list[int]
-    """offsets of the chunks"""
+    """Offsets of the chunks [bytes]."""
     end: int
-    """end of the last chunk"""
+    """Offset of the end of the last chunk [bytes]."""
     metadata: list[MetadataIndex]
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Return the pieces; an empty list for a file without an index, as a killed recorder leaves it."""
+    """Return the pieces of a file; an empty list if the file has no index, for instance after a kill."""
     try:
         summary = _summary(source)
         if summary is None:
@@ -46,7 +46,8 @@ def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
             Cut(begin, end, _head(source, summary, session, number, begin), _TAIL)
             for number, (begin, end) in enumerate(pieces)
         ]
-    # The library raises various errors for damaged bytes; reading the file whole reports them.
+    # The library raises various errors for damaged bytes. The file is then read whole, which reports the
+    # damage.
     except (McapError, ValueError, struct.error, EOFError, IndexError):
         return []
 
@@ -67,7 +68,7 @@ _TAIL = _tail()
 
 
 def _one(source: Ranges, begin: int, kind: int) -> bytes:
-    """Return the content of the record at `begin`, which has to be of this kind."""
+    """Return the content of the record at offset `begin`, which must be of the given kind."""
     found, length = HEAD.unpack(source.read(begin, begin + HEAD.size))
     if found != kind or length > MAX_DESCRIPTION_BYTES:
         raise ValueError("another record stands there")
@@ -101,7 +102,7 @@ def _summary(source: Ranges) -> _Summary | None:
 
 
 def _session(source: Ranges, summary: _Summary) -> PartInfo | None:
-    """Return the session's metadata of a file of fltea; None for other files."""
+    """Return the metadata of the session in a file that fltea wrote; None for other files."""
     for one in summary.metadata:
         if one.name == SESSION:
             return from_metadata(_metadata(source, one.offset))
@@ -116,7 +117,7 @@ def _metadata(source: Ranges, begin: int) -> dict[str, str]:
 def _head(source: Ranges, summary: _Summary, session: PartInfo | None, number: int, begin: int) -> bytes:
     out = RecordBuilder()
     if session is not None:
-        if number:  # metadata as if the recorder had begun a new file there
+        if number:  # the metadata are as if the recorder had begun a new file at this piece
             heard = [one for one in summary.metadata if one.name == HELLO and one.offset < begin]
             hello = session.hello
             if heard:

@@ -1,4 +1,4 @@
-"""Cuts Parquet files into pieces of some row groups. This module loads pyarrow, which is an extra."""
+"""Cuts Parquet files into pieces of several row groups. This module loads pyarrow, an optional package."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ from fltea.records.errors import UsageError
 from fltea.records.temporary import named_file
 
 AT_ONCE = 1 << 16
-"""Rows in a batch."""
+"""Number of rows that are copied at a time."""
 
 
 def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Return the row groups of each piece; an empty list if the file is damaged."""
+    """Return the pieces, each with its range of row groups; an empty list if the file is damaged."""
     try:
         with open_bytes(source.file) as stream, parquet.ParquetFile(stream, pre_buffer=False) as found:
             places = [0]
@@ -32,7 +32,7 @@ def cuts(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def write_groups(file: File, cut: Cut, folder: Path) -> Path:
-    """Write some row groups as a file of their own."""
+    """Write the row groups of a piece to a Parquet file in `folder`; return its path."""
     path = folder / "piece.parquet"
     try:
         with open_bytes(file) as stream, parquet.ParquetFile(stream, pre_buffer=False) as found:

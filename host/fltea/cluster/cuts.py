@@ -1,4 +1,4 @@
-"""Cuts text, .npy files and bags of ROS 1. Files with errors are read whole, which reports them."""
+"""Cuts text, .npy files and bags of ROS 1 into pieces. A file with errors is read whole to report them."""
 
 import io
 import math
@@ -17,7 +17,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 NEAR_BYTES = 1 << 12
-"""Number of bytes that are searched first for the end of a line."""
+"""Number of bytes in which the end of a line is searched first."""
 NPY_HEAD_BYTES = 1 << 16
 BAG_HEADER_BYTES = 4096 + 256
 MOST_INDEX_BYTES = 256 << 20
@@ -25,7 +25,10 @@ PLACE = struct.Struct("<Q")
 
 
 def of_text(source: Ranges, block_bytes: int, how: How) -> list[Cut]:
-    """Cut text into whole lines, after the lines that name the columns; no cuts if these are unknown."""
+    """Cut text at line ends.
+
+    Each piece begins with the header lines. There are no cuts if the columns are not found.
+    """
     begin = source.read(0, HEAD_BYTES)
     reader = TextReader(source.file.url, how)
     try:
@@ -55,7 +58,7 @@ def _line_from(source: Ranges, place: int) -> int | None:
 
 
 def of_npy(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Cut an array into rows, each piece with a header of its own; no cuts if it is stored by columns."""
+    """Cut an array between rows; each piece gets its own header. Return no cuts for column-major storage."""
     try:
         found = read_header(io.BytesIO(source.read(0, NPY_HEAD_BYTES)), source.file.url)
     except (ValueError, struct.error):
@@ -77,7 +80,10 @@ def of_npy(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
-    """Cut a bag into chunks, after the descriptions of its topics; no cuts without an index."""
+    """Cut a bag between chunks.
+
+    Each piece begins with the descriptions of the topics. There are no cuts if the bag has no index.
+    """
     begin = io.BytesIO(source.read(len(VERSION), len(VERSION) + BAG_HEADER_BYTES))
     header = next_record(begin, source.size)
     if header is None or header.fields.get(b"op") != Op.BAG_HEADER:
@@ -102,7 +108,7 @@ def of_bag(source: Ranges, block_bytes: int) -> list[Cut]:
 
 
 def _bag_header() -> bytes:
-    """Return the header of a closed bag without chunks in its index."""
+    """Return the header of a bag that was closed properly and whose index lists no chunks."""
     fields = ((b"op", Op.BAG_HEADER), (b"index_pos", PLACE.pack(1)), (b"chunk_count", LENGTH.pack(0)))
     pairs = b"".join(LENGTH.pack(len(name) + 1 + len(value)) + name + b"=" + value for name, value in fields)
     return LENGTH.pack(len(pairs)) + pairs + LENGTH.pack(0)

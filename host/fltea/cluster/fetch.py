@@ -13,7 +13,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, MB, Limits
 
 COPY_BYTES = 1 << 22
 LEAST_FREE = 256_000_000
-"""Space that stays free on the disk of temporary files [bytes]."""
+"""Space that must stay free on the disk for temporary files [bytes]."""
 
 
 def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Path:
@@ -22,15 +22,16 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
     A server may send more than the stated size, or state none, so the size is checked while the file is
     copied.
 
-    `limits`: largest size of a file that states none.
+    `limits`: holds the largest size that is copied if the server states no size.
 
     Raises:
-        UsageError: the file states no size, and exceeds the limit.
+        UsageError: the server states no size, and the file exceeds the limit.
         FlteaError: the file changed since it was listed, or the disk is full.
         OSError: the file system failed; it may raise other errors, too.
     """
     if file.protocol == "file":
-        # An unmounted disk or a worker without permission is not a fault of the file.
+        # A missing file may mean an unmounted disk, or a worker without permission, so the file is not
+        # blamed.
         if not os.access(file.path, os.R_OK):
             raise FlteaError(
                 f"{file.url}: is not there, or may not be read, on {platform.node()}. With --dask every "
@@ -54,7 +55,8 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
                     f"{file.url}: has more than {file.size} bytes now, and had {file.size} when listed."
                 )
             size_text = _mb(file.size) if known else f"of unknown size, and after {_mb(copied)}"
-            check_room(file, len(data), folder, size_text)  # other programs use the same disk
+            # again for each block, since other programs use the same disk
+            check_room(file, len(data), folder, size_text)
             out.write(data)
     if known and copied < file.size:
         raise FlteaError(f"{file.url}: has {copied} bytes now, and had {file.size} when listed.")
@@ -64,10 +66,10 @@ def local_copy(file: File, folder: Path, limits: Limits = DEFAULT_LIMITS) -> Pat
 def check_room(file: File, size: int, folder: Path, size_text: str = "") -> None:
     """Check that the disk of a folder has room for `size` bytes of a file.
 
-    `size_text`: text for the file's size in the error.
+    `size_text`: the file's size as a text for the error message.
 
     Raises:
-        FlteaError: the disk has no room; another worker's disk may have it.
+        FlteaError: the disk has no room; the disk of another worker may have enough.
     """
     free = shutil.disk_usage(folder).free
     if size + LEAST_FREE > free:

@@ -14,30 +14,34 @@ from fltea.records.secret import refuse_secret
 from fltea.settings.extras import how_to_install, load
 
 PROTOCOLS = ("file", "s3", "s3a", "gs", "gcs", "abfs", "az", "http", "https", "memory")
-"""Supported protocols; chains (`zip::s3://…`) and protocols that run programs elsewhere are not supported."""
+"""Supported protocols. Chains (`zip::s3://…`) and protocols that run programs elsewhere are not supported."""
 WEB = ("http", "https")
 LIKE_NAMES = ("file", *WEB)
-"""Protocols for which the path of a file is its address."""
+"""Protocols with which fsspec uses the whole address as the file's path."""
 MAGIC, MAGIC_OF_WEB = re.compile(r"[*?\[]"), re.compile(r"[*\[]")
-"""Characters of patterns. In a web address, a query follows a question mark."""
+"""Characters that make a path a pattern. In a web address, `?` begins the query, so it is no pattern."""
 LONGEST_NAME = 60
-"""Longest name of a copy, without its ending."""
+"""Longest name of a copied file, without its ending [characters]."""
 STAMPS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "updated", "created")
-"""Names that file systems use for a stamp that changes with the file, the most reliable first."""
+"""Names of the stamp that changes with the file, in fsspec's facts on a file; the most reliable name
+first."""
 MOST_LEVELS = 64
-"""Deepest level of folders, since a server may invent folders or link back to the first one."""
+"""Deepest level of folders that is listed, since a server may invent folders or link back to the first."""
 SILENT_S = 60.0
 """Longest silence of a web server [s]."""
 PACKAGES = {"gs": "gcsfs", "gcs": "gcsfs", "abfs": "adlfs", "az": "adlfs"}
-"""Packages for file systems that no extra of fltea installs."""
+"""Packages that the user must install for these file systems, since no extra of fltea includes them."""
 DESCRIBE = (".json", ".yaml", ".yml")
-"""Endings of files that describe recordings; they count as recordings only if the user names them."""
+"""Endings of files that usually only describe recordings; such a file is read only if the user names it."""
 JOURNAL = "_journal.ndjson"
-"""Name of a verdict table's journal. Readers of Parquet ignore names with an underscore."""
+"""Name of the journal in a table of results; readers of Parquet ignore names that begin with `_`."""
 
 
 class File(NamedTuple):
-    """One file. `path`: path on its file system. `stamp`: changes with the file; empty if unknown."""
+    """One listed file.
+
+    `path`: path on its file system. `stamp`: text that changes with the file, "" if unknown.
+    """
 
     url: str
     protocol: str
@@ -47,16 +51,17 @@ class File(NamedTuple):
 
     @property
     def suffix(self) -> str:
-        """Ending of the name, in small letters and digits only, since it becomes part of a copy's name."""
+        """Ending of the file's name in small letters; "" if it has other characters than letters and digits."""
         found = PurePosixPath(self._name).suffix.lower()
         return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
 
     @property
     def copied_name(self) -> str:
-        """Name of a copy: the file's name without unusual characters; some dialects need the name.
+        """Name for a copy: the file's name without unusual characters.
 
-        Files of sessions and bags are found by their names, so they get a neutral name and are read one by
-        one.
+        The name is kept as far as possible, since some text formats are recognised by it.
+        fltea's own recordings and bags look for further files by name. Their copies get a neutral name, so
+        that each file is read alone.
         """
         name = PurePosixPath(self._name).name.removesuffix(PurePosixPath(self._name).suffix)
         is_one = KINDS.get(self.suffix) not in ("mcap", "bag")
@@ -76,10 +81,10 @@ class Unlisted(NamedTuple):
 
 
 def file_system(protocol: str) -> Any:
-    """Return the file system for a protocol. It caches no listings, which would be outdated and use memory.
+    """Return the file system for a protocol; it keeps no lists of folders, which would be outdated.
 
     Raises:
-        UsageError: its package is not installed, or the protocol is not supported.
+        UsageError: the package for the protocol is not installed, or the protocol is not supported.
     """
     if protocol not in PROTOCOLS:
         raise UsageError(f"{protocol}://: not supported; supported are {', '.join(PROTOCOLS)}.")
@@ -98,7 +103,7 @@ def file_system(protocol: str) -> Any:
 
 
 def _patience() -> dict[str, Any]:
-    """Return limits for aiohttp, whose defaults are 5 min for each file and for silence, and any memory."""
+    """Return time and size limits for aiohttp; its defaults allow 5 min of silence and any size."""
     from aiohttp import ClientTimeout
 
     from fltea.cluster.bounded import BoundedResponse
@@ -110,12 +115,12 @@ def _patience() -> dict[str, Any]:
 def files_of(patterns: Sequence[str]) -> Iterator[File | Unlisted]:
     """Yield the files of paths, URLs, patterns (`**` stands for any number of folders) and folders.
 
-    For a folder, all recordings in it and below it are listed, by their endings. Links to folders are not
-    followed there, and pipes, sockets and devices are skipped.
+    For a folder, all files in it and in its subfolders that have the ending of a recording are listed. Links
+    to folders in it are not followed; pipes, sockets and devices are skipped.
 
     Raises:
         UsageError: nothing is found, or a URL cannot be used.
-        FlteaError: the file system refuses.
+        FlteaError: the file system cannot be reached, or refuses access.
     """
     for pattern in patterns:
         protocol, path = _split(pattern)
@@ -152,7 +157,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
     if protocol == "file":
         path = _one_name(path)
     magic = (MAGIC if protocol not in WEB else MAGIC_OF_WEB).search(path)
-    if magic is None or system.isfile(path):  # a name may hold brackets
+    if magic is None or system.isfile(path):  # the name of an existing file may contain brackets
         about = system.info(path)
         if about["type"] != "directory":
             yield _file(system, protocol, about)
@@ -175,7 +180,7 @@ def _matching(system: Any, protocol: str, path: str) -> Iterator[File | Unlisted
 
 
 def _one_name(path: str) -> str:
-    """Return one path for a file, however it is named; after a link, `..` leads to the target's parent."""
+    """Return a normalised path, so that a file named in two ways is read once."""
     before, parent, after = f"{path}/".rpartition("/../")
     return os.path.normpath(f"{os.path.realpath(before + parent)}/{after}" if parent else path)
 
@@ -201,7 +206,7 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
         except (FileNotFoundError, PermissionError) as error:
             if level == 0:
                 raise
-            if isinstance(error, PermissionError):  # a folder that has gone is skipped
+            if isinstance(error, PermissionError):  # a folder that no longer exists is skipped
                 reason = f"cannot be listed ({type(error).__name__}: {error})"
                 yield Unlisted(File(_url(protocol, now), protocol, now, -1, ""), reason)
             continue
@@ -219,12 +224,12 @@ def _below(system: Any, protocol: str, folder: str, depth: int | None) -> Iterat
 
 
 def _of_its_target(system: Any, about: dict[str, Any]) -> dict[str, Any]:
-    """Return the facts on a link's target; for other files the listed facts."""
+    """Return the facts on the file that a link leads to; for other files, the listed facts."""
     if not about.get("islink"):
         return about
     try:
         found: dict[str, Any] = system.info(about["name"])
-    except OSError:  # a broken link: reading it reports this
+    except OSError:  # a broken link; reading the file reports this
         return {**about, "type": "file"}
     return found
 

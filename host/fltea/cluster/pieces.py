@@ -1,4 +1,4 @@
-"""Cuts a large file of any format into pieces, each of which is a recording of its own.
+"""Cuts a large file of any format into pieces; a worker reads each piece like a recording.
 
 Files that cannot be cut are read whole: .npz, .db3, compressed files, NDJSON, and incomplete files.
 """
@@ -26,7 +26,7 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
         OSError: the file is not readable now; its file system may raise other errors.
     """
     if file.size <= ask.block_bytes or (file.protocol in WEB and not file.stamp):
-        return []  # without a stamp, only a single answer is sure to have one content
+        return []  # without a stamp, only one single answer is sure to hold one content
     with open_bytes(file) as stream:
         source = Ranges(file, stream)
         if file.protocol in WEB and not source.are_there():
@@ -42,7 +42,8 @@ def cuts_of(file: File, ask: Ask) -> list[Cut]:
             case "bag":
                 found = cuts.of_bag(source, ask.block_bytes)
             case "parquet":
-                # Where pyarrow is missing, reading the file whole reports it.
+                # Without pyarrow there are no cuts. The file is then read whole, which reports the missing
+                # package.
                 with contextlib.suppress(ModuleNotFoundError):
                     from fltea.cluster import cut_parquet
 

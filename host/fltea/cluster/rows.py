@@ -1,4 +1,4 @@
-"""Rows of the table of verdicts: an axis of a recording, or the reason why there is none."""
+"""Rows of the table of results: one for each axis of a recording, or one with the reason for a failure."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -18,12 +18,13 @@ VALUE_COLUMNS = [name + end for name in (*VALUES, *COEFFICIENTS) for end in ("",
 class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     """A row for an axis. A file that failed has one row, with `error` and without `axis`.
 
-    `size`, `stamp`: of the file as it was listed. `settings`: digest of all settings.
+    `size`, `stamp`: size [bytes] and change stamp of the file when it was listed.
+    `settings`: digest of all settings.
     `again`: the failure is not the file's fault, so the next run tries the file again.
-    `parts`: number of pieces whose sums were used; 1: the file was read whole.
-    Values are None where they are undefined; *_low and *_high are the ends of 95 % intervals. α has no unit,
-    f is in s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s.
-    `longest_s`: longest stretch without a break [s]; processes slower than a tenth of it are not detected.
+    `parts`: number of pieces whose sums were added; 1 if the file was read whole.
+    Values are None where they are undefined. Columns named *_low and *_high hold the ends of 95 % intervals.
+    α has no unit, f is in s^-α; N, B and K are in `unit`/√Hz, `unit`, and `unit`/√s.
+    `longest_s`: longest duration without a gap [s]; processes slower than a tenth of it are not detected.
     """
 
     file: str
@@ -32,7 +33,7 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     settings: str
     parts: int = 1
     seconds: float | None = None
-    """time that workers took [s]"""
+    """Time that workers took for the file [s]."""
     error: str | None = None
     again: bool = False
     device_id: str | None = None
@@ -47,14 +48,14 @@ class Row(msgspec.Struct, kw_only=True, omit_defaults=True):
     kind: str | None = None
     text: str | None = None
     p_white: float | None = None
-    """p-value of the null test, on the clean ordinates"""
+    """p-value of the test for white noise only, on the ordinates of the spectrum without peaks."""
     mean: float | None = None
     std: float | None = None
     lsb: float | None = None
     values: dict[str, float | None] = {}
-    """values by their columns, which are `VALUE_COLUMNS`"""
+    """Values by the names of their columns; `VALUE_COLUMNS` lists the names."""
     fltea_alpha: float | None = None
-    """last α of the filter; None if pieces were summed, since a filter cannot be cut"""
+    """Last α of the FLTEA filter; None if the file was read in pieces, since the filter needs all samples."""
     fltea_f: float | None = None
     fltea_describes_noise: bool | None = None
     data_checks: list[str] | None = None
@@ -64,13 +65,13 @@ _row = msgspec.json.Decoder(Row)
 
 
 class Key(msgspec.Struct, frozen=True):
-    """Identifies a file in its listed state, and the settings."""
+    """Identifies a file as it was listed, together with the settings of the run."""
 
     file: File
     settings: str
 
     def row(self, **values: Any) -> Row:
-        """Return a row for the file with these values."""
+        """Return a row for the file; `values` are its further fields."""
         file = self.file
         return Row(file=file.url, size=file.size, stamp=file.stamp, settings=self.settings, **values)
 
@@ -88,7 +89,7 @@ class Key(msgspec.Struct, frozen=True):
 
 
 def failed(key: Key, reason: str, *, again: bool, parts: int = 1) -> list[Row]:
-    """Return the row for a file that could not be identified."""
+    """Return the row for a file whose noise could not be identified."""
     return [key.row(error=reason, again=again, parts=parts)]
 
 
@@ -131,7 +132,7 @@ def _axis(key: Key, recording: Loaded, name: str, axis: AxisReport | Failure, se
 
 
 def of_recording(recording: Loaded) -> dict[str, Any]:
-    """Return the facts that the device states, and the number of lost samples."""
+    """Return what the device states about itself, and the number of lost samples."""
     hello = recording.hello
     return {"device_id": hello.device_id, "sensor": hello.sensor, "lost": recording.counts.lost}
 
@@ -142,7 +143,7 @@ def data_check_kinds(data_checks: Iterable[DataCheck]) -> list[str]:
 
 
 def with_ends(of: Any, names: Iterable[str]) -> dict[str, float | None]:
-    """Return values of a fit or a curve, with the ends of their intervals."""
+    """Return the named values of a fit or a curve, with the ends of their intervals."""
     found: dict[str, float | None] = {}
     for name in names:
         one = getattr(of, name)

@@ -1,4 +1,4 @@
-"""Lists files, distributes them to workers, and writes each file's verdict to the table once."""
+"""Lists files, distributes them to workers, and writes the results of each file to the table once."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -20,10 +20,11 @@ from fltea.records.errors import FlteaError, UsageError
 
 
 class Progress(msgspec.Struct):
-    """Progress of a run. `read`: bytes of finished files.
+    """Progress of a run.
 
-    `skipped`: files that were in the table already, or are named twice. `failed_before`: skipped files that
-    have a failure in the table.
+    `read`: number of bytes in finished files.
+    `skipped`: number of files that were in the table already, or that the user named twice.
+    `failed_before`: number of skipped files for which the table holds a failure.
     """
 
     listed: int = 0
@@ -38,7 +39,7 @@ class Progress(msgspec.Struct):
 
 @dataclass
 class _Pieces:
-    """A file whose pieces are being summed."""
+    """A file whose pieces are being read by workers."""
 
     sums: list[PieceSums | None]
     failed: bool = False
@@ -46,7 +47,7 @@ class _Pieces:
 
 @dataclass
 class _Task(Task):
-    """Work on a file, or on its piece with index `number`."""
+    """Work on a whole file, or on its piece with the index `number`."""
 
     file: File
     pieces: _Pieces | None = None
@@ -60,7 +61,7 @@ def run(
     table: VerdictTable,
     report: Callable[[Progress], None] = lambda progress: None,
 ) -> Progress:
-    """Identify all files that are not in the table in their present state.
+    """Identify the noise of all files that the table does not yet hold in their present state.
 
     Files are listed when they are needed, so memory grows by only a few bytes for each file.
 
@@ -107,7 +108,7 @@ class _Loop(HandOut[_Task]):
                 yield file
 
     def next_task(self) -> _Task | None:
-        """Return the next piece, or else the next file."""
+        """Return the next piece of a file that is being read, or else the next file."""
         for queue in (self._alone, self._next):
             while queue:
                 task = queue.popleft()
@@ -120,7 +121,7 @@ class _Loop(HandOut[_Task]):
         return _Task(cuts_of if large else identify_file, (file, self._ask), file)
 
     def settle(self, task: _Task, result: Any) -> None:
-        """Write a finished file to the table, or continue with its pieces."""
+        """Write the rows of a finished file to the table, or plan the pieces of a file that is to be cut."""
         file, pieces = task.file, task.pieces
         if pieces is not None and pieces.failed:
             return

@@ -1,7 +1,7 @@
-"""Identifies a recording in pieces: spectra are additive, so workers exchange sums only.
+"""Identifies the noise of a recording in pieces: spectra can be added, so workers send only sums.
 
-A cut counts as a gap: nothing is computed across it, and processes slower than a piece are not detected.
-Filters do not run over pieces, so FLTEA's own results are missing.
+A cut counts as a gap: nothing is computed across a cut, and processes slower than a piece are not detected.
+The FLTEA filter needs all samples in order, so its results are missing.
 """
 
 import time
@@ -47,7 +47,10 @@ SAME_RATE = 5e-3
 
 
 class AxisSums(msgspec.Struct, frozen=True):
-    """Sums of one axis of a piece. `octaves`: saved sums. `lines`: parts of its spectrum."""
+    """Sums over one axis of a piece.
+
+    `octaves`: saved sums of the spectrum by octaves. `lines`: parts of the spectrum that may hold peaks.
+    """
 
     unit: str
     lsb: float | None
@@ -55,13 +58,13 @@ class AxisSums(msgspec.Struct, frozen=True):
     longest: int
     mean: float
     squares: float
-    """sum of the squared deviations from the mean"""
+    """Sum of the squared deviations from the mean."""
     octaves: bytes
     lines: list[Parts]
 
 
 class PieceSums(msgspec.Struct, frozen=True):
-    """Sums of one piece. `about`: facts for the row. `empty`: why it has no sample, "" if it has some."""
+    """Sums over one piece. `about`: facts for the row. `empty`: why the piece has no samples, else ""."""
 
     rate_hz: float
     about: dict[str, object]
@@ -72,11 +75,11 @@ class PieceSums(msgspec.Struct, frozen=True):
 
     @property
     def samples(self) -> int:
-        """Number of samples of the longest axis."""
+        """Number of samples of the axis with the most samples."""
         return max((axis.samples for axis in self.axes.values()), default=0)
 
     def goes_with(self, other: "PieceSums") -> bool:
-        """Return whether rate, axes, units and scales are the same."""
+        """Return whether rate, axes, units and scales are equal, so that the sums can be added."""
         ours, theirs = (
             [(name, axis.unit, axis.lsb) for name, axis in one.axes.items()] for one in (self, other)
         )
@@ -84,7 +87,7 @@ class PieceSums(msgspec.Struct, frozen=True):
 
 
 def sum_piece(file: File, cut: Cut, ask: Ask) -> PieceSums | str:
-    """Return the sums of a piece, or the reason why there are none.
+    """Return the sums over a piece, or a text that says why there are none.
 
     Raises:
         OSError: the piece is not readable now; its file system may raise other errors.
@@ -125,10 +128,10 @@ def _sums(series: Series) -> AxisSums:
 
 
 def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
-    """Return a row for each axis of a file whose pieces were summed, or one row with an error.
+    """Return a row for each axis of a file that was read in pieces, or one row with an error.
 
-    Only pieces with the rate and the axes of the largest piece are used. A piece without any number counts as
-    a gap.
+    Only pieces with the rate and the axes of the largest piece are used. A piece without valid numbers counts
+    as a gap.
     """
     begin = time.monotonic()
     key = Key(file, ask.digest())
@@ -160,7 +163,7 @@ def fit_pieces(file: File, ask: Ask, pieces: Sequence[PieceSums]) -> list[Row]:
 
 
 def _fitted(pieces: Sequence[AxisSums], h: float, ask: Ask) -> dict[str, object]:
-    """Return the values of a row.
+    """Return the values of the row for an axis, from the added sums of its pieces.
 
     Raises:
         ValueError: the axis is constant, or too short.

@@ -1,7 +1,8 @@
-"""The table of verdicts: a folder of Parquet files, as Spark and Dask write it, with a journal of new rows.
+"""The table of results: a folder of Parquet files, as Spark and Dask write it, with a journal of new rows.
 
-A finished recording becomes one line of the journal at once. The rows of a long journal become a Parquet
-file, which gets its name when it is complete. So a kill -9 loses only the recordings in progress.
+The rows of a finished recording become one line of the journal at once. When the journal is long, its rows
+become a Parquet file, which gets its final name only when it is complete. So a kill -9 loses only the
+recordings that are being read.
 """
 
 import fcntl
@@ -23,7 +24,7 @@ from fltea.records.own_file import open_own
 from fltea.records.whole_file import whole_file
 
 JOURNAL_BYTES = 8_000_000
-"""Longest journal [bytes], about ten thousand rows; the next start reads it into memory."""
+"""Longest journal [bytes], about ten thousand rows; the next start of the program reads it into memory."""
 KEY = ["file", "size", "stamp", "settings"]
 
 TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
@@ -46,13 +47,14 @@ def _type(hint: Any) -> pa.DataType:
 
 
 class VerdictTable:
-    """A table of verdicts that one program has open.
+    """A table of results that this program alone may write.
 
-    Opening removes failures that were not the files' fault, so that these files are tried again.
+    When the table is opened, failures that were not the files' fault are removed, so these files are tried
+    again.
 
     Raises:
-        UsageError: `folder` is something else, or another program writes to it.
-        FlteaError: it cannot be written.
+        UsageError: `folder` is not such a table, or another program writes to it.
+        FlteaError: the table cannot be written.
     """
 
     def __init__(self, folder: Path, settings: str) -> None:
@@ -88,22 +90,22 @@ class VerdictTable:
             raise
 
     def __contains__(self, file: File) -> bool:
-        """Return whether a file, in its listed state, is done with these settings."""
+        """Return whether the table holds a file in its listed state, with the settings of this run."""
         return _digest(file.url, file.size, file.stamp, self._settings) in self._done
 
     def __len__(self) -> int:
-        """Return the number of files that are done, with any settings."""
+        """Return the number of files in the table, counted for all settings."""
         return len(self._done)
 
     def failure_of(self, file: File) -> str | None:
-        """Return why a finished file lacks a verdict on some axis; None if it has all."""
+        """Return why a file in the table lacks the results of some axis; None if no axis is missing."""
         return self._failures.get(_digest(file.url, file.size, file.stamp, self._settings))
 
     def add(self, rows: list[Row]) -> None:
-        """Write all rows of one file to the journal; the operating system has them when this returns.
+        """Write all rows of one file to the journal and pass them to the operating system.
 
         Raises:
-            FlteaError: the disk refuses them.
+            FlteaError: the disk refuses the rows.
         """
         line = msgspec.json.encode(rows) + b"\n"
         before = self._bytes
@@ -113,7 +115,7 @@ class VerdictTable:
                 self._bytes += taken
                 line = line[taken:]
         except OSError as error:
-            os.ftruncate(self._journal, before)  # remove an incomplete line
+            os.ftruncate(self._journal, before)  # removes an incomplete line
             self._bytes = before
             raise FlteaError(f"{self._folder}: cannot be written ({error.strerror}).") from error
         self._note(_key(rows[0]), (row.error for row in rows))
@@ -139,7 +141,8 @@ class VerdictTable:
                 )
             self._numbers.append(int(path.stem.removeprefix("part-")))
             self._read_part(path)
-        # Incomplete lines are skipped, and rows that a Parquet file holds already, after a kill in between.
+        # Skipped are incomplete lines, and rows that a Parquet file holds already because of a kill after it
+        # was written.
         found = {_key(rows[0]): rows for rows in self._lines() if not any(row.again for row in rows)}
         self._write_part([row for key, rows in found.items() if key not in self._done for row in rows])
         for key, rows in found.items():
@@ -147,7 +150,7 @@ class VerdictTable:
         os.ftruncate(self._journal, 0)
 
     def _note(self, key: bytes, errors: Iterable[str | None]) -> None:
-        """Note that a file is done; keep the first error of its rows."""
+        """Remember that the table holds a file, and the first error in the file's rows."""
         self._done.add(key)
         for one in errors:
             if one is not None:

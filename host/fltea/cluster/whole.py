@@ -1,4 +1,4 @@
-"""Identifies a recording that a worker reads whole."""
+"""Identifies the noise of a recording that one worker reads whole."""
 
 import hashlib
 import time
@@ -19,7 +19,7 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BLOCK_BYTES = 64_000_000
-"""Size above which files are summed in pieces, if their format can be cut [bytes]."""
+"""Size above which a file is cut into pieces, if its format permits [bytes]."""
 
 
 class Ask(msgspec.Struct, frozen=True):
@@ -32,12 +32,12 @@ class Ask(msgspec.Struct, frozen=True):
     block_bytes: int = BLOCK_BYTES
 
     def digest(self) -> str:
-        """Return a digest that changes with everything that may change a verdict."""
+        """Return a digest that changes with every setting that may change a result."""
         stated = msgspec.json.encode([__version__, msgspec.structs.astuple(self)])
         return hashlib.blake2b(stated, digest_size=8).hexdigest()
 
     def request(self, path: Path) -> Request:
-        """Return a request for one recording, as `fltea.identify` takes it."""
+        """Return the request for one recording, in the form that `fltea.identify` takes."""
         return Request((path,), self.channels, self.how, self.limits)
 
 

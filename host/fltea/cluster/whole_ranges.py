@@ -1,7 +1,7 @@
-"""A stream of a remote file whose reads return each range of bytes completely, or fail.
+"""A stream of a remote file: reading a range of bytes returns the whole range, or fails.
 
-An answer may differ from the request if a proxy answers in the server's place, truncates a body, or ignores
-ranges.
+A web server's answer may differ from the request: a proxy may answer instead of the server, cut the body
+short, or ignore the range.
 """
 
 import io
@@ -12,7 +12,7 @@ from fltea.records.errors import FlteaError
 
 
 class WholeRanges(io.RawIOBase):
-    """A stream of known size that returns as many bytes as are requested, up to its end."""
+    """A stream of known size; `read` returns as many bytes as requested, except at the end of the stream."""
 
     def __init__(self, file: File, stream: Any) -> None:
         self._file, self._stream = file, stream
