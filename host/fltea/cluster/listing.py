@@ -51,7 +51,7 @@ class File(NamedTuple):
 
     @property
     def suffix(self) -> str:
-        """Ending of the file's name in small letters; "" if it has other characters than letters and digits."""
+        """Ending of the file's name in small letters; "" if it has characters besides letters and digits."""
         found = PurePosixPath(self._name).suffix.lower()
         return found if re.fullmatch(r"\.[a-z0-9]{1,16}", found) else ""
 

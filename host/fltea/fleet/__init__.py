@@ -1,1 +1,1 @@
-"""`fltea fleet`: one page for all sensors whose daemons publish over MQTT."""
+"""`fltea fleet`: shows all sensors whose daemons publish over MQTT on one web page."""

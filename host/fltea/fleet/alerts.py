@@ -1,7 +1,7 @@
 """Alerts of a fleet, published when they begin and when they end.
 
-The fleet is compared every few seconds, and values near a limit fluctuate. So an alert begins after three
-comparisons in a row that show its cause, and ends after three that do not.
+Sensors are compared with each other every few seconds, and values near a limit fluctuate. So an alert begins
+only after three successive comparisons that show its cause, and ends after three that do not.
 """
 
 from collections import Counter
@@ -14,10 +14,10 @@ from fltea.fleet.summary import Look
 
 LOOKS = 3
 MOST = 10_000
-"""Most alerts at the same time; further ones are counted in `dropped`."""
+"""Most alerts that may be raised at the same time; further alerts are counted in `dropped`."""
 
 LISTED = 1000
-"""Most alerts in the published list, 200 kB, since brokers may refuse messages of a megabyte."""
+"""Most alerts in the published list (200 kB), since brokers may refuse messages of a megabyte."""
 
 Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 
@@ -25,7 +25,7 @@ Kind = Literal["outlier", "silent", "offline", "flood", "twins"]
 class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
     """One alert as it is published: `<prefix>/fleet/alert`, not retained.
 
-    `axis`, `quantity`: those of an outlier; empty for other kinds.
+    `axis`, `quantity`: axis and quantity of a value that differs from other sensors; empty for other kinds.
     `unix_s`: Unix time at which the alert began or ended [s].
     """
 
@@ -39,11 +39,11 @@ class Alert(msgspec.Struct, frozen=True, tag_field="class", tag="alert"):
 
 
 class AlertList(msgspec.Struct, frozen=True):
-    """The list of raised alerts as it is published: `<prefix>/fleet/alerts`, retained.
+    """The list of current alerts as it is published: `<prefix>/fleet/alerts`, retained.
 
-    `count`: number of raised alerts.
+    `count`: number of current alerts.
     `dropped`: number of alerts beyond `MOST` that were dropped since the program started.
-    `alerts`: the newest raised alerts, at most `LISTED`.
+    `alerts`: the newest current alerts, at most `LISTED`.
     """
 
     count: int
@@ -62,7 +62,7 @@ class _Seen(NamedTuple):
 
 
 class Alerts:
-    """Keeps the raised alerts. `dropped`: number of alerts that were dropped because there was no room."""
+    """Keeps the current alerts. `dropped`: number of alerts that were dropped because there was no room."""
 
     def __init__(self, silent_s: float = SILENT_S) -> None:
         self._silent_s = silent_s
@@ -71,15 +71,15 @@ class Alerts:
         self.dropped = 0
 
     def raised(self) -> list[tuple[Key, str]]:
-        """Return the keys and texts of all raised alerts."""
+        """Return the keys and texts of all current alerts."""
         return [(key, seen.text) for key, seen in self._seen.items() if seen.raised]
 
     def counts(self) -> dict[str, int]:
-        """Return the number of raised alerts by kind."""
+        """Return the number of current alerts by kind."""
         return dict(Counter(key[0] for key, _ in self.raised()))
 
     def listed(self) -> AlertList:
-        """Return the list of raised alerts, the newest first, as it is published."""
+        """Return the list of current alerts, the newest first, as it is published."""
         raised = self.raised()
         newest = raised[: -LISTED - 1 : -1]
         names = "kind", "device_id", "axis", "quantity"
@@ -87,9 +87,9 @@ class Alerts:
         return AlertList(len(raised), self.dropped, alerts)
 
     def update(self, roll: Roll, look: Look, now: float, unix_s: float) -> list[Alert]:
-        """Update the alerts with a new comparison; return those that have begun or ended.
+        """Update the alerts with the result of a new comparison; return the alerts that have begun or ended.
 
-        `look`: result of the comparison. `now`: time of the fleet's clock [s]. `unix_s`: Unix time [s].
+        `look`: result of the comparison. `now`: time of `Clock.hearing` [s]. `unix_s`: Unix time [s].
         """
         causes = self._causes(roll, look, now)
         changed = []
@@ -110,7 +110,7 @@ class Alerts:
         for key in [key for key in self._seen if key not in causes]:
             seen = self._seen[key]
             if not seen.raised:
-                del self._seen[key]  # its cause ended before the alert was raised
+                del self._seen[key]  # the cause ended before the alert was raised
             elif seen.unseen + 1 >= LOOKS:
                 del self._seen[key]
                 changed.append(Alert("cleared", *key, seen.text, unix_s))

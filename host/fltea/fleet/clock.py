@@ -1,20 +1,21 @@
-"""The fleet's clocks: Unix time for its records, and the time for which it was connected to the broker."""
+"""The fleet's clocks: Unix time for its records, and the time during which the broker was connected."""
 
 import time
 from collections.abc import Callable
 
 JUMP_S = 60.0
-"""If the wall clock moves against the steady clock by more than this, it was set again [s]."""
+"""Difference between the wall clock and the steady clock above which the wall clock counts as set anew
+[s]."""
 
 LONG_JUMP_S = 86_400.0
-"""After a jump longer than this, no history is deleted, since the age of the rows is unknown [s]."""
+"""Jump of the wall clock above which no history is deleted, since the age of its rows is then unknown [s]."""
 
 
 class Clock:
-    """Unix time that runs steadily, follows the wall clock when it is set, and counts these jumps.
+    """Unix time that runs steadily, follows the wall clock when that is set, and counts how often it was set.
 
-    `hearing` is a steady time in s that stops while the broker is away, so that no sensor counts as silent
-    because of an outage.
+    `hearing` is a steady time [s] that stops while the broker is away. So no sensor counts as silent because
+    of an outage of the broker.
     """
 
     def __init__(

@@ -17,10 +17,10 @@ from fltea.settings.extras import load
 
 SCHEMA_VERSION = 2
 APPLICATION_ID = 0x464C5445
-"""Marks a file of SQLite as one of fltea: "FLTE" (the pragma application_id)."""
+"""Number that marks an SQLite file as one of fltea (the pragma application_id); in ASCII it reads "FLTE"."""
 
 MEMORY_ROWS = 200_000
-"""Most rows of a table that are kept without a file: some 100 MB."""
+"""Most rows of a table that are kept in memory if there is no file; they take about 100 MB."""
 
 CONNECT_S = 5
 AGAIN_S = 5.0
@@ -30,10 +30,11 @@ OPTIONS = "-c statement_timeout=10s -c lock_timeout=5s"
 """Options for the server's session."""
 
 SILENT_MS = 10_000
-"""Time after which unacknowledged packets end the connection [ms]."""
+"""Time after which packets that the server does not acknowledge end the connection [ms]."""
 
 MAKING = 0x464C5445
-"""Advisory lock for making the tables: if two programs made them at the same time, one would fail."""
+"""Number of the server's advisory lock: two programs that create the tables at once would hinder each
+other."""
 
 SAYS = {
     "53100": ("disk_full", "is the server's disk full?"),
@@ -43,7 +44,7 @@ SAYS = {
     "55P03": ("history_lost", "does another program hold the tables?"),
     "57014": ("history_lost", "is the server too busy, or does another program hold the tables?"),
 }
-"""Kind of the error and a question for the user, by PostgreSQL's error code or the class it begins with."""
+"""Kind of an error and a question for the user, by PostgreSQL's error code or by its first two characters."""
 
 Row = tuple[Any, ...]
 
@@ -51,16 +52,16 @@ Row = tuple[Any, ...]
 class Sqlite:
     """A database in a file, used by one thread at a time.
 
-    Its write-ahead log (WAL) makes every transaction whole or absent after a crash.
+    Its write-ahead log (WAL) guarantees that a transaction is complete or absent after a crash.
 
-    `path`: the file; None keeps `MEMORY_ROWS` of each table in memory.
+    `path`: the database file; None keeps at most `MEMORY_ROWS` rows of each table in memory.
     `name`: name of the database for messages, without secrets.
     `failures`: base class of the exceptions that the methods raise.
-    `of_a_row`: those exceptions that the values of a row cause. After any other exception, such as that of a
-    full disk, the same command may succeed later.
+    `of_a_row`: exceptions that the values of a row cause. After any other exception, for instance because of
+    a full disk, the same command may succeed later.
 
     Raises:
-        UsageError: the file is no database of fltea fleet, or cannot be written.
+        UsageError: the file is not a database of fltea fleet, or cannot be written.
     """
 
     failures: type[Exception] = sqlite3.Error
@@ -116,8 +117,8 @@ class Sqlite:
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
         """Run commands, each for many rows of parameters, in one transaction.
 
-        After an exception that is not `of_a_row`, the same commands may be given again; no row is written
-        twice then.
+        After an exception that is not in `of_a_row`, the same commands may be given again; no row is then
+        written twice.
         """
         try:
             self.connection.execute("BEGIN")
@@ -153,9 +154,9 @@ class Sqlite:
 class Postgres:
     """A database on a PostgreSQL server, with the methods of `Sqlite`.
 
-    The next command after a lost connection opens it again.
+    After a lost connection, the next command connects again.
 
-    `to_write`: make missing tables; without it, a read-only server can be read too.
+    `to_write`: whether missing tables are created; without it, the account needs only the right to read.
 
     Raises:
         UsageError: the server cannot be reached, the account may not use it, or its tables are of another
@@ -165,7 +166,7 @@ class Postgres:
     def __init__(self, url: str, tables: Sequence[str], *, to_write: bool = True) -> None:
         refuse_secret("--postgres", url, "postgresql")
         self._library: ModuleType = load("psycopg", "psycopg", "postgres", "--postgres needs")
-        # psycopg warns when it cleans up after an error; this program reports the error itself.
+        # psycopg warns when a connection is closed after an error. This program reports the error itself.
         logging.getLogger("psycopg").setLevel(logging.ERROR)
         self.failures: type[Exception] = self._library.Error
         self.of_a_row: tuple[type[Exception], ...] = (self._library.DataError, self._library.IntegrityError)
@@ -218,7 +219,8 @@ class Postgres:
     def write(self, commands: Sequence[tuple[str, Sequence[Row]]]) -> None:
         """See `Sqlite`.
 
-        If the answer to the last COMMIT was lost, the server is asked whether that transaction took place.
+        If a connection breaks during a COMMIT, the server is asked afterwards whether that transaction took
+        place.
         """
         connection = self._connected()
         if self._unsure is not None and self._is_committed(connection, self._unsure):
@@ -240,7 +242,7 @@ class Postgres:
         """
         try:
             (status,) = connection.execute("SELECT txid_status(%s)", (number,)).fetchone()
-        except self.of_a_row:  # another server, which has not reached that number
+        except self.of_a_row:  # this is another server, which has not reached that transaction number
             return False
         if status == "in progress":
             raise self._library.OperationalError("what was written last is still under way")
@@ -255,7 +257,10 @@ class Postgres:
         return int(done.rowcount)
 
     def interrupt(self) -> None:
-        """See `Sqlite`. The connection is shut down, since a stuck server reads no request to cancel."""
+        """See `Sqlite`.
+
+        The connection is shut down, since a server that hangs would ignore a request to cancel.
+        """
         with contextlib.suppress(OSError, self.failures):
             if self._connection is not None:
                 with socket.socket(fileno=os.dup(self._connection.fileno())) as connection:
@@ -279,7 +284,8 @@ class Postgres:
                 connect_timeout=CONNECT_S,
                 tcp_user_timeout=SILENT_MS,
                 options=self._options,
-                client_encoding="utf8",  # the server reports characters that the database cannot hold
+                # the server then reports the characters that its database cannot store
+                client_encoding="utf8",
             )
         except self.failures as error:
             self._failure, self._again_s = str(error), time.monotonic() + AGAIN_S
@@ -292,5 +298,5 @@ Database = Sqlite | Postgres
 
 
 def _check_version(name: str, version: int) -> None:
-    if version not in (0, SCHEMA_VERSION):  # 0: a new database
+    if version not in (0, SCHEMA_VERSION):  # 0 is the version of a new database
         raise UsageError(f"{name}: is a history of another version of fltea ({version}). Give a new file.")

@@ -1,4 +1,4 @@
-"""The noise parameters of an axis with their 95 % intervals, by which sensors are compared."""
+"""The noise parameters of an axis with their 95 % intervals, which are compared between sensors."""
 
 import math
 from typing import NamedTuple
@@ -9,27 +9,29 @@ from fltea.records.plus_minus import NORMAL_95
 from fltea.records.units import FLICKER
 
 WITH_ORDER = ("fractional", "fractional or relaxations", "undecided")
-"""Verdicts with which the noise may have a fractional order."""
+"""Results of the noise identification with which the noise may have a fractional order α."""
 
 HIGHEST_FITTED = HIGHEST_ORDER - 1e-3
-"""Orders above this are at the upper end of the fitted range."""
+"""α above this limit counts as lying at the upper end of the range that is fitted."""
 
 ALPHA_KNOWN = 0.05
-"""Largest half-width of α's interval with which sensors are compared by α; the default of `live.target`."""
+"""Largest half-width of α's interval with which sensors are compared by α; equal to `live.target`'s
+default."""
 
 MOST_POINTS = 200
-"""Most points of a curve that are read; a daemon sends some forty."""
+"""Most points of an Allan curve that are read; a daemon sends about forty."""
 
 
 LINES = {"N": (-0.5, 0.0), "B": (0.0, math.log(FLICKER)), "K": (0.5, -0.5 * math.log(3))}
-"""The straight line of N, B and K in a log-log Allan plot: slope, and logarithm at 1 s for the value 1."""
+"""Straight lines of N, B and K in a log-log Allan plot: slope, and ln of the deviation at 1 s for the value
+1."""
 
 
 class Quantity(NamedTuple):
-    """A parameter by which sensors are compared.
+    """A noise parameter by which sensors are compared.
 
-    `log`: it is compared by ratios, not by differences.
-    `unit`: its unit, appended to the unit of the axis.
+    `log`: values are compared by their ratios, not by their differences.
+    `unit`: text that is appended to the unit of the axis.
     """
 
     name: str
@@ -47,12 +49,12 @@ QUANTITIES = (
     Quantity("f", "parameter f", False, "s^-α"),
 )
 SHOWN = (Quantity("bias", "bias now: offset and state of the noise", False, ""), *QUANTITIES)
-"""Quantities that are shown. Sensors are not compared by the bias: it differs from sensor to sensor, and
-after each power-up."""
+"""Quantities that are shown. The bias is only shown, since it differs from sensor to sensor and changes with
+each power-up."""
 
 
 class Figure(NamedTuple):
-    """A value with the ends of its interval."""
+    """A value with the ends of its 95 % interval."""
 
     value: float
     low: float
@@ -60,7 +62,7 @@ class Figure(NamedTuple):
 
 
 class Point(NamedTuple):
-    """A point of an Allan deviation."""
+    """One point of an Allan deviation curve."""
 
     tau_s: float
     adev: float
@@ -69,7 +71,7 @@ class Point(NamedTuple):
 
 
 def bias_of(tracker: Tracker) -> Figure | None:
-    """Return the tracker's bias with its interval; None if it is not known."""
+    """Return the bias that the tracker estimates, with its interval; None if the bias is not known."""
     bias, std = tracker.bias, tracker.bias_std
     if bias is None or std is None:
         return None
@@ -77,7 +79,7 @@ def bias_of(tracker: Tracker) -> Figure | None:
 
 
 def order_of(fit: AxisFit) -> dict[str, Figure]:
-    """Return α and f of a fit for showing, even where they are not known well enough for comparisons."""
+    """Return α and f of a fit for display, even where their intervals are too wide for comparisons."""
     if fit.verdict not in WITH_ORDER:
         return {}
     figures = {"alpha": _figure(fit.alpha), "f": _figure(fit.f)}
@@ -85,10 +87,10 @@ def order_of(fit: AxisFit) -> dict[str, Figure]:
 
 
 def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -> dict[str, Figure]:
-    """Return the parameters of a fit by which sensors are compared.
+    """Return the parameters of a fit that are compared between sensors.
 
-    `before`: parameters of the previous fit; N, B and K are taken from them where the new fit comes without
-    an Allan deviation.
+    `before`: parameters of the previous fit. If the new fit has no Allan deviation, N, B and K are taken from
+    `before`.
     """
     figures = {name: before[name] for name in "NBK" if name in before and fit.allan is None}
     if fit.allan is not None:
@@ -97,7 +99,7 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
     if density is not None:
         figures["density"] = density
     if "N" in figures:
-        # N is taken from the density of the same white noise; where that is not known, N is not known.
+        # N follows from the density of the white noise. If the density is not known, N is not known either.
         del figures["N"]
         if density is not None:
             figures["N"] = Figure(*(value / math.sqrt(2) for value in density))
@@ -107,11 +109,12 @@ def figures_of(fit: AxisFit, rate_hz: float | None, before: dict[str, Figure]) -
 
 
 def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
-    """Return α and f if the half-width of α's interval is at most `ALPHA_KNOWN`.
+    """Return α and f if α's interval is narrow enough: half-width at most `ALPHA_KNOWN`.
 
-    With a wider interval the likelihood may have two maxima, and the interval may hold only the wrong one: in
-    one of a hundred fits α is then wrong by twenty standard deviations. A parameter whose interval reaches
-    the end of its range is left out, since the interval is cut off there and too narrow.
+    With a wider interval, the likelihood may have two maxima, and the interval may contain only the wrong
+    maximum. In one of a hundred fits, α is then wrong by twenty standard deviations. A parameter whose
+    interval reaches the end of the fitted range is left out, since its interval is cut off there and too
+    narrow.
     """
     if alpha is None or alpha.high - alpha.low > 2 * ALPHA_KNOWN:
         return {}
@@ -120,7 +123,7 @@ def _of_order(alpha: Figure | None, f: Figure | None) -> dict[str, Figure]:
 
 
 def _density(fit: AxisFit, rate_hz: float | None) -> Figure | None:
-    """Return the one-sided density of the white noise, √(2 R / rate)."""
+    """Return the one-sided density of the white noise, √(2 R / rate), where R is the noise variance."""
     R = _figure(fit.R)
     if R is None or rate_hz is None or rate_hz <= 0 or R.low <= 0:
         return None
@@ -141,11 +144,10 @@ def _sound(value: float, low: float, high: float) -> Figure | None:
 
 
 def _of_allan(allan: Allan) -> dict[str, Figure]:
-    """Return N, B and K, each with the relative interval of a point of the Allan curve.
+    """Return N, B and K, each with the relative interval of a point on the Allan curve.
 
-    For N it is the narrowest interval of all points on the line of N, since N averages these points. For B
-    and K it is the interval of the point nearest to their line, since points at long averaging times are
-    correlated.
+    N averages all points near the line of N, so it gets the narrowest interval of these points. B and K get
+    the interval of the point nearest to their line, since points at long averaging times are correlated.
     """
     curve = zip(allan.tau_s[:MOST_POINTS], allan.adev, allan.low, allan.high, strict=False)
     points = [Point(*values) for values in curve if min(values) > 0 and max(values) < math.inf]

@@ -1,7 +1,7 @@
-"""The history of sensors' fits and of alerts in a database; old rows are deleted.
+"""The history of sensors' fits and of alerts in a database, from which old rows are deleted.
 
-It is usually a file of SQLite, which is part of Python, and stays intact after kill -9. DuckDB can read the
-file: ATTACH 'fleet.db' (TYPE sqlite).
+The database is usually an SQLite file. SQLite is part of Python, and the file stays intact after kill -9.
+DuckDB can read it: ATTACH 'fleet.db' (TYPE sqlite).
 """
 
 import math
@@ -21,19 +21,20 @@ FIGURES = [f"{quantity.name}{end}" for quantity in SHOWN for end in ("", "_low",
 COLUMNS = ["unix_s", "device_id", "axis", "verdict", "samples", *FIGURES]
 ALERT_COLUMNS = ("unix_s", "state", "kind", "device_id", "text")
 AT_ONCE = 5_000
-"""Most rows that one transaction writes, or one deletion of old rows removes."""
+"""Most rows that one transaction writes or deletes."""
 
 CHANGE_S = 60.0
-"""Least time between two kept changes of an axis's verdict [s]: alternation must not fill the disk."""
+"""Least time between two stored changes of an axis's result [s], so that a flickering result fills no
+disk."""
 
 MOST_WAITING = 50_000
-"""Most rows that wait while the database cannot be written: 30 MB, or an hour of 5,000 sensors."""
+"""Most rows that wait while the database cannot be written: 30 MB, or one hour of 5,000 sensors."""
 
 STUCK_S = 30.0
-"""Time after which work on the database is interrupted [s]; a server that is only busy needs less."""
+"""Time after which a command to the database is interrupted [s]; a busy server needs less time."""
 
 LAST_S = 5.0
-"""Longest wait for the last rows to be written when the program ends [s]."""
+"""Longest time that the end of the program waits for the last rows to be written [s]."""
 
 TABLES = (
     "CREATE TABLE IF NOT EXISTS fit (unix_s REAL NOT NULL, device_id TEXT NOT NULL, axis TEXT NOT NULL, "
@@ -52,7 +53,7 @@ Row = tuple[Any, ...]
 
 
 class _Kept(NamedTuple):
-    """The last kept row of an axis. `changed_s`: Unix time of the last kept change of verdict [s]."""
+    """The last stored row of an axis. `changed_s`: Unix time of the last stored change of the result [s]."""
 
     unix_s: float
     verdict: str
@@ -65,11 +66,12 @@ _NOTHING = _Kept(-math.inf, "", -math.inf)
 class History:
     """The history of fits and alerts.
 
-    A separate thread does all work on the database, so that a slow or absent database blocks nothing else.
-    Meanwhile rows wait, at most `MOST_WAITING` of them.
+    A separate thread does all work on the database, so that a slow or absent database does not block the
+    program. Until the thread has written them, at most `MOST_WAITING` rows wait.
 
-    `every_s`: least time between two kept fits of an axis [s]; changes of verdict are kept in addition.
-    `lost`: number of rows for which there was no room, or which the database refused.
+    `every_s`: least time between two stored fits of an axis [s]; changes of the result are stored in
+    addition.
+    `lost`: number of rows that were lost, because too many rows were waiting or the database refused them.
     `pruned`: number of rows that were deleted because of their age.
     `trouble`: why the database cannot be used; empty if it can.
     `trouble_kind`: kind of the error for `trouble`.
@@ -94,7 +96,7 @@ class History:
         return len(self._waiting) + len(self._batch)
 
     def add(self, unix_s: float, device_id: str, axes: Mapping[str, Axis]) -> None:
-        """Add the axes of a fit for which a row is due."""
+        """Add a row for each axis of a fit whose last row is old enough, or whose result has changed."""
         last = self._last.setdefault(device_id, {})
         rows = []
         for name, axis in axes.items():
@@ -103,7 +105,7 @@ class History:
             if not is_new and not _is_past(kept.unix_s, unix_s, self.every_s):
                 continue
             if name not in last and len(last) >= MOST_AXES:
-                self.lost += 1  # no device has more axes, or renames them
+                self.lost += 1  # no real device has so many axes, or renames them
                 continue
             last[name] = _Kept(unix_s, axis.verdict, unix_s if is_new else kept.changed_s)
             figures = [axis.figure(quantity.name) or (None, None, None) for quantity in SHOWN]
@@ -116,12 +118,12 @@ class History:
         self._put([(INSERT_ALERT, (unix_s, state, kind, device_id, text))])
 
     def forget(self, device_ids: Iterable[str]) -> None:
-        """Release the memory for sensors that are gone; their rows stay in the database."""
+        """Release the memory for sensors that were dropped; their rows stay in the database."""
         for name in device_ids:
             self._last.pop(name, None)
 
     def work(self, before_unix_s: float = -math.inf) -> None:
-        """Start to write waiting rows and to delete rows older than `before_unix_s`, in the other thread.
+        """Start writing waiting rows, and deleting rows older than `before_unix_s`, in the database's thread.
 
         Work that takes longer than `STUCK_S` is interrupted.
         """
@@ -135,22 +137,22 @@ class History:
             self._database.interrupt()
 
     def settle(self) -> None:
-        """Wait for the work that was started."""
+        """Wait until the work that `work` started is done."""
         if self._work is not None:
             self._work.result()
 
     def of_device(self, device_id: str, most: int = 2000) -> "Future[list[dict[str, Any]]]":
-        """Return a future of the newest `most` rows of a sensor, in order of time."""
+        """Return a future that gives the newest `most` rows of a sensor, in order of time."""
         query = f"SELECT {', '.join(COLUMNS)} FROM fit WHERE device_id = ? ORDER BY unix_s DESC LIMIT {most}"
         return self._thread.submit(lambda: self._answers(COLUMNS, query, (device_id,))[::-1])
 
     def alerts(self, most: int = 200) -> "Future[list[dict[str, Any]]]":
-        """Return a future of the newest `most` alerts, the newest first."""
+        """Return a future that gives the newest `most` alerts, the newest first."""
         query = f"SELECT {', '.join(ALERT_COLUMNS)} FROM alert ORDER BY unix_s DESC LIMIT {most}"
         return self._thread.submit(self._answers, ALERT_COLUMNS, query, ())
 
     def close(self) -> None:
-        """Write waiting rows and close the database. Rows that cannot be written in time are lost."""
+        """Write waiting rows and close the database. Rows that cannot be written within `LAST_S` are lost."""
         last = self._thread.submit(self._write_and_prune, -math.inf)
         while not last.done():
             if wait([last], LAST_S).not_done:
@@ -167,7 +169,7 @@ class History:
             self._waiting.extend(rows[:room])
             self.lost += len(rows[room:])
 
-    # --- in the thread of the database ---
+    # --- The methods below run in the thread of the database. ---
 
     def _write_and_prune(self, before_unix_s: float) -> None:
         try:
@@ -180,7 +182,7 @@ class History:
             self._explain(error, "written")
 
     def _write(self) -> None:
-        """Write one transaction; it holds whole fits, so that the rows of a fit appear together."""
+        """Write one transaction. It holds whole fits, so that all rows of a fit appear together."""
         with self._lock:
             rows = self._batch
             if not rows:
@@ -192,7 +194,7 @@ class History:
         except Exception as error:
             if self._is_of_the_database(error):
                 raise
-            self._write_one_by_one()  # one row is to blame: write the others
+            self._write_one_by_one()  # the database refuses one row; the other rows are written
         self._batch = []
 
     def _write_one_by_one(self) -> None:
@@ -211,13 +213,13 @@ class History:
                 self.lost += 1
 
     def _is_of_the_database(self, error: Exception) -> bool:
-        """Return whether the database caused the error, and no row, so that the rows may be written later."""
+        """Return whether the database, not a row, caused the error; the rows may then be written later."""
         return isinstance(error, self._database.failures) and not isinstance(error, self._database.of_a_row)
 
     def _answers(self, names: Iterable[str], query: str, parameters: tuple[Any, ...]) -> list[dict[str, Any]]:
         try:
             return [dict(zip(names, row, strict=True)) for row in self._database.rows(query, parameters)]
-        except self._database.of_a_row:  # the name of a sensor that the database cannot hold
+        except self._database.of_a_row:  # the sensor's name has characters that the database cannot store
             return []
         except self._database.failures as error:
             self._explain(error, "read")
@@ -230,7 +232,7 @@ class History:
 
 
 def _is_past(then_s: float, now_s: float, period_s: float) -> bool:
-    """Return whether a period since `then_s` is over; it is also over if the clock was set back."""
+    """Return whether `period_s` has passed since `then_s`; also True if the clock was set back since then."""
     return not 0 <= now_s - then_s < period_s
 
 

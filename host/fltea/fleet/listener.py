@@ -1,4 +1,4 @@
-"""The fleet's connection to the broker. Paho's thread passes each message on and reconnects automatically."""
+"""The fleet's connection to the MQTT broker; paho's thread receives messages and reconnects automatically."""
 
 import contextlib
 import secrets
@@ -19,19 +19,19 @@ from fltea.sinks.mqtt.broker import KEEPALIVE_S, Broker
 RETAINED = ("hello", "fit")
 LONGEST_WAIT_S = 5
 IN_FLIGHT = 65_535
-"""Most unacknowledged messages that the broker may send: after an outage it has one from each sensor."""
+"""Most messages that the broker may send before they are acknowledged; an outage ends with many at once."""
 
 
 class Listener:
     """Subscribes to the messages of all sensors, and publishes alerts.
 
-    `take`: function that processes topic and payload of a message, in paho's thread. The broker waits for it,
-    so messages do not pile up here.
+    `take`: function that processes the topic and the payload of a message. It is called in paho's thread, and
+    the broker waits meanwhile, so that messages do not pile up here.
     `report`: function that reports the kind and text of a connection error, once in each outage.
-    `back`: function that is called when the connection works again.
+    `back`: function that is called when the connection works again after an outage.
 
     Raises:
-        UsageError: settings or secrets cannot be used.
+        UsageError: the settings or the password files cannot be used.
     """
 
     def __init__(
@@ -58,21 +58,23 @@ class Listener:
         client.connect_async(address.host, address.port, KEEPALIVE_S, properties=wishes)
 
     def start(self) -> None:
-        """Connect in the background."""
+        """Start to connect; a separate thread completes the connection."""
         self._broker.report_plain(self._report)
         self._client.loop_start()
 
     def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
-        """Publish a message under the topic prefix; it is lost if the broker is away."""
-        with contextlib.suppress(ValueError, RuntimeError):  # paho's queue is full, or it never connected
+        """Publish a message under the topic prefix; the message is lost if the broker is away."""
+        with contextlib.suppress(ValueError, RuntimeError):  # paho's queue is full, or paho never connected
             if self.is_up.is_set():
                 self._client.publish(f"{self._prefix}/{topic}", payload, qos=1, retain=retain)
 
     def fetch(self, device_ids: list[str]) -> None:
-        """Subscribe to the retained messages of some sensors, in place of those of the previous call.
+        """Subscribe to the retained messages of some sensors.
 
-        If all sensors were asked for at the same time, the broker would drop most messages: mosquitto queues
-        1,000 messages for a client that reads more slowly than the broker writes, and a fit has 25 kB.
+        This ends the subscription of the previous call.
+
+        Not all sensors are requested at once, since the broker would drop most messages. Mosquitto queues
+        only 1,000 messages for a client that reads more slowly than the broker sends, and a fit has 25 kB.
         """
         if self._asked:
             self._client.unsubscribe(self._asked)

@@ -1,6 +1,6 @@
-"""Decode the messages that daemons publish: only the fields that a fleet uses, so that it can read many.
+"""Decodes the messages that daemons publish; only the fields that a fleet uses are read, to save time.
 
-Any client of the broker can publish anything, so the type and length of every field are checked.
+Any client of the broker can publish anything, so the type and the length of every field are checked.
 """
 
 import re
@@ -12,30 +12,31 @@ from fltea.records.fit import VerdictKind
 from fltea.records.visible import visible
 
 LONGEST_ID = 64
-"""Longest device id in characters; daemons use no longer ones in their topics."""
+"""Longest device ID [characters]; daemons use no longer IDs in their topics."""
 
 LARGEST = 1 << 20
-"""Largest payload in bytes; a fit of three axes with its curves has 30 kB."""
+"""Largest payload [bytes]; a fit of three axes with its curves has 30 kB."""
 
 MOST_AXES = 6
 LONGEST_TEXT = 2000
 LONGEST_WORD = 100
-"""Longest name, state or reason in characters; longer ones are cut."""
+"""Longest name, state or reason [characters]; a longer text is cut."""
 
 VERDICTS = frozenset(get_args(VerdictKind))
 OTHER = "other"
-"""Replaces a verdict that this version does not know, so that labels of metrics have few values."""
+"""Replaces an identification result that this version does not know, so that metrics have few label
+values."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """A count that fits into a database's 64-bit integer."""
 
 
 Points = Annotated[list[float], msgspec.Meta(max_length=1000)]
-"""Values of a curve; a daemon sends some dozens."""
+"""Values of a curve; a daemon sends a few dozen."""
 
 
 class Status(msgspec.Struct, frozen=True):
-    """The payload of `<prefix>/<device_id>/status`."""
+    """Payload of a message `<prefix>/<device_id>/status`."""
 
     status: str
     source: str = ""
@@ -44,7 +45,7 @@ class Status(msgspec.Struct, frozen=True):
 
 
 class Hello(msgspec.Struct, frozen=True):
-    """The payload of `…/hello`."""
+    """Payload of a message `<prefix>/<device_id>/hello`."""
 
     rate_hz: float
     sensor: str | None = None
@@ -54,7 +55,7 @@ class Hello(msgspec.Struct, frozen=True):
 
 
 class Interval(msgspec.Struct, frozen=True):
-    """A parameter with the ends of its 95 % interval, null where the data do not define it."""
+    """A parameter with the ends of its 95 % interval; an end is null where the data do not determine it."""
 
     value: float | None = None
     low: float | None = None
@@ -62,7 +63,7 @@ class Interval(msgspec.Struct, frozen=True):
 
 
 class Allan(msgspec.Struct, frozen=True):
-    """The Allan deviation, and the parameters N, B and K from it."""
+    """The Allan deviation, and the parameters N, B and K that follow from it."""
 
     tau_s: Points
     adev: Points
@@ -74,7 +75,7 @@ class Allan(msgspec.Struct, frozen=True):
 
 
 class AxisFit(msgspec.Struct, frozen=True):
-    """One axis of a fit."""
+    """The fit of one axis."""
 
     verdict: str
     text: str
@@ -86,7 +87,7 @@ class AxisFit(msgspec.Struct, frozen=True):
 
 
 class Fit(msgspec.Struct, frozen=True):
-    """The payload of `…/fit`."""
+    """Payload of a message `<prefix>/<device_id>/fit`."""
 
     seq: Count
     epoch: Count
@@ -95,34 +96,34 @@ class Fit(msgspec.Struct, frozen=True):
 
 
 class Samples(msgspec.Struct, frozen=True):
-    """Counts of samples in `stats`."""
+    """Counts of samples in a `stats` message."""
 
     delivered: Count = 0
     lost: Count = 0
 
 
 class Tracker(msgspec.Struct, frozen=True):
-    """The bias of an axis after the newest sample."""
+    """The tracker's bias of an axis after the newest sample."""
 
     bias: float | None = None
     bias_std: float | None = None
 
 
 class AxisStats(msgspec.Struct, frozen=True):
-    """One axis of `stats`."""
+    """The part of a `stats` message about one axis."""
 
     tracker: Tracker | None = None
 
 
 class Stats(msgspec.Struct, frozen=True):
-    """The payload of `…/stats`."""
+    """Payload of a message `<prefix>/<device_id>/stats`."""
 
     sample_counts: Samples = Samples()
     axes: dict[str, AxisStats] = {}
 
 
 class Error(msgspec.Struct, frozen=True):
-    """The payload of `…/error`."""
+    """Payload of a message `<prefix>/<device_id>/error`."""
 
     kind: str
     message: str = ""
@@ -137,28 +138,28 @@ KINDS: dict[str, type[Content]] = {
     "stats": Stats,
     "error": Error,
 }
-"""Type of the content by the last level of a topic."""
+"""Type of a message's content, by the last level of its topic."""
 
 _DECODERS: dict[str, Any] = {kind: msgspec.json.Decoder(content) for kind, content in KINDS.items()}
 _WORD = re.compile(r"[a-z0-9_/^. -]{1,40}", re.IGNORECASE)
 
 
 class Message(NamedTuple):
-    """One message of a device. `content` is None if a retained message was deleted."""
+    """One message of a device. `content` is None if the broker no longer retains the message."""
 
     device_id: str
     content: Content | None
 
 
 class Bad(ValueError):
-    """A message that no daemon sends; its text is the name of the reason."""
+    """Raised for a message that no daemon sends; the text of the error is a short name of the reason."""
 
 
 def read(topic: str, payload: bytes, prefix: str) -> Message:
     """Decode a message.
 
     Raises:
-        Bad: the payload is too long, no JSON or of other types, or the topic is no daemon's.
+        Bad: the payload is too long, is not JSON or has wrong types, or the topic is not one of a daemon.
     """
     device_id, slash, kind = topic.removeprefix(f"{prefix}/").partition("/")
     if not slash or kind not in KINDS or not 1 <= len(device_id) <= LONGEST_ID or not device_id.isprintable():
@@ -175,10 +176,10 @@ def read(topic: str, payload: bytes, prefix: str) -> Message:
 
 
 def _clean(content: Content) -> Content:
-    """Return the content with texts made printable and cut, since pages and databases show them.
+    """Return the content with unprintable characters removed and long texts cut, for pages and databases.
 
     Raises:
-        Bad: names of axes or units in a fit have other characters than a daemon's.
+        Bad: an axis name or a unit in a fit has characters that no daemon uses.
     """
     if isinstance(content, Fit):
         return _clean_fit(content)
@@ -189,7 +190,7 @@ def _clean(content: Content) -> Content:
 
 
 def _clean_fit(fit: Fit) -> Fit:
-    """Check names of axes and units, which become keys, labels and parts of pages, and clean the texts."""
+    """Check axis names and units, which become keys, labels and parts of pages, and clean the other texts."""
     if len(fit.axes) > MOST_AXES or not all(
         _WORD.fullmatch(word) for name, axis in fit.axes.items() for word in (name, axis.unit)
     ):

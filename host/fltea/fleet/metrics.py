@@ -24,7 +24,7 @@ METRICS = (
     counter("history_lost", "rows of history that could not be written", lambda found: found.history["lost"]),
     counter("bad_messages", "messages that fltea does not send", key="reason"),
 )
-"""Metrics made from a summary. They are counts only, so the number of series does not grow with the fleet."""
+"""Metrics made from a summary. All are counts over the whole fleet, so a larger fleet adds no series."""
 
 
 class _Collector:
@@ -32,7 +32,7 @@ class _Collector:
         self._fleet = fleet
 
     def collect(self) -> Iterator[Metric]:
-        """Yield all metric families, from one summary."""
+        """Yield all metric families; all are computed from the same summary."""
         yield from families("fleet_", (), METRICS, [((), SimpleNamespace(**self._fleet.summary()))])
 
 

@@ -1,12 +1,13 @@
-"""Find sensors that differ from the others of their kind, robustly and with regard to their intervals.
+"""Finds sensors that differ from the others of their kind, with regard to the errors of the estimates.
 
-The model is that of a meta-analysis with random effects: sensors of a kind differ by a true spread τ, and
-each estimate has an error s_i given by its interval. Estimate i is normally distributed about the fleet's
-middle μ with variance τ² + s_i². μ and τ are estimated robustly, so that outliers do not move them: μ is a
-weighted median, and τ makes the median of |estimate - μ| / √(τ² + s_i²) equal that of a normal variable. A
-sensor is odd if the p-value of its distance is below the level, after Bonferroni's correction for all
-comparisons made at the same time. So among fleets without odd sensors, at most the share `level` shows one in
-a comparison. Distances are judged by Student's t, since τ is estimated from a limited number of sensors.
+The model is a meta-analysis with random effects. The true values of sensors of a kind differ by a spread τ,
+and estimate i has an error s_i, known from its interval. So estimate i is normally distributed about the
+fleet's middle μ with variance τ² + s_i². μ and τ are estimated robustly, so that outliers do not move them: μ
+is a weighted median, and τ makes the median of |estimate - μ| / √(τ² + s_i²) equal to that of a standard
+normal variable. A sensor is reported if the p-value of its distance from μ is below `level`, after
+Bonferroni's correction for all comparisons made at the same time. So at most the share `level` of fleets
+without true outliers shows one in a comparison. p-values are those of Student's t, since τ is estimated from
+few sensors.
 """
 
 import math
@@ -21,18 +22,18 @@ from fltea.noise.distributions import student_quantile, student_tail
 from fltea.records.plus_minus import NORMAL_95
 
 FEWEST = 8
-"""Fewest sensors of a kind that are compared; with fewer, the usual value is not known well enough."""
+"""Fewest sensors of a kind that are compared; with fewer sensors, μ and τ are not known well enough."""
 
 LEVEL = 0.001
-"""Share of fleets without odd sensors in which a comparison reports one.
+"""Share of fleets without true outliers in which one comparison reports an outlier.
 
-Fits change as samples are added, so the comparisons of one day count like some tens of independent ones. With
-a level of 1 %, a tenth of healthy fleets of 60 sensors raised an alert within the first day; with this level,
-none of 160 fleets did.
+Fits change as samples are added, so the comparisons of one day are worth some tens of independent
+comparisons. With a level of 1 %, one tenth of healthy fleets of 60 sensors raised an alert on the first day;
+with 0.1 %, none of 160 fleets did.
 """
 
 MIDDLE = NormalDist().inv_cdf(0.75)
-"""Median of |x| of a standard normal x."""
+"""Median of |x| for a standard normal variable x."""
 
 EFFICIENCY = 0.3
 """Degrees of freedom of τ per sensor: the median absolute deviation has an efficiency of 0.37 (Rousseeuw
@@ -42,9 +43,9 @@ Floats = NDArray[np.float64]
 
 
 class Fleet(NamedTuple):
-    """Usual value and spread of a group of sensors, on the scale of comparison.
+    """Usual value and spread of a group of sensors, on the scale (linear or logarithmic) of the comparison.
 
-    `spread`: standard deviation between the sensors, without the errors of the estimates.
+    `spread`: standard deviation of the true values between sensors, without the errors of the estimates.
     """
 
     middle: float
@@ -53,10 +54,10 @@ class Fleet(NamedTuple):
 
 
 class Odd(NamedTuple):
-    """A value that differs from the others.
+    """A value that differs from the values of the other sensors.
 
-    `place`: index of the value. `distance`: distance from the middle in standard deviations. `p`: two-sided
-    p-value of this one comparison.
+    `place`: index of the value in its group. `distance`: distance from the middle in standard deviations.
+    `p`: two-sided p-value of this one comparison.
     """
 
     place: int
@@ -82,8 +83,8 @@ def judge(
     std = np.maximum(high - low, 1e-300) / (2 * NORMAL_95)
     middle, spread = _usual(value, std)
     # An interval may be too narrow by chance, for instance if the likelihood has two maxima and the interval
-    # holds only the wrong one: of 150 fits of one fractional noise, one order was wrong by 20 of its standard
-    # deviations. So no interval counts as narrower than the median.
+    # contains only the wrong one: of 150 fits of one fractional noise, one α was wrong by 20 of its standard
+    # deviations. So an interval narrower than the median width is widened to the median width.
     distance = (value - middle) / np.hypot(spread, np.maximum(std, np.median(std)))
     limit = student_quantile(1 - level / (2 * max(1, comparisons)), EFFICIENCY * (n - 1))
     odd = [
@@ -94,7 +95,7 @@ def judge(
 
 
 def _usual(value: Floats, std: Floats) -> tuple[float, float]:
-    """Return μ and τ, by iteration, since each depends on the other."""
+    """Return μ and τ by iteration, since each of them depends on the other."""
     middle, spread = float(np.median(value)), 0.0
     for _ in range(20):
         spread = _spread(np.abs(value - middle), std)
@@ -106,9 +107,9 @@ def _usual(value: Floats, std: Floats) -> tuple[float, float]:
 
 
 def _spread(away: Floats, std: Floats) -> float:
-    """Return τ at which the median of away / √(τ² + std²) equals that of |x| for a standard normal x.
+    """Return τ for which the median of `away` / √(τ² + `std`²) equals that of |x| for a standard normal x.
 
-    Return 0 if the median is smaller even with τ = 0.
+    Return 0 if the median is already smaller with τ = 0.
     """
     least, most = 0.0, float(np.median(away)) / MIDDLE + 1e-300
     if np.median(away / std) <= MIDDLE:
@@ -123,8 +124,8 @@ def _spread(away: Floats, std: Floats) -> float:
 
 
 def _weighted_median(value: Floats, weight: Floats) -> float:
-    """Return the value with half of the weight on either side, or the mean of two values that have it."""
-    weight = np.minimum(weight, 3 * np.median(weight))  # so that no single well-known sensor decides
+    """Return the value with half of the total weight on either side; between two such values, their mean."""
+    weight = np.minimum(weight, 3 * np.median(weight))  # so that no single precise sensor decides
     order = np.argsort(value)
     value, below = value[order], np.cumsum(weight[order])
     half = below[-1] / 2
@@ -134,5 +135,8 @@ def _weighted_median(value: Floats, weight: Floats) -> float:
 
 
 def comparisons_of(counts: Sequence[int]) -> int:
-    """Return the number of comparisons in groups of these sizes, without groups smaller than `FEWEST`."""
+    """Return the number of comparisons in groups of sizes `counts`.
+
+    Groups below `FEWEST` are not compared.
+    """
     return sum(count for count in counts if count >= FEWEST)

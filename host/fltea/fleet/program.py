@@ -1,4 +1,4 @@
-"""The program `fltea fleet`: it takes messages, compares sensors every few seconds, and keeps the history.
+"""The program `fltea fleet`: it receives messages, compares sensors regularly, and keeps the history.
 
 It also publishes alerts and makes the summary for the page.
 """
@@ -24,11 +24,11 @@ from fltea.fleet.summary import Look, counts, look
 from fltea.settings.mqtt import MqttConfig
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
-"""Retained messages are asked for of this many sensors per turn; if the broker has none for a sensor, they
-are asked for this often, at this interval [s]."""
+"""Requests for retained messages: number of sensors per turn, most requests for a sensor whose messages do
+not come, and time between these requests [s]."""
 
 MOST_UNSENT = 10_000
-"""Alerts that wait while the broker is away; further ones are counted."""
+"""Most alerts that wait while the broker is away; further alerts are only counted."""
 
 TURN_S = 0.2
 
@@ -36,13 +36,14 @@ TURN_S = 0.2
 class Plan(NamedTuple):
     """Settings of a fleet.
 
-    `mqtt`: the broker.
-    `history`: file of the history; None: in memory. `postgres`: URL of a server in place of a file.
-    `history_every_s`: least time between two kept fits of an axis [s].
-    `keep_s`: how long rows and sensors are kept [s].
+    `mqtt`: settings of the connection to the broker.
+    `history`: database file of the history; None: in memory. `postgres`: URL of a server used instead of a
+    file.
+    `history_every_s`: least time between two stored fits of an axis [s].
+    `keep_s`: time after which rows of the history and silent sensors are dropped [s].
     `silent_s`: time without messages after which a sensor is silent [s].
     `look_every_s`: time between comparisons of all sensors [s].
-    `most`: most sensors that are kept.
+    `most`: largest number of sensors.
     """
 
     mqtt: MqttConfig
@@ -62,10 +63,10 @@ def _database(plan: Plan) -> Database:
 
 
 class Fleet:
-    """The program. `lock` protects all its state. The caller must call `turn` every `TURN_S` seconds.
+    """The program. `lock` protects all its data. The caller must call `turn` every `TURN_S` seconds.
 
     Raises:
-        UsageError: settings or the history cannot be used.
+        UsageError: the settings or the history database cannot be used.
     """
 
     def __init__(self, plan: Plan, write: Callable[[str], None] | None = None) -> None:
@@ -102,7 +103,7 @@ class Fleet:
                 self.history.add(self.clock.unix_s(), sensor.device_id, sensor.axes)
 
     def turn(self) -> None:
-        """Do what is due: compare sensors, publish alerts, write the history, ask for retained messages."""
+        """Do the work that is due: compare sensors, publish alerts, write the history, request messages."""
         now, is_up = self.clock.steady(), self.listener.is_up.is_set()
         with self.lock:
             self.clock.hear(is_up)
@@ -130,9 +131,9 @@ class Fleet:
         self._reported_trouble = kind
 
     def _lacking(self, now: float) -> list[str]:
-        """Return sensors whose retained messages are to be asked for.
+        """Return the sensors whose retained messages are to be requested now.
 
-        These were not asked for since the connection was made, or still lack a fit or a HELLO.
+        These sensors were not yet requested on this connection, or their fit or HELLO did not arrive.
         """
         lacking: list[str] = []
         with self.lock:
@@ -172,7 +173,7 @@ class Fleet:
             self._publish_alerts()
 
     def _publish_alerts(self) -> None:
-        # The broker may retain the list of an earlier run, or from before an outage.
+        # The broker may still retain the list of an earlier run, or a list from before an outage.
         if self._unsent or self._list_sent != self.listener.connections:
             self._list_sent = self.listener.connections
             with self.lock:
@@ -219,5 +220,5 @@ class Fleet:
             self.report("history_lost", f"{self.history.trouble} Rows that waited and are lost: {rows}.")
 
     def report(self, kind: str, text: str) -> None:
-        """Write a line about a problem for a person; any thread may call this."""
+        """Write a line of text about a problem for the user; any thread may call this."""
         self._write(f"{kind}: {text}")

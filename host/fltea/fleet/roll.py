@@ -1,4 +1,4 @@
-"""The list of all sensors: what each sent last, when, and what is wrong with it. Its size is bounded.
+"""The list of all sensors: their newest messages, the times of arrival, and problems; its size is limited.
 
 All times are those of `Clock.hearing`: seconds of a steady clock that stops while the broker is away.
 """
@@ -15,28 +15,31 @@ MOST_SENSORS = 20_000
 NAMES_KEPT = 5
 ERRORS_KEPT = 5
 FLOOD_PER_S, FLOOD_S = 50, 10.0
-"""A name floods if it sends more messages per second than this, over this time [s]; a daemon sends 2 or 3."""
+"""A sender floods if it sends more than FLOOD_PER_S messages per second over FLOOD_S [s].
+
+A daemon sends 2 or 3 messages per second.
+"""
 
 TWINS, TWINS_S = 3, 600.0
-"""If the numbers of fits run back this often within this time [s], two programs publish under one name."""
+"""Two programs publish under one name if fit numbers decrease `TWINS` times within `TWINS_S` [s]."""
 
 SILENT_S = 90.0
-"""A sensor that sends nothing for this time is silent [s]; a daemon publishes its status every 30 s."""
+"""A sensor is silent if no message came for this time [s]; a daemon publishes its status every 30 s."""
 
 CANDIDATE_S = 120.0
-"""A candidate is dropped if it has not become a sensor after this time [s]."""
+"""Time after which a candidate that has not become a sensor is dropped [s]."""
 
 WITHOUT_FIT_S = 3600.0
-"""A sensor that never sent a fit is dropped when it has been silent for this time [s]."""
+"""Silence after which a sensor that never sent a fit is dropped [s]."""
 
 
 @dataclass(slots=True)
 class Axis:
     """The newest fit of one axis.
 
-    `figures`: values by which sensors are compared.
-    `at`: time of arrival.
-    `shown`: values that are only shown.
+    `figures`: noise parameters that are compared between sensors.
+    `at`: time at which the fit arrived.
+    `shown`: values that are only shown and not compared.
     """
 
     verdict: str
@@ -54,7 +57,7 @@ class Axis:
 
 @dataclass(slots=True)
 class Sensor:
-    """One device. `first`, `heard`: times of its first and its newest message."""
+    """One device. `first`, `heard`: times at which its first and its newest message arrived."""
 
     device_id: str
     first: float
@@ -75,7 +78,7 @@ class Sensor:
 
     @property
     def kind(self) -> str:
-        """Kind of sensor (chip and rate); a sensor is compared with others of its kind."""
+        """Kind of sensor: chip and sampling rate. A sensor is compared with the others of the same kind."""
         if self.hello is None:
             return "?"
         return f"{(self.hello.sensor or '?')[:40]}, {self.hello.rate_hz:.4g} Hz"
@@ -94,7 +97,7 @@ class Sensor:
     def is_known(self) -> bool:
         """Whether the device counts as a sensor.
 
-        It has then sent two fits, or two kinds of messages with a HELLO or a fit among them.
+        It counts as a sensor once it has sent two fits, or two kinds of messages including a HELLO or a fit.
         """
         return self.fits > 1 or (len(self.kinds) > 1 and (self.hello is not None or self.fits > 0))
 
@@ -115,7 +118,10 @@ class Sensor:
             self.flooding = self.flooding or count + 1 > FLOOD_PER_S * FLOOD_S
 
     def take_fit(self, fit: Fit, now: float) -> bool:
-        """Store the newest fit; return False if it was stored before, since MQTT may deliver it twice."""
+        """Store the newest fit.
+
+        Return False if it was stored already, since MQTT may deliver a message twice.
+        """
         position = fit.epoch, fit.seq
         if position == self._seq and self.axes:
             return False
@@ -152,7 +158,7 @@ class Sensor:
                 axis.shown["bias"] = bias
 
     def take_hello(self, hello: Hello) -> None:
-        """Store the HELLO; after a new boot the numbers of fits may start again."""
+        """Store the HELLO message; after a new boot of the device, the numbers of fits may start again."""
         if self.hello is None or hello.boot_id != self.hello.boot_id:
             self._seq = (-1, -1)
         self.hello = hello
@@ -161,12 +167,13 @@ class Sensor:
 class Roll:
     """The list of all sensors from which messages came.
 
-    A name is a candidate until it has sent two kinds of messages or two fits; then it is a sensor. Candidates
-    do not displace sensors. There are at most `most` sensors and `most` candidates.
+    A name is a candidate until it has sent two kinds of messages, or two fits. Then it becomes a sensor. A
+    candidate never replaces a sensor. There are at most `most` sensors and `most` candidates.
 
-    `refused`: number of messages of candidates that were dropped; `refused_names`: some of their names.
-    `bad`: number of messages that no daemon sends, by reason.
-    `fits`: number of new fits. `repeated`: number of fits that came twice.
+    `refused`: number of messages of candidates that were dropped; `refused_names`: some names of these
+    candidates.
+    `bad`: number of messages that no daemon sends, by the reason for their refusal.
+    `fits`: number of new fits. `repeated`: number of fits that arrived a second time.
     """
 
     def __init__(self, prefix: str = "fltea", most: int = MOST_SENSORS) -> None:
@@ -202,9 +209,9 @@ class Roll:
         return sensor
 
     def forget(self, now: float, keep_s: float) -> list[str]:
-        """Drop sensors that have been silent for `keep_s`, and old candidates; return their names.
+        """Drop sensors that have been silent for `keep_s` [s], and old candidates; return their names.
 
-        If there is no room for new sensors, those that have been silent longest are dropped too.
+        If there is no room for new sensors, the sensors that have been silent longest are dropped too.
         """
         gone = [
             name
@@ -237,7 +244,10 @@ class Roll:
         return [sensor.device_id for sensor in self.everybody() if sensor.flooding]
 
     def _admit(self, candidate: Sensor) -> Sensor | None:
-        """Make a candidate a sensor if it has sent enough and there is room; return it if so."""
+        """Make a candidate a sensor if it has sent enough messages and there is room.
+
+        Return the new sensor.
+        """
         if not candidate.is_known:
             return None
         if len(self.sensors) >= self.most:

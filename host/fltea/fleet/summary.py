@@ -1,4 +1,4 @@
-"""Summaries of the fleet: counts, a table, distributions, and sensors that differ from the others."""
+"""Summaries of the fleet: counts, a table, distributions, and values that differ between sensors."""
 
 import math
 import re
@@ -14,17 +14,17 @@ from fltea.fleet.roll import SILENT_S, Axis, Roll, Sensor
 from fltea.records.plus_minus import NORMAL_95
 
 SOME = 20
-"""Most names in a summary."""
+"""Most names that a summary lists."""
 
 Group = tuple[str, str, str]
-"""Kind of sensor, axis, and quantity: values of a group are compared with each other."""
+"""Kind of sensor, axis, and quantity. The values of all sensors with the same group are compared."""
 
 
 class Oddity(msgspec.Struct, frozen=True):
-    """A value of an axis that differs from those of the other sensors of its kind.
+    """A value of an axis that differs from the values of the other sensors of its kind.
 
     `middle`: usual value of the kind.
-    `spread`: standard deviation between sensors, or its ratio for quantities that are compared by ratios.
+    `spread`: standard deviation between sensors, or a factor for quantities that are compared by ratios.
     `times`: distance from `middle` in standard deviations.
     `p`: p-value of this one comparison.
     """
@@ -49,7 +49,7 @@ class Oddity(msgspec.Struct, frozen=True):
 
     @property
     def text(self) -> str:
-        """A sentence for a person."""
+        """Text that describes the difference to the user."""
         side = "above" if self.value > self.middle else "below"
         return (
             f"{self.device_id} {self.axis}: {self.quantity} {self.value:.4g} {self.unit} "
@@ -61,8 +61,8 @@ class Oddity(msgspec.Struct, frozen=True):
 class Look(NamedTuple):
     """Result of one comparison of the whole fleet.
 
-    `odd`: the values that differ from the others.
-    `usual`: middle and spread of each group that is large enough, on the group's scale.
+    `odd`: the values that differ from those of the other sensors.
+    `usual`: middle and spread of each group with enough sensors, on the scale of the group's comparison.
     """
 
     odd: list[Oddity]
@@ -112,14 +112,14 @@ def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVE
 
 
 def unit_of(quantity: Quantity, unit: str) -> str:
-    """Return the unit of a quantity of an axis whose samples are in `unit`."""
+    """Return the unit of a quantity for an axis whose samples are in `unit`."""
     if quantity.name in ("alpha", "f"):
         return quantity.unit
     return unit + quantity.unit
 
 
 def counts(roll: Roll, now: float, silent_s: float = SILENT_S) -> dict[str, Any]:
-    """Return the counts of sensors by state, kind and verdict, of axes by verdict, and of messages."""
+    """Return numbers of sensors by state, kind and result, of axes by result, and of messages."""
     states: Counter[str] = Counter(sensor.state(now, silent_s) for sensor in roll.sensors.values())
     axes: Counter[str] = Counter()
     sensors: Counter[str] = Counter()
@@ -158,7 +158,7 @@ COLUMNS = (
     "age_s",
     "odd",
 )
-"""Columns of the table; parameters are numbers, the other columns texts."""
+"""Columns of the table; noise parameters are numbers, and the other columns are texts."""
 
 Row = dict[str, Any]
 
@@ -197,10 +197,10 @@ _TERM = re.compile(r'(device|kind|state|axis|verdict):(?:"([^"]*)"|(\S+))|(\S+)'
 def table(
     found: list[Row], sort: str, order: Literal["up", "down"], words: str, begin: int, count: int
 ) -> tuple[int, list[Row]]:
-    """Return the number of rows that match `words`, and `count` of them from `begin` on, sorted.
+    """Return the number of rows that match `words`, and `count` of these rows from index `begin` on, sorted.
 
-    `state:online` and `verdict:"too few samples"` match the whole entry of a column; other words may be
-    anywhere in a row. Rows without a value in the column `sort` come last.
+    `state:online` or `verdict:"too few samples"` must match the whole text of that column; other words may
+    stand anywhere in a row. Rows without a value in the column `sort` come last.
     """
     exact, anywhere = [], []
     for column, quoted, plain, term in _TERM.findall(words):
@@ -226,7 +226,7 @@ def _text_of(row: Row) -> str:
 
 
 def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:
-    """Return the values of all sensors of one group, with outliers marked, and the usual value."""
+    """Return the values of all sensors in one group, with outliers marked, and the group's usual value."""
     kind, axis_name, quantity = group
     points: list[dict[str, Any]] = []
     odd = {one.key for one in seen.odd}

@@ -1,6 +1,6 @@
-"""The server of the fleet's page, and of the JSON that the page requests.
+"""The web server for the fleet's page, and for the JSON data that the page requests.
 
-Everything from sensors is sent to the page as JSON and shown as text, never as HTML.
+All texts from sensors are sent to the page as JSON and shown as plain text, never as HTML.
 """
 
 import asyncio
@@ -25,7 +25,7 @@ from fltea.sinks.web.handler import Handler, Site
 MOST_ROWS = 500
 
 REQUESTS_A_SECOND = 50.0
-"""Most requests per second; one page sends five every five seconds."""
+"""Most requests per second; an open page sends five requests every five seconds."""
 
 FULL = "More requests than the fleet's page answers: 50 a second. It is tried again in a moment."
 
@@ -33,7 +33,7 @@ HISTORY_S = 2.0
 """Longest wait of a request for the history [s]."""
 
 ROWS_S = 2.0
-"""Least time between two computations of the table's rows [s], however many pages request them."""
+"""Least time between two computations of the table's rows [s], however many pages are open."""
 
 
 class FleetSite(Site):
@@ -45,7 +45,7 @@ class FleetSite(Site):
         self._rows: tuple[float, list[dict[str, Any]]] = (-ROWS_S, [])
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the rows of the table, at most `ROWS_S` old."""
+        """Return the rows of the table, computed at most `ROWS_S` ago."""
         now = time.monotonic()
         if now - self._rows[0] >= ROWS_S:
             fleet = self.fleet
@@ -63,7 +63,7 @@ class _Handler(Handler):
         return self.site.fleet
 
     async def rows_of(self, asked: "Future[list[dict[str, Any]]]") -> list[dict[str, Any]]:
-        """Return rows of the history; none if that takes too long, for instance while its server is away."""
+        """Return rows of the history; an empty list if they take too long, for instance during an outage."""
         try:
             return await asyncio.wait_for(asyncio.wrap_future(asked), HISTORY_S)
         except TimeoutError:
@@ -178,7 +178,7 @@ def serve(
     """Serve the page and call `fleet.turn` regularly, until the event loop is stopped.
 
     `ready`: function that is called with the port once the server listens.
-    `stop`: function that is called with the event loop, to install signal handlers that stop it.
+    `stop`: function that is called with the event loop; it installs the signal handlers that stop the loop.
 
     Raises:
         FlteaError: the server cannot listen at the address.
@@ -190,7 +190,7 @@ def serve(
     loop = IOLoop.current()
 
     def turn() -> None:
-        # A PeriodicCallback would stop when the wall clock is set back.
+        # A PeriodicCallback would stop working when the wall clock is set back.
         loop.call_later(TURN_S, turn)
         fleet.turn()
 

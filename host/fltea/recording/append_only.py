@@ -1,4 +1,4 @@
-"""Writes a new file in one piece at every flush, and checks each time that the file still exists."""
+"""Writes a new file with one system call per flush, and checks each time that the file still exists."""
 
 import contextlib
 import errno
@@ -14,9 +14,9 @@ NAME_OF_DELETED = ".nfs"
 
 
 class Meddled(OSError):
-    """Another program deleted, moved or truncated a file while it was written; nothing more is written to it.
+    """Raised if another program deleted, moved or truncated the file; nothing more is then written to it.
 
-    `what`: what happened to the file. `where`: the new path of a moved file, empty if the system does not
+    `what`: what happened to the file. `where`: new path of a moved file; "" if the operating system does not
     report it.
     """
 
@@ -26,9 +26,9 @@ class Meddled(OSError):
 
 
 class AppendOnly:
-    """A new file that is written in one piece at every flush.
+    """A new file to which each flush writes all pending data with one system call.
 
-    `good_bytes`: length of the file after the last successful flush [bytes]; `cut` truncates to this length.
+    `good_bytes`: length of the file after the last successful flush [bytes]; `cut` truncates the file to it.
     """
 
     def __init__(self, path: Path, reserve_bytes: int) -> None:
@@ -36,7 +36,7 @@ class AppendOnly:
         self._path = path
         self._pending = bytearray()
         self._fd = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC, 0o666)
-        with contextlib.suppress(OSError):  # not every file system has locks
+        with contextlib.suppress(OSError):  # some file systems have no locks
             fcntl.flock(self._fd, fcntl.LOCK_EX)  # programs that read or repair the file see the lock
         try:
             if reserve_bytes:
@@ -81,7 +81,7 @@ class AppendOnly:
         self._pending.clear()
 
     def cut(self) -> None:
-        """Remove what a failed flush wrote of a record, if the disk still permits, and close the file."""
+        """Truncate the file to its length before a failed flush, if the disk still permits, and close it."""
         with contextlib.suppress(OSError):
             if os.fstat(self._fd).st_size > self.good_bytes:
                 os.ftruncate(self._fd, self.good_bytes)
@@ -95,11 +95,11 @@ class AppendOnly:
                 os.close(fd)
 
     def _is_named(self, ours: os.stat_result) -> bool:
-        """Return whether the path still leads to the file.
+        """Return whether the file's path still leads to this file.
 
-        The number of links alone does not show this: a moved file has one link, and some user-space file
-        systems report 0 for every file. Some network file systems change a file's inode number now and then,
-        so a file of the same size and modification time counts as the same file.
+        The number of links alone does not show this: a moved file still has one link, and some user-space
+        file systems report 0 links for every file. Some network file systems change a file's inode number now
+        and then, so a file with equal size and modification time counts as the same file.
         """
         try:
             named = os.stat(self._path)

@@ -1,4 +1,4 @@
-"""Chooses the clock of a bag: header stamps or else arrival times, their unit, and the sampling rate."""
+"""Chooses the clock of a bag (header stamps or arrival times), and finds its unit and the sampling rate."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,21 +15,21 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference between the given rate and the rate measured from the times."""
+"""Largest relative difference between the rate that the user gives and the rate that the times show."""
 
 CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Tolerance of a sensor's clock against arrival times, and the fewest messages that tell its unit."""
+"""Largest relative difference between stamps and arrival times, and fewest messages for finding the unit."""
 
 OTHER_UNITS = 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9
-"""Factors by which a rate is wrong if its times are read in the wrong unit."""
+"""Factors by which a rate is wrong if the times are read in a wrong unit."""
 
 NS = 1_000_000_000
 
 
 class Ticks(NamedTuple):
-    """`seconds`: unit of each part of a time stamp [s], empty if unknown.
+    """Unit of the time stamps. `seconds`: unit of each part of a stamp [s], empty if unknown.
 
-    `by`: what states the unit, in words.
+    `by`: text that says what states the unit.
     """
 
     seconds: tuple[float, ...]
@@ -37,10 +37,10 @@ class Ticks(NamedTuple):
 
 
 def given_ticks(where: str, layout: Layout, how: How) -> Ticks | None:
-    """Return the unit of the time stamps if the user gives it; else None, and the messages have to tell it.
+    """Return the unit of the time stamps if the user gives it; None if it has to be found from the messages.
 
     Raises:
-        UsageError: the messages contradict the given unit, or have no time stamps.
+        UsageError: the messages contradict the user's unit, or have no time stamps.
     """
     if how.time_unit is None:
         return None
@@ -59,7 +59,7 @@ def given_ticks(where: str, layout: Layout, how: How) -> Ticks | None:
 
 
 def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
-    """Return the unit of the time stamps: as the file states it, or else from the arrival times."""
+    """Return the unit of the time stamps that the file states, or else the unit that arrival times show."""
     if layout.time_s or time.shape[1] != 1 or len(time) < FEWEST:
         return Ticks(layout.time_s)
     span, arrival_s = np.ptp(time[:, 0]), np.ptp(arrival_ns) * 1e-9
@@ -68,7 +68,7 @@ def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
 
 
 def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
-    """Return the stamps in nanoseconds, exact for each part; 0 where a time is missing or impossible."""
+    """Return the stamps in nanoseconds, computed exactly; 0 where a time is missing or impossible."""
     stamp_ns = np.zeros(len(time), np.int64)
     for part, unit_s in zip(time.T, time_s, strict=False):
         one_ns = round(unit_s * NS)
@@ -80,9 +80,9 @@ def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
 
 
 class Judged(NamedTuple):
-    """The chosen clock.
+    """The chosen clock, and warnings about it.
 
-    `by_arrivals`: arrival times are used, not stamps. `problems`: warnings for the user.
+    `by_arrivals`: whether arrival times are used instead of stamps. `problems`: warnings for the user.
     """
 
     stamps: Stamps
@@ -94,7 +94,7 @@ class Judged(NamedTuple):
 def judged(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamp_ns: Times, arrival_ns: Times
 ) -> Judged:
-    """Choose the stamps, or the arrival times if there are no stamps, and compare the clock with the options.
+    """Choose stamps, or else arrival times, as the clock, and compare it with the user's options.
 
     Raises:
         NotStated: neither stamps nor arrival times tell the rate.

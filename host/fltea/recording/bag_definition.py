@@ -1,7 +1,7 @@
-"""Reads messages of ROS into columns of numbers, by the definition of their type (CDR of ROS 2, and ROS 1).
+"""Reads ROS messages into columns of numbers, by the definition of their type (CDR of ROS 2, and ROS 1).
 
-The offset of a number depends on the lengths of the texts and lists before it. Therefore all messages with
-the same lengths are read at once. A general ROS library takes about 20 µs for each message.
+The offset of a number depends on the lengths of the texts and lists before it. So all messages with equal
+lengths are read together with numpy. A general ROS library would take about 20 µs for each message.
 """
 
 import re
@@ -28,7 +28,7 @@ TIMES = {
 """Types of ROS 1 and ROS 2 that consist of two numbers, whether or not the bag holds their definitions."""
 
 LIST = -1
-"""Value of `Field.many` for a list: its length stands in the 4 bytes before it. A text is a list of bytes."""
+"""Value of `Field.many` for a list, whose length is stored in the 4 bytes before it. A text is a list."""
 
 DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7
@@ -46,10 +46,10 @@ _SEPARATOR = re.compile(r"^=+[ \t]*\r?$", re.M)
 
 
 class Field(NamedTuple):
-    """A field of a message: one number, an array of `many` numbers, or a list (`many` is LIST).
+    """A field of a message: one number, an array of `many` numbers, or a list (`many` is `LIST`).
 
     `code`: type of a number in numpy's notation. `said`: comments on the field and on the fields that contain
-    it, innermost first.
+    it, the innermost field first.
     """
 
     name: str
@@ -59,10 +59,10 @@ class Field(NamedTuple):
 
 
 class Definition(NamedTuple):
-    """Fields of a message type in their order.
+    """Fields of a message type in the order in which they are stored.
 
-    `is_whole`: no further data follows the fields. `said`: comment at the head of the definition. `padding`:
-    most bytes that may follow a message in CDR.
+    `is_whole`: whether the message ends with these fields. `said`: comment at the beginning of the
+    definition. `padding`: most bytes that may follow the last field in CDR.
     """
 
     fields: tuple[Field, ...]
@@ -73,9 +73,9 @@ class Definition(NamedTuple):
 
 @lru_cache(maxsize=64)
 def parse_definition(text: str) -> Definition:
-    """Read the definition of a type in the form of `.msg` files; the definitions that it needs follow it.
+    """Read the definition of a type in the format of `.msg` files, followed by the definitions it refers to.
 
-    Fields after a list of messages or of texts are left out, since their offsets are unknown.
+    Fields after a list of messages or of texts are left out, since their offsets vary.
 
     Raises:
         ValueError: the text is not a definition.
@@ -101,9 +101,9 @@ def parse_definition(text: str) -> Definition:
 def _flat(
     text: str, before: str, said: tuple[str, ...], parts: dict[str, str], lines: Iterator[int], depth: int
 ) -> Iterator[Field | None]:
-    """Yield the fields of a type and its nested types; None where offsets become unknown.
+    """Yield the fields of a type and of its nested types; None where the offsets become unknown.
 
-    `lines`: line budget.
+    `lines`: number of lines that may still be read.
     """
     above: list[str] = []
     for line in text.splitlines():
@@ -146,11 +146,11 @@ def _body_of(kind: str, parts: dict[str, str]) -> str | None:
 
 
 Columns = tuple[NDArray[np.int64], NDArray[np.float64]]
-"""Row indices of messages of one layout, and the wanted numbers of each; a text is its index in `Words`."""
+"""Row indices of messages with equal lengths, and the wanted numbers in each. `Words` numbers the texts."""
 
 
 class Words:
-    """Texts that messages hold, numbered separately for each field."""
+    """Numbers the different texts in the messages, separately for each field."""
 
     def __init__(self) -> None:
         self._of: dict[str, dict[str, int]] = {}
@@ -160,7 +160,10 @@ class Words:
         return list(self._of.get(name, ()))
 
     def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return a number for each of the texts (n, length) of the field `name`."""
+        """Return a number for each of the texts (n, length) in the field `name`.
+
+        Equal texts have equal numbers.
+        """
         known, size = self._of.setdefault(name, {}), data.shape[1]
         if not size:
             return np.full(len(data), float(known.setdefault("", len(known))))
@@ -177,9 +180,9 @@ def read_columns(
     words: Words | None = None,
     check: Callable[[], None] = lambda: None,
 ) -> Columns:
-    """Read the wanted numbers of messages, in the order of the bag; messages of another layout are left out.
+    """Read the wanted numbers of messages in the bag's order; messages that do not fit are left out.
 
-    `words`: collects the texts of the wanted fields. `check`: is called often, and may raise an error.
+    `words`: collects the texts in the wanted fields. `check`: function that is called often and may raise.
     """
     words = Words() if words is None else words
     length = np.fromiter(map(len, messages), np.int64, len(messages))
@@ -212,7 +215,7 @@ def _read(
     words: Words,
     check: Callable[[], None],
 ) -> Iterator[Columns]:
-    """Yield columns of messages of equal length (n, length), without the CDR header."""
+    """Yield the columns of messages of equal length (n, length), given without their CDR header."""
     size = data.shape[1]
     in_field: dict[str, list[tuple[str, int]]] = {}
     for name in wanted:
@@ -252,7 +255,7 @@ def _read(
 
 
 def _column(data: NDArray[np.uint8], name: str, at: int, kind: str, words: Words) -> NDArray[np.float64]:
-    """Return one number for each message; for a text, its number in `words`."""
+    """Return one number for each message; a text is replaced by its number in `words`."""
     return (
         words.numbers(name, data[:, at : at + int(kind[1:])]) if kind[0] == "S" else _numbers(data, at, kind)
     )

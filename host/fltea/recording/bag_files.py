@@ -1,4 +1,4 @@
-"""Tells which files are ROS bags, and which files belong to a bag."""
+"""Recognises ROS bags, and finds the files that belong to a bag."""
 
 import re
 from pathlib import Path
@@ -10,10 +10,10 @@ from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 
 (ROS1, SQLITE), MCAP = FORMATS["bag"].magic, b"\x89MCAP0\r\n"
-"""First bytes of bags; an MCAP file may also be a recording of fltea."""
+"""First bytes of the three kinds of bags; an MCAP file may also be a recording of fltea."""
 
 SUFFIXES = FORMATS["bag"].suffixes
-"""Suffixes of bags, except MCAP. A bag of ROS 1 that is being written is called NAME.bag.active."""
+"""Endings of bags other than MCAP. A bag of ROS 1 that is being written is named NAME.bag.active."""
 
 OF_FOLDERS = ("*.mcap", "*.db3")
 PACKED = ".zstd"
@@ -28,7 +28,7 @@ PROFILE_AT = len(MCAP) + 1 + 8
 
 
 def files_of(folder: Path) -> list[Path]:
-    """Return the files of a bag that is a folder, in the order of their numbers."""
+    """Return the files of a bag that is a folder, in the order of the numbers in their names."""
     plain = {file for pattern in OF_FOLDERS for file in folder.glob(pattern) if file.is_file()}
     packed = [file for pattern in OF_FOLDERS for file in folder.glob(pattern + PACKED)]
     return sorted([*plain, *(file for file in packed if file.with_suffix("") not in plain)], key=_number)
@@ -40,7 +40,7 @@ def _number(file: Path) -> tuple[int, str]:
 
 
 def is_bag_folder(folder: Path) -> bool:
-    """Return whether a folder is a bag of ROS 2, even if it was not closed and has no metadata.yaml."""
+    """Return whether a folder is a bag of ROS 2, even if it was not closed and lacks metadata.yaml."""
     try:
         files = files_of(folder)
         if not files or (folder / "metadata.yaml").is_file():
@@ -52,7 +52,10 @@ def is_bag_folder(folder: Path) -> bool:
 
 
 def bags_in(folder: Path) -> list[Path]:
-    """Return the bags in a folder that is no bag itself, and the folder if it also holds our MCAP files."""
+    """Return the bags in a folder that is not a bag itself.
+
+    Include the folder if it holds fltea's MCAP files.
+    """
     if not folder.is_dir() or is_bag_folder(folder):
         return []
     bags = [path for path in sorted(folder.iterdir()) if _is_bag(path)]
@@ -67,12 +70,12 @@ def _is_bag(path: Path) -> bool:
 
 
 def is_ros_mcap(path: Path) -> bool:
-    """Return whether ROS, not fltea, wrote an MCAP file, by its profile or else its messages."""
+    """Return whether an MCAP file is from ROS and not from fltea, by its profile or else by its messages."""
     try:
         with open_file(path) as file:
             begin = file.read(BEGIN_BYTES)
     except OSError:
-        return False  # opening the file later reports the error
+        return False  # opening the file later reports why it is unreadable
     length = int.from_bytes(begin[PROFILE_AT : PROFILE_AT + 4], "little")
     if begin[PROFILE_AT + 4 : PROFILE_AT + 4 + length] in PROFILES:
         return True

@@ -1,4 +1,4 @@
-"""Gathers the messages of one topic of a bag in a temporary file, and makes a recording from them."""
+"""Collects the messages of one topic of a bag in a temporary file, and makes a recording from them."""
 
 import contextlib
 from collections.abc import Iterable, Iterator
@@ -36,21 +36,20 @@ from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
-"""Columns of the temporary file, and the numbers that all columns together hold for each sample."""
+"""Columns of the temporary file, and the total number of values in these columns for each sample."""
 
 SHOWN = 8 * AT_ONCE
-"""Number of samples from which the table of possible units is computed."""
+"""Number of samples from which the table of candidate units is computed."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a message that was compressed individually."""
 
 
 class Gathered:
-    """Messages of one topic.
+    """Collects the messages of one topic.
 
-    `how`: the user's options for them. `sensor`: the gyroscope that the user names, of several in the
-    messages.
-    `quota`: limits of time and memory for decoding.
+    `how`: the user's options. `sensor`: the gyroscope to read if a message holds several.
+    `quota`: limits of time and memory for decoding the messages.
     """
 
     def __init__(
@@ -79,7 +78,7 @@ class Gathered:
         self._measured = self._measured_accel = False
 
     def add(self, batch: Batch, layout: Layout) -> None:
-        """Add a batch of messages with the layout `layout`; messages are decoded many at a time."""
+        """Add a batch of messages with the given layout; messages are decoded many at a time."""
         if (layout.rate, layout.accel_unit) != (self._layout.rate, self._layout.accel_unit):
             self._unusable += batch.count
             return
@@ -127,13 +126,16 @@ class Gathered:
             self._append(gyro, accel, stamp_ns[keep], arrival_ns[keep])
 
     def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
-        """Return the publisher of each message if several publish at the same time; else empty texts."""
+        """Return the publisher of each message if several publishers send at the same time.
+
+        Else empty texts.
+        """
         if self._are_several is None:
             self._are_several = are_at_once(by, arrival_ns)
         return by if self._are_several else np.full(len(by), "")
 
     def _repeated(self, rows: Floats) -> NDArray[np.bool_]:
-        """Mark rows that equal the row before, including the stamp; rows without a stamp are never marked."""
+        """Mark rows that equal the row before, including its stamp; rows without stamps are never marked."""
         if not len(rows):
             return np.zeros(0, bool)
         bits = np.ascontiguousarray(rows).view(np.int64)
@@ -146,7 +148,7 @@ class Gathered:
         return same
 
     def lacks(self) -> str:
-        """Return what the topic has instead of the sensor that the user names; "" if the sensor is there."""
+        """Return a text that says which sensors the topic has if the user's is missing; "" if it is there."""
         self._read_waiting()
         return self._sensors.lacks()
 
@@ -155,7 +157,7 @@ class Gathered:
 
         Raises:
             NotStated: there are several sensors and the user names none, or a unit or the rate is missing.
-            UsageError: the messages hold no rates, or contradict the user's options.
+            UsageError: the messages hold no angular rates, or contradict the user's options.
         """
         self._read_waiting()
         several = self._layout.several
@@ -218,7 +220,7 @@ class Gathered:
         return units_table(next(iter(self._spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
 
     def _units(self, rate_hz: float) -> tuple[Scale, Scale | None]:
-        """Return the units of both sensors, after a comparison with the values at rest."""
+        """Return the units of gyroscope and accelerometer, after a check against the values at rest."""
         there = ["gyro", *(["accel"] if "accel" in self._spool else [])]
         options = given_options(self._how)
         if self._rate is None:
@@ -254,7 +256,7 @@ class Gathered:
         return (*answers, *self._unread)
 
     def _clean_accel(self) -> None:
-        """Drop messages with invalid acceleration; drop the acceleration if most messages are invalid."""
+        """Drop messages with invalid accelerations; if most are invalid, drop the accelerations instead."""
         if self._bad_accel > self._spool.length("gyro") // 2:
             self._spool.drop("accel")
         elif self._bad_accel:
@@ -262,7 +264,7 @@ class Gathered:
             self._not_numbers += self._bad_accel
 
     def _drop_repeated(self) -> None:
-        """Drop messages that another file of the bag holds, too."""
+        """Drop messages that the bag holds twice, for instance in two of its files."""
         twice = held_twice(self._spool)
         if twice is not None and twice.any():
             self._in_two_files = int(np.count_nonzero(twice))
@@ -274,7 +276,7 @@ class Gathered:
         return int(np.count_nonzero(np.concatenate([*bad]) & marked))
 
     def _keep(self, kept: Iterable[Marks]) -> None:
-        """Drop the samples that are not marked. `kept`: marks, one array for each block."""
+        """Keep only the marked samples. `kept`: marks, one array for each block of samples."""
         before, self._spool = self._spool, Spool()
         for values, keep in zip(before.blocks(COLUMNS, AT_ONCE), kept, strict=True):
             self._append(*(column[keep] for column in values))
@@ -335,7 +337,7 @@ def _unpacked(message: bytes) -> bytes:
 def _blocks(
     spool: Spool, stamps: Stamps, rate_hz: float, start_ns: int, factors: tuple[float, float]
 ) -> Iterator[Recording]:
-    """Yield the samples in blocks. `factors`: from the file's numbers to deg/s (or counts) and to m/s²."""
+    """Yield the samples in blocks. `factors`: from the file's units to deg/s (or counts) and to m/s²."""
     names = [name for name in ("gyro", "accel", "arrival") if name in spool]
     row = 0
     for values in spool.blocks(names, AT_ONCE):

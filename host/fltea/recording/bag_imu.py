@@ -1,6 +1,7 @@
-"""Finds a gyroscope's numbers in the messages of a topic, states what is known of them, and reads them.
+"""Finds a gyroscope's fields in the messages of a topic, states what is known of them, and reads them.
 
-The layouts of sensor_msgs/Imu of ROS and of PX4's types are known; the bag's definition gives other layouts.
+The layouts of ROS's sensor_msgs/Imu and of PX4's types are built in; for other types, the bag must hold the
+definition.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,10 +30,10 @@ IMU_ROS1 = f"uint32 header.seq\nuint32 header.stamp.sec\nuint32 header.stamp.nan
 IMU_ROS2 = f"int32 header.stamp.sec\nuint32 header.stamp.nanosec\n{_HEAD}{_BODY}"
 
 FRAME = "frame_id"
-"""Header field that names a sensor's own axes. In files of other programs, a number here counts images."""
+"""Header field with the name of the sensor's coordinate frame; other programs may store an image count."""
 
 UNKNOWN = -1.0
-"""Value of a covariance's first element if the quantity was not measured."""
+"""First element of a covariance matrix that states that the quantity was not measured."""
 
 FIFO = 32
 """Number of samples that a SensorGyroFifo message has room for."""
@@ -57,21 +58,24 @@ PX4 = {
         f"int16[{FIFO}] x\nint16[{FIFO}] y\nint16[{FIFO}] z",
     ),
 }
-"""Types of px4_msgs as PX4 documents its uORB messages, for bags without definitions. Releases differ."""
+"""PX4's message types as its uORB documentation gives them, for bags without definitions.
+
+Releases of PX4 differ.
+"""
 
 PX4_PADDING = 3
-"""Most padding bytes after a message. A release with another field before the axes leaves more bytes."""
+"""Most padding bytes at the end of a message. More bytes show a PX4 release with other fields."""
 
 PX4_AXES = {"SensorCombined": "gyro_rad", "VehicleAngularVelocity": "xyz"}
 
 
 class Imu(NamedTuple):
-    """Successive messages.
+    """Numbers of successive messages.
 
-    `row`: index of each message in the batch (n,); messages of another layout are left out.
+    `row`: index of each message in the batch (n,); messages that do not fit the layout are left out.
     `time`: times (n, k), in the columns that the layout names. `gyro`, `accel`: (n, 3) in the file's units.
-    `measured`, `measured_accel`: whether the message states that it holds this quantity.
-    `tell`: values (n,) of each field that tells sensors apart.
+    `measured`, `measured_accel`: whether each message states that it holds rates and accelerations.
+    `tell`: values (n,) of each field that distinguishes sensors.
     """
 
     row: Ints
@@ -83,17 +87,17 @@ class Imu(NamedTuple):
     tell: tuple[NDArray[np.str_], ...] = ()
 
     def rows(self, kept: Marks) -> "Imu":
-        """Return the messages that are marked, without `tell`."""
+        """Return the marked messages, without `tell`."""
         time, gyro, accel = self.time[kept], self.gyro[kept], self.accel[kept]
         return Imu(self.row[kept], time, gyro, accel, self.measured[kept], self.measured_accel[kept])
 
 
 @lru_cache(maxsize=4096)
 def ros_layout(kind: str, encoding: Encoding, schema: bytes, sensor: str | None = None) -> Layout | None:
-    """Return the layout of a type of ROS 1 or 2; None if its messages hold no gyroscope's numbers.
+    """Return the layout of a type of ROS 1 or 2; None if its messages hold no angular rates.
 
-    `schema`: definition of the type in the form of `.msg` files, empty if unknown. `sensor`: the gyroscope
-    that the user names, of several in a message.
+    `schema`: definition of the type in the format of `.msg` files, empty if unknown. `sensor`: the gyroscope
+    to read if a message holds several.
     """
     package, _, name = kind.partition("/")
     name = name.removeprefix("msg/")
@@ -123,7 +127,7 @@ def ros_layout(kind: str, encoding: Encoding, schema: bytes, sensor: str | None 
 
 
 def _telling(definition: Definition) -> tuple[str, ...]:
-    """Return the fields that may tell sensors apart: whole numbers and texts."""
+    """Return the fields that may distinguish sensors: whole numbers and texts."""
     fields = definition.fields
     kinds = {None: "iu", LIST: "u"}
     return tuple(
@@ -173,7 +177,7 @@ def _px4_layout(name: str, own: Definition | None) -> Layout:
 def read_ros(
     messages: Sequence[bytes], layout: Layout, *, is_ros1: bool, check: Callable[[], None] = lambda: None
 ) -> Imu:
-    """Read messages, in the order of the bag. `check`: is called often, and may raise an error."""
+    """Read messages in the bag's order. `check`: function that is called often and may raise an error."""
     is_fifo = "samples" in layout.more
     gyro = [f"{axis}[{i}]" for axis in layout.gyro for i in range(FIFO)] if is_fifo else [*layout.gyro]
     wanted = [*layout.time, *gyro, *layout.accel, *layout.more, *layout.tell]
@@ -196,16 +200,17 @@ def read_ros(
 
 
 def _as_texts(column: Floats, name: str, words: Words) -> NDArray[np.str_]:
-    """Return the values of a field that tells sensors apart, as texts."""
+    """Return the values of a field that distinguishes sensors, as texts."""
     numbers, places = np.unique(column, return_inverse=True)
     known = words.of(name)
     return np.array([known[int(one)] if known else as_word(one) for one in numbers], np.str_)[places]
 
 
 def _samples_of_fifo(values: Floats) -> tuple[Ints, Floats]:
-    """Return the message index of each sample, and the sample's time [µs] and rates [rad/s].
+    """Return, for each sample, the index of its message, its time [µs], and its rates [rad/s].
 
-    `values`: time of the last sample [µs], samples of each axis, sampling period [µs], scale [rad/s], count.
+    `values`: columns with the time of the last sample [µs], the samples of each axis, the sampling period
+    [µs], the scale [rad/s], and the number of samples.
     """
     dt_us, scale, count = values[:, -3], values[:, -2], values[:, -1]
     kept = (count >= 1) & (count <= FIFO)

@@ -1,4 +1,4 @@
-"""The types that every reader of bags returns: stored messages, a batch at a time."""
+"""Types that all readers of bags share: topics, and batches of stored messages."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -14,7 +14,7 @@ RATES = b"angular_velocity", b"gyro"
 """Words in a schema that point to a gyroscope."""
 
 DEFINITIONS = "ros1msg", "ros2msg", "jsonschema", "protobuf"
-"""Encodings of schemas that can be read."""
+"""Encodings of type descriptions that can be read."""
 
 
 class Topic(NamedTuple):
@@ -30,7 +30,7 @@ class Topic(NamedTuple):
 
     @property
     def is_imu(self) -> bool:
-        """Whether messages may hold a gyroscope's numbers (a guess by names for JSON and protobuf)."""
+        """Whether messages may hold angular rates; for JSON and protobuf this is a guess by names."""
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()
             return "imu" in names or "gyro" in names or any(word in self.schema for word in RATES)
@@ -42,9 +42,9 @@ class Topic(NamedTuple):
         return self.encoding in ("json", "protobuf")
 
     def layout(self, messages: list[bytes], sensor: str | None, quota: Quota) -> Layout | None:
-        """Return the layout of the first message with a gyroscope's numbers; None if none has any.
+        """Return the layout of the first message that holds angular rates; None if there is no such message.
 
-        `sensor`: the gyroscope that the user names, of several in a message.
+        `sensor`: the gyroscope to read if a message holds several.
 
         Raises:
             TooManyFields: the messages have more fields than are examined.
@@ -58,7 +58,7 @@ class Topic(NamedTuple):
         return layout_of(messages, self.encoding, self.type, self.schema, sensor, quota)
 
     def read(self, messages: list[bytes], layout: Layout, quota: Quota) -> Imu:
-        """Read messages, in the order of the file; messages of another layout are left out.
+        """Read messages in the file's order; messages that do not fit the layout are left out.
 
         Raises:
             UsageError: reading takes too much time.
@@ -80,11 +80,11 @@ def encoding_of(name: str) -> Encoding | None:
 
 @dataclass
 class Batch:
-    """Successive messages of one topic; messages of topics other than Imu are counted only.
+    """Successive messages of one topic; if the topic is no Imu topic, the messages are only counted.
 
-    `count`: number of messages. `arrival_ns`: time at which each message was recorded [ns]. `data`: the
-    messages.
-    `publisher`: publisher of the messages if a topic may have several, "" if unknown.
+    `count`: number of messages. `arrival_ns`: time at which each message was recorded [ns]. `data`: their
+    bytes.
+    `publisher`: publisher of these messages if a topic may have several, "" if unknown.
     """
 
     topic: Topic

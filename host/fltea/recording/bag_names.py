@@ -1,4 +1,4 @@
-"""Finds a gyroscope's fields in messages by the fields' names, and what the file says of these in words."""
+"""Finds a gyroscope's fields in messages by the fields' names, and their units in the file's texts."""
 
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +27,7 @@ IS_IMU = re.compile(r"(?:ros\.)?sensor_msgs[./](?:msg[./])?Imu", re.ASCII)
 
 _PLACE = re.compile(r"(.+)(?:\.([xyz])|\[([012])\])")
 _LETTERS = "xyz", "XYZ", "012"
-"""Letters of the axes in names that differ in nothing else."""
+"""Letters of the axes; the names of three axes differ only in this letter."""
 
 MOST_CHARS = 4000
 """Longest text that is searched for a unit [characters]."""
@@ -39,7 +39,7 @@ _NOT_OF_VALUES = re.compile(
     r"|minimum|threshold|saturat\w*|offset|density|lsbs?|counts?|up to|within|not|instead of|formerly"
     r"|previously|used to|multipl\w+|divided?|convert|converted from|conversion)\b|±|\+/-"
 )
-"""Words of a clause whose unit need not be the unit of the values: `range ±2000 deg/s`."""
+"""Words near which a unit need not be the unit of the values, as in `range ±2000 deg/s`."""
 
 UnitOf = Callable[[str], str | None]
 
@@ -54,18 +54,19 @@ class Said(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Layout of a topic's messages: the names of their numbers.
+    """Layout of a topic's messages: the names of the fields to read, and what is known of them.
 
-    `gyro`, `accel`: the axes. `by`: why these are the axes.
-    `time`: seconds and their fraction, or one number, or empty. `time_s`: unit of each [s], empty if unknown.
-    `rate`, `accel_unit`: the units, None if unknown.
-    `unread`: other fields that look like a sensor's.
-    `definitions`: definitions of ROS types; the first that fits a message is used.
-    `is_known`: whether the type is made for inertial sensors.
+    `gyro`, `accel`: fields of the axes. `by`: text that says why these are the axes.
+    `time`: fields of the time (seconds and their fraction, or one number), or empty. `time_s`: unit of each
+    field [s], empty if unknown.
+    `rate`, `accel_unit`: units of rates and accelerations, None if unknown.
+    `unread`: other fields whose names look like those of a sensor.
+    `definitions`: possible definitions of the ROS type; the first that fits a message is used.
+    `is_known`: whether the message type is made for inertial sensors.
     `more`: further fields to read.
-    `tell`: fields whose names show that they tell sensors apart. `others`: fields that perhaps do.
-    `several`: gyroscopes in one message, if the user has to choose one.
-    `fixed`: fields and the text that they have in every message that is read.
+    `tell`: fields that by their names distinguish sensors. `others`: fields that perhaps do so.
+    `several`: names of the gyroscopes in one message, if the user has to choose one.
+    `fixed`: text that certain fields have in every message to be read.
     `changed`: a scale or offset that may still have to be applied to the rates, "" if none is stated.
     """
 
@@ -88,7 +89,7 @@ class Layout(NamedTuple):
 
 
 class Texts(NamedTuple):
-    """What a file says of a field: `words`, innermost text first, and `unit`, a unit field's text."""
+    """Texts on a field: `words`, the innermost text first, and `unit`, the text of a field for units."""
 
     words: Callable[[str], Iterable[str]] = lambda _: ()
     unit: Callable[[str], str] = lambda _: ""
@@ -98,7 +99,7 @@ NO_TEXTS = Texts()
 
 
 def title(names: Sequence[str]) -> str:
-    """Return three names in a short form for people: `angular_velocity.x, .y, .z`."""
+    """Return three names in a short form for messages: `angular_velocity.x, .y, .z`."""
     begin = names[0][:-1]
     if begin and all(name[:-1] == begin for name in names) and begin[-1] in "._":
         return ", ".join([names[0], *(f"{begin[-1]}{name[-1]}" for name in names[1:])])
@@ -106,7 +107,7 @@ def title(names: Sequence[str]) -> str:
 
 
 def by_convention(kind: str) -> tuple[Said | None, Said | None]:
-    """Return the units of rates and accelerations that a convention gives for a message type, else None."""
+    """Return the units of rates and accelerations that a convention gives for a message type, or None."""
     if IS_IMU.fullmatch(kind) is None:
         return None, None
     why = f"{kind} (REP 103)"
@@ -116,9 +117,9 @@ def by_convention(kind: str) -> tuple[Said | None, Said | None]:
 def named_layout(
     names: Sequence[str], kind: str, texts: Texts = NO_TEXTS, sensor: str | None = None
 ) -> Layout | None:
-    """Return the layout of messages with fields of these names; None if no gyroscope's three axes are there.
+    """Return the layout of messages with fields of these names; None if they lack a gyroscope's three axes.
 
-    `kind`: message type. `sensor`: the gyroscope that the user names, of several in a message.
+    `kind`: message type. `sensor`: the gyroscope to read if a message holds several.
 
     Raises:
         UsageError: the axes of one sensor state different units.
@@ -149,13 +150,13 @@ def named_layout(
 
 
 def _spoken(name: str) -> str:
-    """Return the name of an axis as a table column would have it: `gyro_dps.x` becomes `gyro_x_dps`."""
+    """Return the name of an axis in the form of a table column: `gyro_dps.x` becomes `gyro_x_dps`."""
     found = _PLACE.fullmatch(name)
     return name if found is None else named_axis(found[1], "xyz012".index(found[2] or found[3]) % len(AXES))
 
 
 def _triples(names: Sequence[str], axis_in: UnitOf) -> dict[str, tuple[str, ...]]:
-    """Return the axes x, y, z of each sensor, by the common part of their names."""
+    """Return the fields of the axes x, y, z of each sensor, by the common part of their names."""
     axes = {
         name: axis
         for name in names
@@ -179,7 +180,10 @@ def _without(name: str, at: int) -> str:
 
 
 def _called(labels: Sequence[str]) -> dict[str, str]:
-    """Map names that a user may give to the labels of gyroscopes: group names if unique, and the labels."""
+    """Return the names by which a user may choose a gyroscope, each with the label of that gyroscope.
+
+    A name is the label itself, or the name of a group that belongs to one gyroscope only.
+    """
     groups = [label.rpartition(".")[0] for label in labels]
     by_group = zip(groups, labels, strict=True) if len({*groups} - {""}) == len(groups) else ()
     return {**dict(by_group), **{label: label for label in labels}}
@@ -196,7 +200,7 @@ def _clock(names: Sequence[str], texts: Texts) -> tuple[tuple[str, ...], tuple[f
 
 
 def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf) -> Said | None:
-    """Return the unit that the names of the axes, a unit field in the messages, or the schema state."""
+    """Return the unit that the axes' names, a unit field in the messages, or the schema state."""
     said: list[Said] = []
     for why, units in (
         ("the name {}", [in_name(_spoken(name)) for name in names]),
@@ -214,7 +218,7 @@ def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf
 
 
 def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None:
-    """Return the unit in the innermost text on these fields, if it is the only one and the same for all."""
+    """Return the unit in the innermost text on these fields if all axes have this unit; else None."""
     found = set()
     for name in names:
         units = filter(None, (units_in(text, unit_of) for text in texts.words(name)))
@@ -226,7 +230,7 @@ def _in_words(names: Sequence[str], texts: Texts, unit_of: UnitOf) -> str | None
 def units_in(text: str, unit_of: UnitOf) -> set[str]:
     """Return the units of values that `text` names; a unit may have up to three words.
 
-    Units of ranges and sensitivities, and units after a number, are left out.
+    Units of ranges and sensitivities, and units after a number, are ignored.
     """
     found = set[str]()
     for clause in _CLAUSE_END.split(text[:MOST_CHARS]):

@@ -1,7 +1,7 @@
-"""Reads JSON and protobuf messages of MCAP files, which programs other than ROS write, as Imu messages.
+"""Reads JSON and protobuf messages of MCAP files, which programs other than ROS write.
 
-Fields are found by their names, as columns of text files are. No convention gives their units: the names, the
-schema's descriptions or the user do.
+Fields are found by their names, like columns of text files. Their units come from the names, from the
+schema's descriptions, or from the user, since no convention gives them.
 """
 
 from collections.abc import Callable, Container, Iterator, Sequence
@@ -28,19 +28,19 @@ WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
 """Keywords of JSON Schema whose text describes a field."""
 
 MOST_OTHERS = 16
-"""Most fields of an object that are compared to tell sensors apart."""
+"""Most further fields of a message whose values are compared to distinguish sensors."""
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
-"""Messages that are searched for a gyroscope's numbers, and texts of a schema that are read, at most."""
+"""Most messages that are searched for angular rates, and most texts of a schema that are read."""
 
 
 def layout_of(
     messages: Sequence[bytes], encoding: str, kind: str, schema: bytes, sensor: str | None, quota: Quota
 ) -> Layout | None:
-    """Return the layout of the first message that holds a gyroscope's numbers; None if there is none.
+    """Return the layout of the first message that holds angular rates; None if there is no such message.
 
-    `kind`, `schema`: type and schema of the messages, from their channel. `sensor`: the gyroscope that the
-    user names, of several in a message.
+    `kind`, `schema`: type and schema of the messages, from their MCAP channel. `sensor`: the gyroscope to
+    read if a message holds several.
 
     Raises:
         TooManyFields: a message has more fields than are examined.
@@ -80,7 +80,7 @@ def _is_whole(value: Any) -> bool:
 
 
 def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return fields whose names tell sensors apart, and other texts and whole numbers that perhaps do.
+    """Return fields whose names distinguish sensors, and other texts and whole numbers that perhaps do so.
 
     A number in a field frame_id is left out, since it may count images.
     """
@@ -94,9 +94,9 @@ def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, .
 def read_objects(
     messages: Sequence[bytes], layout: Layout, encoding: str, kind: str, schema: bytes, quota: Quota
 ) -> Imu:
-    """Read messages, in the order of the file; messages of another layout are left out.
+    """Read messages in the file's order; messages that do not fit the layout are left out.
 
-    null is read as a missing number.
+    The JSON value null is read as a missing number.
 
     Raises:
         UsageError: reading takes too much time.
@@ -135,7 +135,7 @@ def _as_word(value: Any) -> str:
 
 
 def _as_number(value: Any) -> tuple[float, bool]:
-    """Return a value as a number, and whether it is a date (then in seconds); protobuf writes int64 as text.
+    """Return a value as a number, and whether it is a date, then in seconds; protobuf gives int64 as text.
 
     Raises:
         ValueError, TypeError: the value is not a number.
@@ -168,7 +168,7 @@ def _about(texts: dict[str, str], name: str) -> Iterator[str]:
 
 
 def _texts_of_json(_: str, schema: bytes) -> dict[str, str]:
-    """Return the descriptions in a JSON Schema, by field names as `decode_object` gives them."""
+    """Return the descriptions in a JSON Schema, by the field names that `decode_object` gives."""
     texts: dict[str, str] = {}
     try:
         whole = msgspec.json.decode(schema)
@@ -219,12 +219,12 @@ def _files_of(schema: bytes) -> Any:
 
     try:
         return descriptor_pb2.FileDescriptorSet.FromString(schema)
-    except Exception:  # DecodeError has no base of its own; `decoder_of` reports the error
+    except Exception:  # DecodeError has no specific base class; `decoder_of` reports the error
         return None
 
 
 def _fields_left(message: Any, most: int) -> int:
-    """Return `most` minus the number of fields of a message, absent fields included."""
+    """Return `most` minus the number of fields of a message; absent fields count too."""
     left = most - len(message.DESCRIPTOR.fields)
     for field, value in message.ListFields() if left >= 0 else ():
         if field.message_type is None:
@@ -272,7 +272,7 @@ def decoder_of(kind: str, schema: bytes) -> Decoder:
             )
         except TooManyFields:
             raise
-        except Exception as error:  # DecodeError has no base of its own
+        except Exception as error:  # DecodeError has no specific base class
             raise ValueError(str(error)) from error
         return decode_object(msgspec.json.encode(found))
 
