@@ -1,7 +1,7 @@
 """Reads a bag of ROS 1 (format 2.0) from beginning to end, as far as it is readable.
 
-The index at the end is not used: a bag that was not closed has none, and in memory the index takes over a
-hundred bytes for every message. So reading needs memory for one chunk only.
+The index at the end is not used: a bag that was not closed has no index, and an index in memory takes over a
+hundred bytes for every message. Without it, memory for one chunk is enough.
 """
 
 import contextlib
@@ -28,14 +28,14 @@ class Op:
 
 LONGEST_HEADER = 1 << 20
 DAMAGE = (struct.error, ValueError, KeyError)
-"""Errors that damaged records cause."""
+"""Errors that damaged records raise."""
 
 LENGTH = struct.Struct("<I")
 TIME = struct.Struct("<II")
 
 
 def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
-    """Yield all messages, and notes on what is unreadable.
+    """Yield all messages, and notes on the parts of the file that are unreadable.
 
     Raises:
         OSError: the file cannot be read.
@@ -91,11 +91,11 @@ def read_ros1(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 class _Record(NamedTuple):
     fields: dict[bytes, bytes]
     length: int
-    """length of the data, which follow the header [bytes]"""
+    """Length of the data, which follow the header [bytes]."""
 
 
 def next_record(file: BinaryIO, size: int) -> _Record | None:
-    """Read the header of the next record; return None at the end or at invalid bytes."""
+    """Read the header of the next record; return None at the end of the file or at invalid bytes."""
     head = file.read(LENGTH.size)
     if len(head) < LENGTH.size:
         return None
@@ -112,7 +112,7 @@ def next_record(file: BinaryIO, size: int) -> _Record | None:
 
 
 def _read_fields(header: bytes) -> dict[bytes, bytes]:
-    """Return the fields of a header; each has its length before it, and = between name and value."""
+    """Return the fields of a header; each field has its length before it, and = between name and value."""
     fields = {}
     at, end = 0, len(header)
     while at < end:
@@ -130,7 +130,10 @@ def _read_fields(header: bytes) -> dict[bytes, bytes]:
 def _read_chunk(
     packed: bytes, fields: dict[bytes, bytes], messages: "_Messages", limits: Limits, place: str
 ) -> str | None:
-    """Add the records of a chunk to `messages`; return what is wrong with the chunk, or None."""
+    """Add the records of a chunk to `messages`.
+
+    Return a text that says what is wrong with the chunk, or None.
+    """
     compression = fields.get(b"compression", b"")
     data, problem = packed, None
     if compression != b"none":
@@ -159,7 +162,7 @@ class _Messages:
         self._batches: dict[bytes, Batch] = {}
 
     def add_all(self, data: bytes) -> str | None:
-        """Add the records in `data`; return what is wrong with them, or None."""
+        """Add the records in `data`; return a text that says what is wrong with these records, or None."""
         at, end = 0, len(data)
         length_at = LENGTH.unpack_from
         try:

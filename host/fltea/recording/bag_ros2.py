@@ -1,6 +1,6 @@
 """Reads bags of ROS 2: SQLite or MCAP files, and the folders that `ros2 bag record` makes of them.
 
-`metadata.yaml` is not used: the files hold the same facts, and a recorder that was killed wrote none.
+`metadata.yaml` is not used: the files hold the same facts, and a recorder that was killed wrote no metadata.
 """
 
 import contextlib
@@ -29,7 +29,7 @@ AT_ONCE = 4096
 """Most messages in a batch."""
 
 STEPS = 10_000
-"""Number of SQLite's virtual-machine steps between two checks of the time limit."""
+"""Number of SQLite's virtual-machine steps after which the time limit is checked again."""
 
 SQLITE_LIMITS = {
     sqlite3.SQLITE_LIMIT_SQL_LENGTH: 1 << 20,
@@ -41,7 +41,7 @@ SQLITE_LIMITS = {
 }
 
 NO_TIME = LATEST_NS + 1
-"""Stands for an arrival time that is not a number."""
+"""Stands for an arrival time that is missing or not a number."""
 
 
 def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
@@ -50,7 +50,7 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
     Raises:
         OSError: the file cannot be read.
         ValueError: the file is not a bag of ROS 2.
-        UsageError: reading takes more time than a file of its size may take.
+        UsageError: reading takes more time than is allowed for a file of its size.
     """
     quota = Quota(path, limits)
     try:
@@ -77,9 +77,9 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 
 
 def _check_tables(connection: sqlite3.Connection) -> None:
-    """Raise ValueError unless the tables of a bag are plain ones: no views, no computed columns.
+    """Raise ValueError unless the tables of a bag are plain tables, without views or computed columns.
 
-    SQLite's own parser is asked, since the schema in the file may state a wrong kind.
+    SQLite's own parser decides, since the schema in the file may claim a wrong kind of table.
     """
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     for name in ("topics", "messages"):
@@ -104,7 +104,7 @@ def _definitions(connection: sqlite3.Connection) -> dict[str, bytes]:
 
 
 def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
-    """Open a file for reading only, with the write-ahead log that a killed recorder left, if possible.
+    """Open a file for reading only, together with the write-ahead log of a killed recorder if there is one.
 
     SQLite's defensive mode is not used, since it refuses the schema of a truncated file.
     """
@@ -119,7 +119,7 @@ def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
                 connection.setlimit(kind, most)
             for setting in ("trusted_schema=OFF", "query_only=ON", "cell_size_check=ON", "mmap_size=0"):
                 connection.execute(f"PRAGMA {setting}")
-            connection.execute("PRAGMA writable_schema=ON")  # otherwise a truncated file is not opened
+            connection.execute("PRAGMA writable_schema=ON")  # otherwise SQLite refuses a truncated file
             connection.execute("SELECT count(*) FROM sqlite_master").fetchone()
         except sqlite3.OperationalError:
             connection.close()
@@ -135,7 +135,7 @@ def _open_sqlite(path: Path, limits: Limits) -> sqlite3.Connection:
 
 @contextlib.contextmanager
 def _whole_pages(path: Path) -> Iterator[tuple[Path, bool]]:
-    """Yield an SQLite file without an incomplete last page, and whether the file is truncated.
+    """Yield an SQLite file without its incomplete last page, and whether the file is truncated.
 
     SQLite would read an incomplete page as if its missing bytes were zeros, and report nothing.
     """
@@ -170,7 +170,7 @@ def _rows(
         taken: list[tuple[int, Any, Any]] = []
         try:
             taken.extend(itertools.islice(rows, AT_ONCE))
-        except sqlite3.Error as error:  # rows before the error are already in `taken`
+        except sqlite3.Error as error:  # rows before the error are in `taken` already
             if quota.is_over():
                 raise
             problem = error
@@ -237,7 +237,7 @@ def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: Mo
 
 @contextlib.contextmanager
 def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
-    """Yield the path of a bag file; a file that is compressed as a whole is decompressed for this time.
+    """Yield the path of a bag file. A compressed file is decompressed to a temporary file until the end.
 
     Raises:
         OSError: the file cannot be read.

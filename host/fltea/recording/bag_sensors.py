@@ -1,4 +1,4 @@
-"""Selects the messages of one sensor in a topic, by the fields that tell several sensors apart."""
+"""Selects the messages of one sensor in a topic, by the fields that distinguish several sensors."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -12,20 +12,20 @@ from fltea.recording.reading import Missing, NotStated
 from fltea.recording.sample_times import Floats, Ints, Marks
 
 ALL_ARE_ONE = "1/1"
-"""Value of --sensor by which the user states that all messages are of one sensor."""
+"""Value of --sensor with which the user states that all messages are from one sensor."""
 
 FEWEST = 10
-"""A field with this many messages, each with another value, is a counter and tells no sensors apart."""
+"""Number of messages, all with different values in a field, from which the field counts as a mere counter."""
 
 MOST_LOOKED_AT = 500
-"""Number of first messages that are examined to see whether sensors take turns."""
+"""Number of first messages in which the program checks whether several sensors alternate."""
 
 PUBLISHER = "publisher"
-"""Name that stands for a field: the publisher of the messages."""
+"""Name for the publisher of a message where a field name is expected."""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
-    """Return whether several publishers write at the same time; a restart gives one after the other."""
+    """Return whether several publishers send at the same time; after a restart, they follow one another."""
     names, places = np.unique(publishers, return_inverse=True)
     arrivals = [arrival_ns[places == k] for k in range(len(names))]
     spans = sorted((int(one.min()), int(one.max())) for one in arrivals)
@@ -35,11 +35,11 @@ def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
 class Sensors:
     """The sensors of a topic.
 
-    `names`: fields that tell sensors apart. `others`: further fields, which count only if their values take
-    turns.
+    `names`: fields that distinguish sensors. `others`: further fields, which are used only if their values
+    alternate.
     `value`: sensor that the user names, `FIELD=VALUE` or VALUE.
-    `which`: question for the user if there are several sensors and none is named; the first is read until
-    then.
+    `which`: question for the user if there are several sensors and the user named none. Until then, the first
+    sensor is read.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Sensors:
         return kept
 
     def _choose_fields(self, values: Sequence[NDArray[np.str_]], figures: Floats) -> dict[int, OneSensor]:
-        """Choose the fields that tell sensors apart, and the field that holds the user's value."""
+        """Choose the fields that distinguish sensors, or the field with the value that the user names."""
         column, mark, value = (self._value or "").rpartition("=")
         words = {place: {*one.tolist()} for place, one in enumerate(values)}
         fields = [k for k in range(self._named) if len(words[k]) < max(FEWEST, len(values[k]))]
@@ -94,7 +94,7 @@ class Sensors:
         return {place: OneSensor(self._where, self._names[place], named.get(place)) for place in fields}
 
     def lacks(self) -> str:
-        """Return what the topic has instead of the sensor that the user names; "" if the sensor is there."""
+        """Return a text that says which sensors the topic has if the user's is missing; "" if it is there."""
         has = [
             f"{self._names[place]} has {listed(sorted(one.others))}"
             for place, one in (self._of or {}).items()

@@ -1,8 +1,8 @@
-"""Finds the units of a bag's numbers: what is stated of them is compared with the values at rest.
+"""Finds the units of a bag's numbers: the stated units are compared with the values at rest.
 
-Drivers break conventions: some write deg/s where ROS has rad/s, and g where ROS has m/s². At rest, the length
-of gravity shows the accelerometer's unit. The noise level of MEMS gyroscopes shows the gyroscope's unit,
-since rad/s and deg/s differ by a factor of 57.
+Some drivers break ROS's conventions and write deg/s instead of rad/s, or g instead of m/s². At rest, the
+length of gravity shows the accelerometer's unit. The noise of MEMS gyroscopes lies in a known range, so it
+shows the gyroscope's unit: rad/s and deg/s differ by a factor of 57.
 """
 
 import math
@@ -22,17 +22,20 @@ from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
 CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
-"""Means over 0.1 s show the ARW N even if a low-pass filter removes the noise of single samples."""
+"""Averaging: means over CLUSTER_S [s], CLUSTERS means in a stretch, and fewest stretches.
+
+Means over 0.1 s show the noise density N even if a low-pass filter removes the noise of single samples.
+"""
 
 QUIET = 0.1
-"""Share of the stretches that counts as rest: the quietest ones."""
+"""Share of the stretches of time that counts as rest: the stretches with the least motion."""
 
 MOVING = 0.05
-"""Largest spread of accelerations at rest, relative to gravity. A moving sensor exceeds it."""
+"""Largest spread of accelerations at rest, relative to gravity; the spread is larger if the sensor moves."""
 
 
 class Scale(NamedTuple):
-    """A unit, its factor to deg/s or m/s², and for counts their number in 1 deg/s or 1 g."""
+    """A unit, its factor to deg/s or m/s², and for counts the number of counts in 1 deg/s or 1 g."""
 
     said: Said
     factor: float
@@ -43,7 +46,7 @@ Parse = Callable[[str], tuple[float, float | None]]
 
 
 def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | None, list[Note]]:
-    """Return the units of both sensors (None if unknown), and notes for the user.
+    """Return the units of gyroscope and accelerometer (None if unknown), and notes for the user.
 
     Raises:
         UsageError: the user's unit contradicts what the file states, or is unknown.
@@ -90,9 +93,10 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
 
 
 class Rest(NamedTuple):
-    """The quietest stretches in the file's numbers: mean (3,), and noise (3,) as σ of a mean over 1 s.
+    """Values at rest, in the file's units: mean rates (3,), and noise (3,) as the σ of a mean over 1 s.
 
-    `gravity`: mean accelerations of all stretches (n, 3). `moves`: whether the quietest stretches shake.
+    `gravity`: mean accelerations of all stretches (n, 3). `moves`: whether the sensor moves even in the
+    quietest stretches.
     """
 
     mean: Floats
@@ -102,7 +106,7 @@ class Rest(NamedTuple):
 
 
 def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Rest | None:
-    """Find the quietest stretches; return None if there are too few samples.
+    """Find the stretches of time with the least motion; return None if there are too few samples.
 
     `blocks`: rates (n, 3), and accelerations (n, 3) or nothing. `g`: gravity in the unit of the
     accelerations.
@@ -141,7 +145,7 @@ def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Res
 class AtRest(NamedTuple):
     """Result of the comparison of an accelerometer with gravity.
 
-    `scale`: unit, None if unknown. `problem`: contradiction, in words. `option`: option that resolves it.
+    `scale`: unit, None if unknown. `problem`: text on a contradiction. `option`: option that resolves it.
     """
 
     scale: Scale | None
@@ -184,11 +188,11 @@ def check_rates(
 ) -> None:
     """Check a unit by convention against the noise and the mean that gyroscopes have at rest.
 
-    `accel`: result for the accelerometer. `table`: returns the table of candidate units. `options`: the
-    user's options.
+    `accel`: result for the accelerometer. `table`: function that returns the table of candidate units.
+    `options`: the user's options.
 
     Raises:
-        NotStated: no gyroscope has such noise or such a mean.
+        NotStated: no gyroscope has such a noise or such a mean in this unit.
     """
     if rate.said.evidence != "convention" or rest.moves:
         return

@@ -1,10 +1,10 @@
 """Reads a file of another program's format with the library for it; `reader_process` runs this as a program.
 
-The output goes to a pipe, whose descriptor is an argument. It consists of pieces, each after its length in
-four bytes. The first piece is a `SheetHead` as JSON, or null.
-After null follow a `TextHead` and text. After a `SheetHead`, the program reads one JSON line from stdin, the
-wanted columns, and sends the rows of their numbers. The length 0 ends the output; the length FAILED stands
-before an error message. Stdout is not used, since libraries print to it; `reader_process` discards stdout.
+The output goes to a pipe, whose file descriptor is an argument of the program. The output consists of blocks,
+each preceded by its length in four bytes. The first block is a `SheetHead` as JSON, or null. After null, the
+program sends a `TextHead` and then text. After a `SheetHead`, it reads one JSON line with the wanted columns
+from stdin, and sends the numbers of these columns in rows. The length 0 ends the output; the length `FAILED`
+precedes an error message. Stdout is not used, since libraries print to it; `reader_process` discards stdout.
 """
 
 import sys
@@ -24,7 +24,7 @@ from fltea.records.scarce import is_scarcity
 
 
 def main(limits: str, descriptor: str, kind: str, path: str, topic: str) -> None:
-    """Read a file within `ProcessLimits`, and write only to the pipe."""
+    """Read a file within the `ProcessLimits`, and write the result only to the pipe."""
     held = msgspec.json.decode(limits, type=ProcessLimits)
     held.hold()
     out = open(int(descriptor), "wb")  # noqa: SIM115

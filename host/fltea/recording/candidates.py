@@ -1,6 +1,6 @@
 """Shows the user what each possible answer to a question would mean for the numbers of a file.
 
-Nothing is chosen here: a table shows what the columns hold, and the noise and mean in each candidate unit.
+Nothing is decided here. A table shows what the columns hold, and the noise and mean in each candidate unit.
 """
 
 import math
@@ -21,41 +21,41 @@ GRAVITY = {
     "cm/s^2": 100 * STANDARD_GRAVITY_MS2,
     "mm/s^2": 1000 * STANDARD_GRAVITY_MS2,
 }
-"""The length of gravity in each unit."""
+"""Length of gravity in each unit of acceleration."""
 
 GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
-"""The length of gravity in 16-bit counts at ±16, ±8, ±4 and ±2 g."""
+"""Length of gravity in 16-bit counts of accelerometers with ranges of ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Relative tolerance of the length of gravity. Cheap accelerometers are off by about 5 %, so mg and cm/s²,
+"""Relative tolerance of the length of gravity. Cheap accelerometers deviate by about 5 %. So mg and cm/s²,
 which differ by 2 %, cannot be distinguished.
 """
 
 STEADY = 0.1
-"""Largest spread of the length of gravity, relative to its mean, at which values count as gravity."""
+"""Largest spread of a vector's length, relative to its mean, with which the vector may be gravity."""
 
 UNITS = ("rad/s", "deg/s", "mrad/s", "mdps", "deg/h")
 COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
-"""Counts per deg/s of the commonest sensors at ±250, ±500, ±1000 and ±2000 deg/s."""
+"""Counts per deg/s of the commonest gyroscopes, with ranges of ±250, ±500, ±1000 and ±2000 deg/s."""
 
 MOST_N, MOST_MEAN_DPS = 5.0, 20.0
-"""Largest plausible values of MEMS gyroscopes at rest: noise [deg/√h] and mean [deg/s]."""
+"""Largest plausible noise N [deg/√h] and mean [deg/s] of MEMS gyroscopes at rest."""
 
 USUAL = "MEMS gyroscopes have N 0.1 to 3 deg/√h, and at rest a mean of up to some 10 deg/s."
 
 LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
-"""Sampling rates that tables show [Hz]. The range is wider than that of accepted rates."""
+"""Sampling rates that the tables show [Hz]; a wider range than that of the rates that are accepted."""
 
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
-"""Values of this size are not measurements. The squares of smaller values do not overflow."""
+"""Numbers from this size on are not measurements; squares of smaller numbers do not overflow."""
 
 
 def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
-    """Return a table with a row for each unit that rates may be in: N and mean of the axes.
+    """Return a table with a row for each unit that the rates may have; a row shows N and mean of each axis.
 
     `values`: (n, axes) as in the file. `rate_hz`: sampling rate; if None, the table shows σ instead of N.
-    `when`: candidate units and the circumstances of each; None: the usual units.
+    `when`: candidate units, each with the case in which it applies; None: the usual units.
     """
     values = values[np.isfinite(values).all(axis=1)] if values.size else values
     if len(values) < 3:
@@ -80,7 +80,7 @@ def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] |
 
 
 def columns_table(names: Sequence[str] | None, values: Floats) -> str:
-    """Return a table with a row for each column: position, name, mean and σ, and what its values suggest."""
+    """Return a table with a row for each column: position, name, mean, σ, and what the values may be."""
     if len(values) < 3:
         return ""
     values = np.where(np.abs(values) < NOBODY_MEASURES, values, math.nan)
@@ -99,9 +99,9 @@ def columns_table(names: Sequence[str] | None, values: Floats) -> str:
 
 
 def times_table(step: float, limits_hz: tuple[float, float] = LIKELY_HZ, also: str = "") -> list[str]:
-    """Return the options for each time unit by which `step` has a gyroscope's rate, with that rate.
+    """Return an option for each time unit in which `step` gives a possible sampling rate, with that rate.
 
-    `also`: further option to show after the unit.
+    `also`: further option that is shown after the unit.
     """
     rates = {unit: 1 / (step * unit_s) for unit, unit_s in SECONDS.items()} if step > 0 else {}
     return [
@@ -119,7 +119,7 @@ def ticks_table(step: float, units: Sequence[str]) -> str:
 def gravity_units(values: Floats) -> list[str]:
     """Return the units that an accelerometer's axes (n, 3) at rest may have, by the length of gravity.
 
-    The list is empty if both counts and a unit are possible.
+    The list is empty if the length fits both counts and a unit.
     """
     values = values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)]
     length = np.linalg.norm(values, axis=1)
@@ -133,7 +133,7 @@ def gravity_units(values: Floats) -> list[str]:
 
 
 def length_of(values: Floats) -> float:
-    """Return the median length of vectors (n, 3); NaN if no vector has plausible numbers."""
+    """Return the median length of vectors (n, 3); NaN if no vector consists of plausible numbers."""
     lengths = np.linalg.norm(values[(np.abs(values) < NOBODY_MEASURES).all(axis=1)], axis=1)
     return float(np.median(lengths)) if len(lengths) else math.nan
 
@@ -145,7 +145,7 @@ def is_rising(column: Floats) -> bool:
 
 
 def _remarks(values: Floats) -> dict[int, str]:
-    """Return remarks on columns: which rise, and which three neighbours have the length of gravity."""
+    """Return remarks on columns: which columns rise, and which three neighbours have gravity's length."""
     found = {}
     numbers = []
     for place in range(values.shape[1]):
@@ -157,7 +157,7 @@ def _remarks(values: Floats) -> dict[int, str]:
             numbers.append(place)
     for first in sorted(
         range(len(numbers) - 2), key=lambda place: (place % 3, place)
-    ):  # aligned groups of three first
+    ):  # aligned groups of three are tried first
         three = numbers[first : first + 3]
         units = gravity_units(values[:, three])
         if units and not any(place in found for place in three):
@@ -172,7 +172,7 @@ def _remarks(values: Floats) -> dict[int, str]:
 
 
 def _white_std(values: Floats) -> Floats:
-    """Return σ of the white noise of each axis, from differences, since drift does not enlarge these."""
+    """Return σ of each axis's white noise, computed from differences, which drift hardly affects."""
     steps = np.diff(values, axis=0)
     robust = 1.4826 * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0)
     return np.asarray(np.where(robust > 0, robust, steps.std(axis=0)) / math.sqrt(2))

@@ -12,33 +12,33 @@ if TYPE_CHECKING:
 
 
 class StepMark(Record, frozen=True, forbid_unknown_fields=False, tag="step"):
-    """The fields of a `step` record that are needed to count it; a newer version may write others."""
+    """Fields of a `step` record that are needed to count it; newer versions may write further fields."""
 
     host_ns: int
 
 
 class MotionMark(Record, frozen=True, forbid_unknown_fields=False, tag="motion"):
-    """The fields of a `motion` record that are needed to count it."""
+    """Fields of a `motion` record that are needed to count it."""
 
     host_ns: int
     begins: bool
 
 
 CLASSES = ("step", "motion")
-"""Names of both record types, in NDJSON and as the last part of a topic."""
+"""Names of the two record classes, in NDJSON and as the last part of an MCAP topic."""
 
 _decode = msgspec.json.Decoder(StepMark | MotionMark).decode
 
 
 class Changes:
-    """Counts of steps and of beginnings of motions; None if a recording has no channel for such records."""
+    """Counts of steps and of beginnings of motions; None if the recording has no channel for such records."""
 
     def __init__(self) -> None:
         self.steps: int | None = None
         self.motions: int | None = None
 
     def expect(self) -> None:
-        """Note that the recording has a channel for such records, so that the counts begin at 0."""
+        """Start both counts at 0, since the recording has a channel for such records."""
         self.steps, self.motions = self.steps or 0, self.motions or 0
 
     def count(self, record: StepMark | MotionMark) -> None:
@@ -52,7 +52,10 @@ class Changes:
             self.motions += record.begins
 
     def count_in(self, messages: "Messages", topics: Mapping[int, str]) -> None:
-        """Count the records among `messages`, except damaged ones. `topics`: topic name of each channel."""
+        """Count the step and motion records in `messages`. `topics`: topic name of each channel.
+
+        Damaged records are not counted.
+        """
         channels = [channel for channel, topic in topics.items() if topic in CLASSES]
         if not channels:
             return

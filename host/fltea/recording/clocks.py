@@ -1,4 +1,4 @@
-"""Decides whether the steps between times are those of a sensor's clock, and measures the sampling period."""
+"""Decides whether times are from a sensor's clock, by the steps between them, and measures the period."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -10,51 +10,53 @@ from fltea.recording.sample_numbers import Numbering
 from fltea.recording.sample_times import EVEN_SHARE, EVENNESS, Elapsed, Floats, Ints
 
 Blocks = Callable[[], Iterable[Floats]]
-"""Function that yields elapsed times in blocks; each call begins anew."""
+"""Function that yields elapsed times in blocks; each call starts at the first block again."""
 
 MOST_IN_TURNS = 4
-"""Most sensors in turns that the times alone can reveal."""
+"""Most alternating sensors that can be recognised from the times alone."""
 
 SHORT_GAPS = 2, 3, 4
-"""Steps of this many periods count as lost samples, however many there are. Bursts leave longer steps."""
+"""Lengths of steps, in periods, that mean lost samples however frequent they are; bursts have longer
+steps."""
 
 NEARLY = 1e-3
-"""Tolerance for a time to be a multiple of the grain, relative to the grain."""
+"""Largest distance of a time from a multiple of the times' resolution, relative to the resolution."""
 
 COARSEST_S = 1e-3 * (1 + NEARLY)
-"""Coarsest grain of times whose period is examined: a counter of milliseconds [s].
+"""Coarsest resolution of times from which the period is measured: milliseconds [s].
 
-Coarser times, where nearly all steps are one grain, are ambiguous: 99 Hz in hundredths of a second look like
-100 Hz with every hundredth sample lost.
+If times have a coarser resolution and nearly all steps are equal to it, the period is ambiguous: 99 Hz in
+hundredths of a second look like 100 Hz with every hundredth sample lost.
 """
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
-"""Repeated times with different values, as a number and a share of rows, from which a clock is too coarse."""
+"""Number and share of rows that repeat a time with other values, from which a clock counts as too coarse."""
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""Quantile of stretches that counts as without lost samples, and smallest share of stretches without loss."""
+"""Quantile of the stretches' lengths that counts as free of loss, and smallest share of such stretches."""
 
 FEWEST_BURSTS, MANY_BURSTS, ALIKE_SHARE = 3, 10, 0.7
-"""Fewest long steps for regular bursts, for any bursts, and the share of long steps that have to be alike."""
+"""Fewest long steps for regular bursts and for other bursts; share of long steps that must be alike."""
 
 MOST_IN_STEPS, NEARLY_ALL = 0.5, 0.8
-"""Share of the time in long steps, for regular and for any bursts: a clock would have lost most samples."""
+"""Share of the time in long steps from which rows come in regular bursts, and in other bursts."""
 
 
 class Bursts(NamedTuple):
-    """Rows that arrive `rows` at a time, once in each interval `every` (in the column's unit)."""
+    """Bursts of `rows` rows, one burst in each interval `every` (in the unit of the column of times)."""
 
     rows: int
     every: float
 
 
 class Clock(NamedTuple):
-    """What the steps between times show, in the column's unit.
+    """What the steps between times show; times are in the unit of their column.
 
-    `typical`: mean step without gaps. `even`: the steps are those of a sensor's clock.
-    `bursts`: rows arrive in bursts. `is_coarse`: times are so rounded that different times became equal.
-    `is_rounded`: times are rounded to a large part of the period.
-    `in_turn`: number of sensors in turns, after which the steps repeat; 0: no turns.
+    `typical`: mean step without gaps. `even`: whether the steps are those of a sensor's clock.
+    `bursts`: the bursts in which rows arrive, or None. `is_coarse`: whether rounding made different times
+    equal.
+    `is_rounded`: whether times are rounded to a large part of the period.
+    `in_turn`: number of alternating sensors, after which the steps repeat; 0 if sensors do not alternate.
     """
 
     typical: float
@@ -69,9 +71,9 @@ class Clock(NamedTuple):
 
 
 def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
-    """Examine elapsed times; return None if no time differs.
+    """Examine elapsed times; return None if all times are equal.
 
-    `elapsed`: their column, with its counted faults.
+    `elapsed`: converter of the column of times, with its counts of faults.
     """
     medians, least, largest, count = [], math.inf, 0.0, 0
     for steps in _steps(blocks()):
@@ -86,7 +88,7 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     if single >= EVEN_SHARE and grain * elapsed.unit_s > COARSEST_S:
         grain = 0.0
     period = _by_stretches(blocks, median, grain) if grain else None
-    if period == math.inf and grain < median / 2:  # the median step then contains no lost sample
+    if period == math.inf and grain < median / 2:  # a median step of several units contains no lost sample
         period = None
     if period is not None or (grain and share < EVEN_SHARE):
         step = median if period in (None, math.inf) else period
@@ -101,7 +103,10 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
 
 
 def _in_turn(steps: Floats, grain: float) -> int:
-    """Return after how many steps the steps repeat; 0 if they do not, except by rounding to `grain`."""
+    """Return the number of steps after which steps repeat.
+
+    0 if only rounding to `grain` makes them repeat.
+    """
     for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
         middle = np.array([np.median(steps[k::count]) for k in range(count)])
         usual = np.resize(middle, len(steps))
@@ -124,9 +129,9 @@ def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
 def _even_share(
     blocks: Iterable[Floats], median: float, tolerance: float, odd: int
 ) -> tuple[float, float, float]:
-    """Return the share of steps near `median`, that near 1 to 4 times `median`, and the mean step.
+    """Return the share of steps near `median`, the share near 1 to 4 times `median`, and the mean step.
 
-    The mean is that of the steps near `median`.
+    The mean is taken over the steps near `median`.
     """
     count, near, gaps, total = odd, 0, 0, 0.0
     for steps in _steps(blocks):
@@ -146,11 +151,11 @@ def _grain(blocks: Blocks, median: float) -> float:
 
 
 def _by_stretches(blocks: Blocks, median: float, grain: float) -> float | None:
-    """Return the period of rounded times, measured over long stretches; None: the period is the median step.
+    """Return the period of rounded times, measured over long stretches; None if it is the median step.
 
-    Steps of 1 and 2 ms are those of 800 Hz in whole ms if all stretches of equally many steps have the same
-    length, except for the grain. With 1000 Hz and losses, some stretches have as many ms as steps. The result
-    is infinite if the stretches are too short to decide.
+    At 800 Hz in whole ms, steps of 1 and 2 ms alternate, and all stretches with the same number of steps have
+    nearly the same length. At 1000 Hz with losses, some stretches have as many ms as steps. The result is
+    infinite if the stretches are too short to decide.
     """
     found = [(len(t), _of_block(t, median, grain)) for t in blocks() if len(t) > 1]
     total = sum(rows for rows, _ in found)
@@ -177,7 +182,7 @@ def _of_block(times: Floats, median: float, grain: float) -> float | None:
     if period == math.inf:
         return period
     steps[steps > (SHORT_GAPS[-1] + 0.5) * period] = period
-    times = np.cumsum(steps)  # numbered samples, since some stretches lack samples
+    times = np.cumsum(steps)  # samples are numbered, since some stretches have lost samples
     numbers = (
         Numbering(period, 1 / period, is_rounded=True).add(times, np.zeros(len(times), np.bool_)).sequence
     )
@@ -189,7 +194,7 @@ def _shortest(times: Floats, rows: int) -> float:
 
 
 def _bursts(blocks: Iterable[Floats], period: float, longest: float) -> Bursts | None:
-    """Return the bursts in which rows arrive, as when a radio collects rows; None without bursts."""
+    """Return the bursts in which rows arrive, for instance after a radio collects rows; None if none."""
     places: list[Ints] = []
     found: list[Floats] = []
     count, total = 0, 0.0

@@ -1,7 +1,7 @@
-"""Reads axis, time and unit from column names, as loggers of all kinds write them.
+"""Finds axis, time and unit in the names of columns, in the forms that loggers of all kinds write.
 
-A name consists of words, one of which may be an axis. A unit stands in brackets after or before the words, or
-at their end.
+A name consists of words, one of which may be an axis. A unit may stand in brackets before or after the words,
+or at their end.
 """
 
 import re
@@ -32,7 +32,7 @@ _NO_SENSOR = r"(?!(?:avg|bias|cov|err|max|mean|min|std|var)\d)"
 _PREFIX = r"field|raw|data|sensor|board|device|motion|scaled|highres|imu|shimmer(?:_[\da-f]+)*"
 _PREFIX += rf"|{_NO_SENSOR}[a-z]{{2,7}}\d+[a-z]{{0,4}}\d*"
 _BEFORE = rf"(?:(?:{_PREFIX})_)*"
-"""Words before an axis that name a sensor: imu0, lsm6dsox, but no std0."""
+"""Words before an axis that name a sensor, such as imu0 or lsm6dsox; std0 names none."""
 
 _SORT = r"(?:_(?:raw|data|cal|calibrated|uncalibrated|uncal|scaled|adc|unfilt|smooth|ln|wr))*"
 _GYRO = "gyroscopes?|gyros?|gyr|(?:gyro_)?rotation_?rate|gyro_rotation|rot_?rate|w_rs_s|avel|omega"
@@ -45,14 +45,14 @@ def _axis(words: str) -> re.Pattern[str]:
 
 
 def _sensor(words: str, letters: str) -> re.Pattern[str]:
-    """Compile a pattern of axes after or before the words of a sensor, or after one of `letters`."""
+    """Compile a pattern for axes before or after the words of a sensor, or after one of `letters`."""
     behind, before = rf"(?:{words})\d?{_SORT}_?(?P<x>[xyz])", rf"(?P<before>[xyz])_?(?:{words})"
     return _axis(rf"{behind}|{before}|[{letters}]_?(?P<bare>[xyz])")
 
 
 _GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
-"""Axes that only their unit shows to be rates or accelerations. WitMotion calls an angular rate AsX."""
+"""Names of axes that need a unit to be rates or accelerations. WitMotion calls an angular rate AsX."""
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
@@ -76,16 +76,16 @@ _INDICES = {"0", "1", "2"}
 _CLOCKS = re.compile(
     r"\b(?:utc|gmt|local|unix|epoch|gps|tow|tai|iso|txt|text|string|datetime|date|time)\b|^[+-]\d|yyyy"
 )
-"""Words in brackets after times that state a clock or a form, but no unit."""
+"""Words in brackets after the name of a time that state a clock or a format, and no unit."""
 
 _BODY_AXES = ("x", "y", "z"), ("p", "q", "r"), ("roll", "pitch", "yaw")
-"""Names for rates about body axes in aviation and for vehicles."""
+"""Names of angular rates about body axes, as used in aviation and for vehicles."""
 
 _NOT_MEASURED = re.compile(
     "(?:.*_)?(?:bias|offset|std|stdev|sigma|var|variance|cov|err|error|noise|target|desired|des|setpoint|sp|ref"
     "|reference|cmd|command|demand|mean|avg|max|min|est|estimated|truth|gt|filtered|filt|lpf)(?:_.*)?"
 )
-"""Names of rates that are not measured by a gyroscope alone."""
+"""Names of rates that come from a filter or another sensor, not from a gyroscope alone."""
 
 
 class _Name(NamedTuple):
@@ -141,7 +141,7 @@ def time_unit_of(name: str) -> TimeUnit | None:
 
 
 def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times and its multiple; minutes, hours and days count in brackets or in full."""
+    """Return the unit of times in a name and its multiple; minutes and longer units must be unmistakable."""
     found = _parts(name)
     if found.unit:
         return time_scale(found.unit)
@@ -150,7 +150,7 @@ def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
 
 
 def counts_unknown(name: str, unit: str) -> str:
-    """Return the unit of times that the name or the file states if this unit is unknown, else ""."""
+    """Return the unit of times that the name or the file states if fltea does not know this unit, else ""."""
     stated = (unit or unit_in(name)).strip()
     is_clock = ":" in stated or _CLOCKS.search(stated.lower())
     return "" if not stated or is_clock or time_scale(stated) or time_scale_of(name) else stated
@@ -167,7 +167,7 @@ def accel_unit_of(name: str) -> float | None:
 
 
 def is_time(name: str) -> bool:
-    """Return whether a name is one of times; `times_in` decides on a bare T."""
+    """Return whether a name is that of a column of times; `times_in` decides about a column T."""
     found = _parts(name)
     if is_physical(found.unit) and time_scale(found.unit) is None:
         return False
@@ -180,13 +180,13 @@ def is_time(name: str) -> bool:
 
 
 def times_in(names: Sequence[str]) -> list[str]:
-    """Return the names of times. A bare T may be a temperature, so it counts only if there is no other."""
+    """Return the names of columns of times. T may be a temperature, so it counts only if it is alone."""
     found = [name for name in names if is_time(name)]
     return [name for name in found if name.strip() != "T"] or found
 
 
 def tells_sensors(name: str) -> bool:
-    """Return whether a column of this name tells sensors apart if it holds more than one value."""
+    """Return whether a column of this name distinguishes sensors, provided that its values differ."""
     words = _plain(name) if len(name) <= LONGEST_NAME else ""
     return (
         _plain(name.rpartition(".")[2]) in _SENSORS
@@ -200,7 +200,7 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Map each column of whole seconds to the column of its fraction and that column's unit [s]."""
+    """Return columns of whole seconds, each with the column and the unit [s] of its fraction."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
@@ -215,14 +215,14 @@ def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
 
 
 def axis_of(name: str, unit: str = "") -> str | None:
-    """Return the gyroscope axis (x, y or z) that a name means, or None; `unit`: unit that the file states."""
+    """Return the gyroscope axis (x, y or z) that a name means, or None. `unit`: unit stated elsewhere."""
     return _axis_in(name, unit, _GYRO_AXIS, rate_unit)
 
 
 def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
-    """Return the columns of axes x, y, z with equal names of any kind and a unit of angular rates.
+    """Return the columns of three axes whose names differ only in the axis and whose unit is an angular rate.
 
-    `units`: unit of each column, if the file has a row of units. The result is empty if two such triples
+    `units`: unit of each column, if the file has a row of units. The result is empty if several such triples
     exist.
     """
     found: dict[tuple[str, ...], list[tuple[str, int]]] = {}
@@ -243,12 +243,15 @@ def axes_in_units(names: Sequence[str], units: Sequence[str]) -> dict[str, int]:
 
 
 def accel_axis_of(name: str, unit: str = "") -> str | None:
-    """Return the accelerometer axis that a name means, or None; `unit`: unit that the file states."""
+    """Return the accelerometer axis that a name means, or None. `unit`: unit stated elsewhere."""
     return _axis_in(name, unit, _ACCEL_AXIS, accel_unit)
 
 
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
-    """Return the axis unless its unit is of another quantity; with a unit of its own, a mere x is an axis."""
+    """Return the axis in a name, or None if its unit contradicts.
+
+    With a fitting unit, a mere `x` is an axis.
+    """
     parts = _parts(name)
     stated = _stated(parts, unit)
     if is_physical(stated) and kind(stated) is None:
@@ -264,7 +267,7 @@ def _stated(parts: _Name, unit: str) -> str:
 
 
 def named_axis(name: str, axis: int) -> str:
-    """Return the name of axis number `axis` (from 0) of an array: `gyro_dps` has `gyro_x_dps`."""
+    """Return the name of axis number `axis` (from 0) of an array: `gyro_x_dps` in `gyro_dps`."""
     found = _parts(name)
     if found.is_in_brackets and found.unit:
         return f"{found.base}_{'xyz'[axis]} [{found.unit}]"
@@ -272,7 +275,7 @@ def named_axis(name: str, axis: int) -> str:
 
 
 def _plain(name: str) -> str:
-    """Return a name in small letters, with _ between its words, also in `gyroX`."""
+    """Return a name in small letters with _ between its words; `gyroX` becomes `gyro_x`."""
     return _SEPARATOR.sub("_", _HUMP.sub("_", name.strip()).lower()).strip("_")
 
 

@@ -25,18 +25,20 @@ NOTHING = Facts()
 
 @dataclass(frozen=True)
 class Chosen:
-    """The columns to read and their units. Columns are indices from 0.
+    """The columns to read, as indices from 0, and their units.
 
-    `gyro`: columns of the axes; `axes`: x, y or z of each.
-    `units`: unit in the notation of `--units`; `factor`, `lsb`: as `parse_units` returns them.
-    `time`: column of times, None without; `time_unit`: its unit, None if unknown; `time_factor`: multiple of
-    the unit.
-    `fine`: column that is added to whole seconds; `fine_s`: its unit [s].
-    `accel`: columns of the accelerometer's axes x, y, z, or empty; `accel_ms2`: their unit [m/s²].
-    `rate_hz`: sampling rate that the user gives or the file states; `is_given`: whether the user gives it.
-    `sensor`: column that tells sensors apart, and the value of the sensor to read, None: the only value.
-    `turn`: index of the sensor to read among sensors in turns, and their number.
-    `answers`: the choices so far, with evidence. `notes`: warnings for the user.
+    `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis.
+    `units`: unit of the rates in the notation of `--units`; `factor`, `lsb`: results of `parse_units` for
+    this unit.
+    `time`: column of times, None if there is none; `time_unit`: unit of the times, None if unknown;
+    `time_factor`: multiple of this unit that 1 stands for.
+    `fine`: column with fractions that are added to whole seconds; `fine_s`: unit of this column [s].
+    `accel`: columns of the accelerometer's axes x, y, z, or empty; `accel_ms2`: unit of these columns [m/s²].
+    `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
+    `sensor`: column that distinguishes sensors, and the value of the sensor to read, None if there is only
+    one value.
+    `turn`: index of the sensor to read among alternating sensors, and the number of these sensors.
+    `answers`: the choices so far, each with its evidence. `notes`: warnings for the user.
     """
 
     names: list[str]
@@ -62,7 +64,7 @@ class Chosen:
 
     @cached_property
     def time_name(self) -> str:
-        """Name of the column of times, "" without."""
+        """Name of the column of times, "" if there is none."""
         return "" if self.time is None else self.names[self.time]
 
     @cached_property
@@ -74,7 +76,7 @@ class Chosen:
 
     @cached_property
     def needed(self) -> tuple[int, ...]:
-        """Columns that every sample needs: the axes, then the times."""
+        """Columns that every sample must have: the axes, then the times."""
         return tuple(place for place in (*self.gyro, self.time, self.fine) if place is not None)
 
     @cached_property
@@ -88,7 +90,7 @@ class Chosen:
         return (*self.needed, *self.accel)
 
     def scale(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Scale the columns that are read (n, columns) in place, to deg/s or counts, and to m/s²."""
+        """Convert the columns that are read (n, columns) to deg/s or counts, and to m/s², in place."""
         with np.errstate(over="ignore", invalid="ignore"):
             axes = len(self.gyro)
             values[:, :axes] *= self.factor
@@ -115,15 +117,15 @@ def choose(
     facts: Facts = NOTHING,
     tag: str = "",
 ) -> Chosen:
-    """Choose the columns to read, from names, options, the file's facts and the first rows.
+    """Choose the columns to read, by their names, the user's options, the file's facts and the first rows.
 
-    `where`: file, and line of the names, for messages. `names`: names of all columns; None: the file has
-    none, and
-    `width` columns. `units`: unit of each column, if a row of units follows the names. `tag`: first field of
-    a row, in files with rows of several kinds.
+    `where`: file and line of the names, for messages. `names`: names of all columns, None if the file has no
+    names but only `width` columns. `units`: unit of each column, if a row of units follows the names. `tag`:
+    first field of the rows to read, in files with rows of several kinds.
 
     Raises:
-        NotStated: a fact has no evidence; the message asks for it and shows what each candidate would mean.
+        NotStated: nothing states a fact that is needed. The message asks for it and shows what each candidate
+            would mean.
         UsageError: a column is missing or ambiguous, or two pieces of evidence contradict each other.
     """
     wanted = wanted_of(how)
@@ -171,10 +173,10 @@ def choose(
 
 
 def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:
-    """Check again for several sensors, since live text has shown more rows.
+    """Check for several sensors once more, since more rows of live text have arrived.
 
     Raises:
-        NotStated: a column tells several sensors apart.
+        NotStated: a column distinguishes several sensors.
     """
     found = Choice(where, chosen.names, chosen.names, [], wanted_of(how), how, facts, None)
     choose_sensor(found, "", chosen.gyro)
@@ -187,7 +189,7 @@ def _labels(
 ) -> tuple[list[str], Sequence[str]]:
     """Return the labels by which the user may name the columns, and the columns' names.
 
-    Columns without names have their positions from 1 as names.
+    A column without a name has its position, counted from 1, as its label.
     """
     positions = [str(place + 1) for place in range(width)]
     if wanted.columns is None and wanted.time is None:

@@ -30,26 +30,29 @@ PACKERS: dict[bytes, tuple[Any, str]] = {
     b"BZh": (bz2.open, "bzip2 -dk {}"),
     b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
 }
-"""Function that opens compressed data, and command that decompresses it, by the first bytes of the file."""
+"""Function that opens compressed data and command that decompresses it, by the first bytes of a file."""
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
 """Errors that libraries raise for damaged data; an archive with a password raises RuntimeError."""
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")
-"""Words in names of files with gyroscope data, the likeliest first: phone apps write one file per sensor."""
+"""Words in the names of files that hold gyroscope data, the best hint first; phone apps write one file per
+sensor."""
 
 BESIDE = ("meta", "__macosx", "readme", "license")
-"""Words in the paths of files without gyroscope data."""
+"""Words in the paths of files that hold no gyroscope data."""
 
 BUFFER_BYTES = 1 << 18
 
 
 def open_compressed(path: Path, how: How, limits: Limits) -> Stored | Printed:
-    """Read a compressed file by the kind of its content: text directly, other kinds from a temporary file.
+    """Read a compressed file. Text is read directly.
+
+    Other formats are decompressed to a temporary file first.
 
     Raises:
-        UsageError: the file is damaged, its content exceeds the quota or is of a kind that has to be
-            decompressed first, or several files of an archive come into question.
+        UsageError: the file is damaged, its content exceeds the quota or has a format that the user must
+            decompress first, or several files of an archive may be the recording.
     """
     quota = Quota(path, limits)
     try:
@@ -83,7 +86,7 @@ def _open_inside(
 ) -> Stored | Printed:
     """Open the content.
 
-    `place`: its name, for messages. `advice`: what the user can do if it is not readable.
+    `place`: name of the content for messages. `advice`: what the user can do if the content is not readable.
     """
     inner = place.with_suffix("") if KINDS.get(place.suffix.lower()) == "packed" else place
     with nameless_file() as whole:
@@ -124,9 +127,9 @@ def _member(path: Path, archive: zipfile.ZipFile, command: str) -> zipfile.ZipIn
 
 
 class _Counted(io.RawIOBase):
-    """Decompressed data; their length counts against the quota.
+    """Stream of decompressed data, whose length counts against the quota.
 
-    `is_cut`: the compressed data end too early.
+    `is_cut`: whether the compressed data end too early.
     """
 
     def __init__(self, stream: Any, quota: Quota) -> None:
@@ -138,7 +141,7 @@ class _Counted(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
-        """Decompress the next piece into `buffer`."""
+        """Decompress the next bytes into `buffer`; return their number."""
         try:
             data: bytes = getattr(self._stream, "read1", self._stream.read)(len(buffer))
         except EOFError:

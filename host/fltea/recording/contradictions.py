@@ -1,4 +1,4 @@
-"""Checks the answers about columns for contradictions, with each other, the dialect, or the first rows."""
+"""Checks the chosen columns for contradictions with each other, with the dialect, and with the first rows."""
 
 import math
 import re
@@ -19,10 +19,10 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
-"""Largest usual offset at rest [deg/s]. An offset of 1 deg/s is as long as gravity in g."""
+"""Largest usual offset at rest [deg/s]; offsets near 1 deg/s could be confused with gravity in g."""
 
 FEWEST_STEPS = 8
-"""Fewest common steps by which two clocks are compared."""
+"""Fewest steps of two clocks that are compared with each other."""
 
 
 def check_clock(
@@ -34,12 +34,12 @@ def check_clock(
 ) -> None:
     """Compare the chosen clock with the dialect, the rate in the file's head, and other columns of times.
 
-    `time`: column of times. `unit`, `factor`: its unit and multiple. `fine`: column that is added to whole
-    seconds, and its unit [s].
+    `time`: column of times. `unit`, `factor`: unit of the times, and multiple of it. `fine`: column of
+    fractions that is added to whole seconds, and the unit of this column [s].
 
     Raises:
-        UsageError: the user's rate differs from the rate in the head.
-        NotStated: two clocks run at different rates, and the user chose none.
+        UsageError: the user's rate differs from the rate in the file's head.
+        NotStated: two clocks run at different rates, and the user chose neither.
     """
     how, dialect = choice.how, choice.dialect
     given_hz = how.rate_hz or 0.0
@@ -90,7 +90,7 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
             other_s = unit_s
         if other_s is not None and unit_s is not None:
             ratio = found * other_s / unit_s
-        else:  # unknown units: a power of 1000 between the clocks is taken as the units' ratio
+        else:  # unknown units: a factor of a power of 1000 is taken as the ratio of the units
             ratio = found / 1000 ** round(math.log(found, 1000))
         if abs(ratio - 1) > SAME_RATE:
             what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
@@ -98,14 +98,14 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
 
 
 def _of_dialect(choice: Choice) -> list[str]:
-    """Return the names of time columns whose unit the dialect states."""
+    """Return the names of the columns of times for which the dialect states a unit."""
     dialect = choice.dialect
     patterns = dialect.time if dialect is not None and dialect.time_unit else ()
     return [name for name in choice.names if any(re.fullmatch(pattern, name) for pattern in patterns)]
 
 
 def _runs_as(times: Floats, others: Floats) -> float | None:
-    """Return the ratio of the steps of `times` to those of `others`; None if either clock is not even."""
+    """Return the ratio of the steps of `times` to those of `others`; None if one of them is uneven."""
     steps, ahead = np.diff(times), np.diff(others)
     known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)
     if known.sum() < FEWEST_STEPS:
@@ -119,13 +119,14 @@ def _runs_as(times: Floats, others: Floats) -> float | None:
 def check_gravity(
     choice: Choice, gyro: Sequence[int], dps: float, accel: Sequence[int], accel_ms2: float
 ) -> None:
-    """Compare the length of gravity with the user's unit, and search the gyroscope's columns for gravity.
+    """Compare the length of gravity with the user's unit, and check that no gyroscope column holds gravity.
 
     `dps`: unit of the gyroscope's numbers [deg/s]. `accel`: columns of the accelerometer's axes; `accel_ms2`:
-    their unit [m/s²].
+    unit of these columns [m/s²].
 
     Raises:
-        UsageError: gravity has the length of another unit than the user's, or is in the gyroscope's columns.
+        UsageError: the length of gravity shows another unit than the user's, or gravity is in the gyroscope's
+            columns.
     """
     how, dialect, values = choice.how, choice.dialect, choice.first_rows()
     if how.overrule or values is None:

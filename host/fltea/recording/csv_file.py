@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 BLOCK_BYTES = 1 << 18
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 10_000
-"""Number of lines within which the names of the columns or the first row have to stand."""
+"""Number of first lines that must contain the names of the columns or a row of numbers."""
 
 
 def open_csv(
@@ -28,11 +28,12 @@ def open_csv(
 ) -> Stored:
     """Read a gyroscope's columns from a text file in one pass, as `TextReader` reads live text.
 
-    `file`: the open file, if `path` is opened already. `head`: lines from elsewhere in the file that describe
+    `file`: the open file, if the caller has opened it. `head`: lines elsewhere in the file that describe
     these columns.
 
     Raises:
-        UsageError: the columns are ambiguous, or no line holds a sample; names file, line and reason.
+        UsageError: the columns are ambiguous, or no line holds a sample; the message names file, line and
+            reason.
     """
     if how.units is not None:
         parse_units(how.units)
@@ -71,7 +72,7 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
 
 
 def _notes(path: Path, reader: TextReader) -> list[Note]:
-    """Return the warnings about lines that hold no sample."""
+    """Return warnings about the lines that hold no sample."""
     notes, first = list(reader.notes), reader.first
     if reader.left_out and first is not None:
         text = f"the first of {reader.left_out} lines that hold no sample and are left out: {first.why}"

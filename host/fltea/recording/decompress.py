@@ -1,24 +1,24 @@
-"""Decompresses data up to a limit, since a few bytes can claim to hold any amount."""
+"""Decompresses data up to a size limit, since a few compressed bytes can expand to any amount."""
 
 import bz2
 
 SMALLEST_WINDOW_BYTES = 8 << 20
-"""Smallest window that the zstd format requires a reader to support, however small the content [bytes]."""
+"""Smallest window limit, since the zstd format requires every reader to support windows of 8 MB [bytes]."""
 
 
 def decompressed_zstd(data: bytes, most: int, window: int = 0) -> bytes:
     """Return the content of a zstd frame, up to `most` bytes.
 
-    `window`: largest window that it may need [bytes].
+    `window`: largest window that the frame may require [bytes].
     """
-    import zstandard  # imported here, since it is an extra that not every bag needs
+    import zstandard  # imported here, since not every bag needs this optional package
 
     unpacker = zstandard.ZstdDecompressor(max_window_size=max(window, SMALLEST_WINDOW_BYTES))
     return bytes(unpacker.stream_reader(data).read(most))
 
 
 def decompressed_lz4(data: bytes, most: int) -> bytes:
-    """Return the content of an LZ4 frame, up to `most` bytes; a truncated frame gives what it holds."""
+    """Return the content of an LZ4 frame, up to `most` bytes; for a truncated frame, the readable part."""
     import lz4.frame
 
     unpacker = lz4.frame.LZ4FrameDecompressor()
@@ -31,5 +31,5 @@ def decompressed_lz4(data: bytes, most: int) -> bytes:
 
 
 def decompressed_bz2(data: bytes, most: int) -> bytes:
-    """Return the content of a bzip2 stream, up to `most` bytes; a truncated stream gives what it holds."""
+    """Return the content of a bzip2 stream, up to `most` bytes; for a truncated one, the readable part."""
     return bz2.BZ2Decompressor().decompress(data, most)

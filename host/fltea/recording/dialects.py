@@ -1,4 +1,7 @@
-"""Dialects: the forms in which loggers write files, from the table `dialects.toml`, and their recognition."""
+"""Dialects: the forms in which loggers write their files. `dialects.toml` lists them.
+
+They are recognised here.
+"""
 
 import math
 import re
@@ -20,41 +23,43 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 _SHARED = re.compile(r"(?:.*[\s._/:-])?")
-"""Matches the longest beginning that ends with a whole word."""
+"""Matches the longest beginning of a name that ends at the end of a word."""
 
 
 class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The form and the meaning of one logger's files.
 
-    `name`: the logger, for people. `docs`: address of the form's documentation. `guide`: entry in the table
-    of
-    `files.md`. `corpus`: example files in `tests/recording/corpus`, each with the first options that read it.
+    `name`: name of the logger, for people. `docs`: address of the documentation of the form. `guide`: entry
+    in the table of `files.md`. `corpus`: example files in `tests/recording/corpus`, each with the first
+    options that read it.
 
-    A file is in this dialect if all of these that are given hold:
+    A file is in this dialect if all of these conditions hold, as far as they are given:
 
     `names`: regular expressions; each matches the whole name of a column.
     `head`: regular expressions; each is found in the lines before the first row (`^` and `$` match at line
     ends).
     `tag`: regular expression that matches the whole first field of a row, in files with rows of several
     kinds.
-    `fields`: number of fields in a row, in files without names.
+    `fields`: number of fields in a row, in files without column names.
     `file`: regular expression that is found in the file's name, in any case.
 
-    The dialect states these facts. Columns are regular expressions of whole names, or positions from 1:
+    The dialect states the facts below. A column is given by a regular expression for its whole name, or by
+    its position from 1.
 
-    `gyro`: the axes x, y, z; several such triples, the best first.
-    `gyro_unit`: their unit in the notation of `--units`; "" if the names or a row of units state it.
-    `gyro_scale`: name of a factor for the numbers, which the head gives as `NAME,NUMBER`.
-    `ask_unit`: units that are possible, each with its circumstances, if the file cannot tell the unit.
-    `accel`, `accel_unit`, `accel_scale`: the same facts for the accelerometer.
-    `time`: columns of times, the best first; `A+B` are seconds and the nanoseconds to add.
-    `time_unit`: s, ms, us or ns; `time_ticks`: multiple of this unit; `time_scale`: name of a factor in the
-    head.
-    `convention`: other loggers use the same names with other units, so these facts are only a convention.
-    `rate`: regular expression for the head; its first group is the sampling rate [Hz].
-    `sensor`: column that tells several sensors apart.
-    `no_time`: columns that are no times, whatever their names are.
-    `unread`: reason why the file holds no gyroscope data.
+    `gyro`: columns of the axes x, y, z; several such triples, the best first.
+    `gyro_unit`: unit of these columns in the notation of `--units`; "" if the names or a row of units state
+    it.
+    `gyro_scale`: name of a factor for these columns, which the head gives as `NAME,NUMBER`.
+    `ask_unit`: possible units, each with the case in which it applies, if the file cannot tell the unit.
+    `accel`, `accel_unit`, `accel_scale`: the same three facts for the accelerometer.
+    `time`: columns of times, the best first; in `A+B`, A holds seconds and B the nanoseconds to add.
+    `time_unit`: s, ms, us or ns; `time_ticks`: multiple of this unit; `time_scale`: name of a factor for
+    times that the head gives.
+    `convention`: whether other loggers use the same names with other units, so that the numbers are checked.
+    `rate`: regular expression for the head, whose first group is the sampling rate [Hz].
+    `sensor`: column that distinguishes several sensors.
+    `no_time`: columns that hold no times, whatever their names suggest.
+    `unread`: reason why the file holds no data of a gyroscope.
     `note`: warning for the user.
     """
 
@@ -92,31 +97,31 @@ class _Table(msgspec.Struct, forbid_unknown_fields=True):
 
 @cache
 def dialects() -> tuple[Dialect, ...]:
-    """Return all dialects in the order of the table; the first that fits a file is used."""
+    """Return all dialects in the order of the table; a file gets the first dialect that fits."""
     text = files("fltea.recording").joinpath("dialects.toml").read_text(encoding="utf-8")
     return tuple(msgspec.convert(tomllib.loads(text), _Table).dialect)
 
 
 MOST_NAMES = 1000
-"""Most columns in a logger's table.
+"""Most columns of a file that is compared with the dialects.
 
-Files with more columns are not compared with the dialects, since each name is compared with each dialect.
+More columns are not compared, since each name is compared with each dialect, which takes time.
 """
 
 GRAVITY_TOLERANCE = 0.05
-"""Tolerance of the length of gravity, for dialects that only the number of fields identifies."""
+"""Relative tolerance of gravity's length, for dialects that are recognised only by the number of fields."""
 
 
 class Facts(NamedTuple):
     """What a file states in addition to the names of its columns.
 
-    `head`: the lines before the names. `file`: the file's name.
-    `rates`: sampling rates [Hz], by what states each, such as `imu.fs`.
-    `sample`: returns the first rows of all columns (n, width), with NaN where there is no number.
+    `head`: the lines before the column names. `file`: name of the file.
+    `rates`: stated sampling rates [Hz], by the source of each, such as `imu.fs`.
+    `sample`: function that returns the first rows of all columns (n, width), NaN where there is no number.
     `units_from`: evidence and source of the units of the columns.
-    `beside`: names on other lines, as boards write them.
-    `cells`: returns the texts of a column, by its index, in the same first rows.
-    `changed`: columns whose numbers may need a further scale or offset, and which.
+    `beside`: names that other lines of the text give to their numbers, as boards write them.
+    `cells`: function that returns the texts in a column, given its index, in the same first rows.
+    `changed`: columns whose numbers may need a further scale or offset, each with a text about it.
     """
 
     head: str = ""
@@ -129,28 +134,31 @@ class Facts(NamedTuple):
     changed: Mapping[str, str] = MappingProxyType({})
 
     def number(self, name: str) -> float | None:
-        """Return the number that the head gives for a name, as in `tscale,0.001`; None if there is none."""
+        """Return the number that the head gives for a name, as in `tscale,0.001`.
+
+        None if there is no such line.
+        """
         found = re.search(rf"^\W*{re.escape(name)}\s*[,:=;\t ]\s*({NUMBER})", self.head, re.M)
         return None if found is None else float(found[1])
 
 
 @cache
 def _of_kind(by_names: bool) -> list[Dialect]:
-    """Return the dialects that names of columns identify, or the other dialects."""
+    """Return the dialects that are recognised by column names, or else the other dialects."""
     return [one for one in dialects() if bool(one.names) == by_names]
 
 
 @cache
 def _a_first_name() -> re.Pattern[str]:
-    """Return a pattern of every dialect's first name; a quick test, since most lines match none."""
+    """Return a pattern that matches the first name of any dialect; it quickly rejects most lines."""
     return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
 
 
 def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
     """Return the dialect of a file, or None.
 
-    `names`: names of the columns, or empty. `tag`, `fields`: first field and number of fields of rows without
-    names.
+    `names`: names of the columns, or empty. `tag`, `fields`: first field and number of fields of the rows, in
+    files without column names.
     """
     if names and not may_be_of_a_dialect((*names, *facts.beside)):
         return None
@@ -158,7 +166,7 @@ def dialect_of(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int
 
 
 def may_be_of_a_dialect(names: Sequence[str]) -> bool:
-    """Return whether any of these names is one of a dialect."""
+    """Return whether any of these names occurs in a dialect."""
     return len(names) <= MOST_NAMES and any(map(_a_first_name().fullmatch, names))
 
 
@@ -184,7 +192,7 @@ def _is_in(one: Dialect, names: Sequence[str], facts: Facts, tag: str, fields: i
 
 
 def _has_gravity(one: Dialect, facts: Facts) -> bool:
-    """Return whether the accelerometer's columns, by position, have the length of gravity in their unit."""
+    """Return whether the accelerometer's columns, given by position, have gravity's length in their unit."""
     values = facts.sample()
     if not one.accel or values.ndim != 2 or values.shape[1] != one.fields or not len(values):
         return False
@@ -194,9 +202,10 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 
 
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
-    """Return the columns of the first triple of patterns with one column for each axis, or empty.
+    """Return the columns of the first triple of patterns for which each axis has one column, or empty.
 
-    `near`: beginning of the sensor's column names, which decides between the columns of several sensors.
+    `near`: beginning of the sensor's column names; of several sensors' columns, those with this beginning are
+    used.
     """
     for triple in triples:
         places = [[k for k, name in enumerate(names) if re.fullmatch(one, name)] for one in triple]
@@ -207,7 +216,7 @@ def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str
 
 
 def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]:
-    """Return the columns whose names share the longest beginning with `near`."""
+    """Return those of the columns `places` whose names share the longest beginning with `near`."""
     alike = {place: _shared(names[place], near) for place in places}
     return [place for place in places if alike[place] == max(alike.values())]
 

@@ -1,4 +1,4 @@
-"""Answers the questions about columns one after the other, each with evidence, and lists what is missing."""
+"""Answers the questions about columns in order, each with its evidence, and lists the missing facts."""
 
 import math
 import re
@@ -35,21 +35,21 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How, TimeUnit
 
 PREFERRED_TIMES = (
-    lambda name: name == "seconds_elapsed",  # phones write elapsed seconds in addition to clock time
-    lambda name: name.endswith("header.stamp"),  # rostopic echo -p
-    lambda name: name not in ("date", "datum"),  # files may have a date in addition to a time of day
+    lambda name: name == "seconds_elapsed",  # phones write elapsed seconds in addition to the time of day
+    lambda name: name.endswith("header.stamp"),  # this name is from `rostopic echo -p`
+    lambda name: name not in ("date", "datum"),  # a file may have a date in addition to a time of day
 )
-"""Rules that choose between several columns of times; the first rule that any column satisfies decides."""
+"""Rules that choose between several columns of times; the first rule that a column satisfies decides."""
 
 _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
-"""Columns of whole seconds and of nanoseconds, by position."""
+"""Matches the positions of two columns: one of whole seconds, and one of nanoseconds."""
 
 ENOUGH = 10
-"""Number of rows without a number after which a column counts as empty."""
+"""Number of rows without a number in a column from which the column counts as empty."""
 
 
 class Choice:
-    """The answers so far, and what is missing. `labels`: names by which the user may call the columns."""
+    """The answers so far, and the missing facts. `labels`: names by which the user may call the columns."""
 
     def __init__(
         self,
@@ -79,7 +79,7 @@ class Choice:
         self.answers.append(Answer(question, value, evidence, why))
 
     def state_units(self) -> None:
-        """Take the units from columns that state one unit in every row."""
+        """Take units from columns of texts that state the same unit in every row."""
         columns = {
             name: {*self.facts.cells(k)} - {""} for k, name in enumerate(self.names) if states_units(name)
         }
@@ -89,12 +89,15 @@ class Choice:
         self.units = [unit or units.get(name, "") for name, unit in zip(self.names, self.units, strict=True)]
 
     def first_rows(self) -> Floats | None:
-        """Return the first rows (n, width) of all columns; None if some columns are not available."""
+        """Return the first rows (n, width) of all columns; None if rows of some columns are not available."""
         values = self.facts.sample()
         return values if values.ndim == 2 and values.shape[1] == len(self.names) else None
 
     def gyro(self) -> tuple[tuple[int, ...], tuple[str, ...]]:
-        """Return the columns of the axes and the axes' letters; add a question if they are unknown."""
+        """Return the columns of the axes and their letters.
+
+        If they are unknown, add a question for the user.
+        """
         names = self.names
         if self.wanted.columns is not None:
             gyro = tuple(self.labels.index(name) for name in self.wanted.columns)
@@ -150,7 +153,10 @@ class Choice:
         in_unit: Callable[[str], object],
         flag: str,
     ) -> None:
-        """Raise UsageError if a column's name and its unit contradict each other; `flag`: option to name."""
+        """Raise UsageError if a column's name and its unit contradict each other.
+
+        `flag`: option that the message names.
+        """
         for place in places if not self.how.overrule else ():
             name, unit = self.names[place], self.units[place]
             by_name, beside = in_name(name), in_unit(unit)
@@ -163,8 +169,8 @@ class Choice:
     def clock(self, gyro: Sequence[int]) -> tuple[int | None, TimeUnit | None, float, int | None, float]:
         """Find the column of times and its unit.
 
-        The result is the column, its unit and the multiple of this unit, and the column of fractions and its
-        unit [s].
+        Returns the column, its unit, the multiple of this unit, and the column of fractions with its unit
+        [s].
         """
         place, by_dialect = self._time_column(gyro)
         given, factor = self.how.time_unit, 1.0
@@ -222,7 +228,7 @@ class Choice:
         return step if is_even else None
 
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
-        """Return the column of times, and whether the dialect states its unit."""
+        """Return the column of times, and whether the dialect states the unit of these times."""
         names = self.names
         dialect, near = self.dialect, common_beginning([names[place] for place in gyro])
         of_dialect = [
@@ -269,7 +275,7 @@ class Choice:
         return not bool(np.isfinite(values[:, place]).any())
 
     def rate(self, time: int | None) -> float | None:
-        """Return the sampling rate that the user gives or the file states; add a question if it is needed."""
+        """Return the sampling rate that the user or the file states; if it is missing, add a question."""
         if self.how.rate_hz is not None:
             self.answer("clock", f"{self.how.rate_hz:g} Hz", "given", "--rate")
             return self.how.rate_hz
@@ -284,26 +290,26 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Return whether the axes are asked for and some group of columns has times to tell the clock."""
+        """Return whether the axes are unknown, and columns of times may give the rate once they are known."""
         is_asked = any(one.option.startswith("--columns") for one in self.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
     def stated_rates(self) -> Mapping[str, float]:
-        """Return the stated sampling rates [Hz], by what states each; several may contradict."""
+        """Return the stated sampling rates [Hz], by the source of each; several may contradict each other."""
         dialect, head = self.dialect, self.facts.head
         if dialect is not None and dialect.rate and (said := re.search(dialect.rate, head, re.M)):
             return {f"the head: {said[0].strip()}": float(said[1])}
         return self.facts.rates or {f"the head: {line}": hz for line, hz in stated_in(head).rates.items()}
 
     def measured_hz(self, time: int, unit: TimeUnit | None, factor: float) -> float | None:
-        """Return the sampling rate measured from the first times if they are even and have a unit."""
+        """Return the sampling rate measured from the first times; None if they are uneven or have no unit."""
         values = self.facts.sample()
         if values.ndim != 2 or values.shape[1] <= time or len(values) < 3:
             return None
         return rate_of(values[:, time] * factor, unit)
 
     def error(self, gyro: Sequence[int], rate_hz: float | None) -> UsageError:
-        """Return an error that asks for everything that is missing."""
+        """Return the error that asks the user for all missing facts."""
         values = self.first_rows()
         tables = []
         has_names = self.names != [str(place + 1) for place in range(len(self.names))]
@@ -317,11 +323,11 @@ class Choice:
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
-    """Return the columns of the axes x, y, z; empty if two columns are of one axis.
+    """Return the columns of the axes x, y, z; empty if two columns have the same axis.
 
-    Fltea's own names count first, then names that other programs use. If no name is a gyroscope's, columns in
-    a unit of angular rates whose names differ only in the axis are used. `units`: unit of each column, if the
-    file has a row of units.
+    fltea's own names have priority over the names that other programs use. If no name is that of a gyroscope,
+    columns are used whose names differ only in the axis and whose unit is an angular rate. `units`: unit of
+    each column, if the file has a row of units.
     """
     places: dict[str, list[int]] = {}
     for place, name in enumerate(names):
