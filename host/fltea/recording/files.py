@@ -1,7 +1,7 @@
 """Stored recordings: files that are checked as a whole and then read in blocks of rows.
 
-The check comes before the first sample is used, so that bad input causes one clear error (file, line, reason)
-and no partial output.
+The whole file is checked before the first sample is used. So bad input causes one clear error (file, line,
+reason) and no partial output.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,29 +19,31 @@ from fltea.records.errors import UsageError
 
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
-"""Largest accepted rate, far above any gyroscope's. Beyond it the unit is wrong, and squares overflow."""
+"""Largest accepted rate, far above any gyroscope's. A larger number shows a wrong unit, and its square
+overflows."""
 
 LONGEST_NAME, MOST_NAMES = 60, 30
 """Longest name and most names from a file that a message shows."""
 
 LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
-"""Largest count of a sensor's register, and largest whole number that a float holds exactly."""
+"""Largest count of a sensor's register, and largest whole number that a float represents exactly."""
 
 HOST_TOLERANCE = 0.05
 
 AT_ONCE = 8192
-"""Rows in a block."""
+"""Number of rows in a block."""
 
 
 class Recording(NamedTuple):
     """Samples of a gyroscope at rest.
 
     `gyro`: (n, axes) in counts if `lsb_per_dps` is given, else in deg/s.
-    `accel`: (n, 3) in counts, or None; `accel_lsb_per_g`: their scale. `accel_ms2`: (n, 3) in m/s², or None.
+    `accel`: (n, 3) in counts, or None; `accel_lsb_per_g`: counts in 1 g. `accel_ms2`: (n, 3) in m/s², or
+    None.
     `device_s`: (n,) time of each sample by the device's clock [s].
     `host_s`: (n,) arrival times by the host's clock [s], or None if they were not recorded.
-    `seq`: (n,) sequence number of each sample; None: derived from the times. `epoch`: (n,) number of the
-    epoch.
+    `seq`: (n,) sequence number of each sample; None: the times give the numbers. `epoch`: (n,) number of the
+    epoch (the samples between two restarts) that each sample belongs to.
     """
 
     gyro: NDArray[np.float64]
@@ -66,12 +68,12 @@ class Note(NamedTuple):
 class Stored(NamedTuple):
     """A recording that was checked as a whole and is read in blocks of rows.
 
-    `blocks`: yields all rows; each call begins anew.
-    `start_unix_ns`: time of the beginning, 0 if unknown.
+    `blocks`: function that yields all rows; each call starts at the first row again.
+    `start_unix_ns`: Unix time of the beginning [ns], 0 if unknown.
     `about`: further description, for people.
-    `topic`: topic of a bag, "" for other files.
-    `reading`: the answers by which the file was read, with evidence.
-    `axes`: x, y or z for each gyroscope column; empty: the first letters.
+    `topic`: topic of a bag that was read, "" for other files.
+    `reading`: the answers (columns, units, rate) by which the file was read, each with its evidence.
+    `axes`: x, y or z for each gyroscope column; if empty, the columns are x, y, z in this order.
     """
 
     samples: int

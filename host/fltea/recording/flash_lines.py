@@ -1,8 +1,8 @@
-"""Reads text logs of ArduPilot, in which a row FMT gives the names for each kind of rows.
+"""Reads text logs of ArduPilot, in which FMT rows give the field names for each kind of row.
 
 `FMT, 131, 43, IMU, QBff, TimeUS,I,GyrX,GyrY` names the fields of `IMU, 1745135, 0, 0.01, 0.02`. The rows of
-one kind become a table with a header, `IMU.TimeUS,IMU.I`, as pymavlink writes it; all other lines become
-empty.
+one kind become a table with the header `IMU.TimeUS,IMU.I`, in the form that pymavlink writes. All other lines
+become empty.
 """
 
 import re
@@ -17,11 +17,12 @@ _KIND = re.compile(r"(\w+),\s*(.*)")
 class FlashLines:
     """Converts lines; the number of lines stays the same.
 
-    `columns`: columns that the user names, which choose the kind of rows; None: the first kind with axes.
+    `columns`: columns that the user names, which decide the kind of rows to keep; None: the first kind with
+    axes.
     """
 
     begins = re.compile(rb"^FMT,[ \t]*\d+,[ \t]*\d+,", re.M)
-    """Finds a row FMT among lines."""
+    """Matches an FMT row among other lines."""
 
     def __init__(self, columns: Sequence[str] | None) -> None:
         self._wanted = {name.partition(".")[0] for name in columns or () if "." in name}
@@ -31,7 +32,7 @@ class FlashLines:
 
     @property
     def holds(self) -> bool:
-        """Whether a row FMT was found."""
+        """Whether an FMT row was found."""
         return bool(self._formats)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:

@@ -1,12 +1,10 @@
 """The table of all file formats that are read, or that are recognized and not read.
 
-Recognition, readers, help, errors and the table of `host/docs/guide/files.md` are derived from it.
-A new format needs a row here, a reader (`readers/tdms.py` is a short example), a writer of its example file
-in
-`tests/rig/corpus_files.py`, and that file with its line in `tests/recording/corpus`. A format that needs a
-library also needs an extra in `pyproject.toml`, an entry in the extra `files`, its version in
-`constraints.txt`, and
-`make hashes`. `make gen` then writes the table of the guide.
+Recognition, readers, help, errors and the table of `host/docs/guide/files.md` are derived from this table. A
+new format needs a row here, a reader (`readers/tdms.py` is a short example), a writer of an example file in
+`tests/rig/corpus_files.py`, and that example file with its line in `tests/recording/corpus`. If the format
+needs a library, it also needs an extra in `pyproject.toml`, an entry in the extra `files`, and the library's
+version in `constraints.txt`; run `make hashes` then. Finally, `make gen` writes the table of the guide.
 """
 
 import importlib
@@ -20,23 +18,23 @@ Kind = str
 """A key of `FORMATS`."""
 
 ALL = ("columns", "units", "rate_hz", "time_column", "time_unit", "topic", "accel_units", "overrule")
-"""Fields of `How`: all options that describe a file."""
+"""Fields of `How` (the user's options about a file) that describe columns; a format may allow all of them."""
 
 ZIP = b"PK\x03\x04"
 
 
 class Format(NamedTuple):
-    """A format that is read.
+    """A file format that fltea reads.
 
-    `title`: name for people. `guide`: description in the documents. `suffixes`: endings of file names.
-    `is_certain`: a file with such an ending has this format, even if it begins with none of `magic`.
+    `title`: name for people. `guide`: description in the guide. `suffixes`: endings of file names.
+    `is_certain`: whether a file with such an ending has this format even if it begins with none of `magic`.
     `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
-    `magic`: first bytes, each of this format alone. `member`: file in an archive (.zip) that shows this
-    format.
-    `opener`: MODULE:FUNCTION that reads it in this process. `reader`: MODULE:FUNCTION that reads a path and a
-    topic in a reader process.
+    `magic`: possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows
+    this format.
+    `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`: function that reads
+    a path and a topic in a reader process, as MODULE:FUNCTION.
     `library`, `extra`: library that the reader needs, and the extra that installs it.
-    `options`: fields of `How` that may be given. `pipe`: the file may be a pipe.
+    `options`: fields of `How` that the user may set. `pipe`: whether the recording may come through a pipe.
     """
 
     title: str
@@ -243,11 +241,12 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
 
 
 class Unread(NamedTuple):
-    """A format that is recognized and not read.
+    """A file format that is recognised, so that the message can give advice, and not read.
 
-    `what`: its name and advice. `command`: command that converts it, with {path}. `guide`: name in the
-    documents.
-    `magic`: bytes at offset `at`. `member`: as in `Format`. `corpus`: example file.
+    `what`: name of the format, and advice. `command`: command that converts the file, with {path}. `guide`:
+    name of the format in the guide.
+    `magic`: bytes at the offset `at`. `member`: file in an archive (.zip) that shows the format. `corpus`:
+    example file.
     """
 
     what: str
@@ -259,7 +258,7 @@ class Unread(NamedTuple):
     corpus: str = ""
 
     def told(self, path: Path) -> str:
-        """Return the message for such a file."""
+        """Return the message for the user about a file in this format."""
         command = self.command.format(path=shlex.quote(str(path)))
         return f"{path}: is {self.what}{': ' + command if command else '.'}"
 
@@ -326,7 +325,7 @@ UNREAD = (
 )
 
 KINDS: Mapping[str, Kind] = {suffix: kind for kind, one in FORMATS.items() for suffix in one.suffixes}
-"""Format by ending. For .mcap files and folders, the content shows whether ROS or fltea wrote them."""
+"""Format by ending. For .mcap files and folders, the content decides whether ROS or fltea wrote them."""
 
 MAGIC: Mapping[bytes, Kind] = {begin: kind for kind, one in FORMATS.items() for begin in one.magic}
 
@@ -337,6 +336,6 @@ ENDINGS = f"text ({', '.join(FORMATS['csv'].suffixes)}), packed or not; " + ", "
 
 
 def loaded(name: str) -> Any:
-    """Import MODULE and return its NAME, for `name` as MODULE:NAME."""
+    """Import the module and return its attribute, for `name` in the form MODULE:ATTRIBUTE."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)

@@ -1,4 +1,4 @@
-"""Groups of columns by their names: `left.gyro_x` is in the group `left`."""
+"""Groups of columns, which the columns' names show: `left.gyro_x` is in the group `left`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -6,25 +6,25 @@ from fltea.recording.column_names import accel_axis_of, axis_of, is_time
 from fltea.recording.files import LONGEST_NAME
 
 DEEPEST = 4
-"""Most enclosing groups of a column that are examined."""
+"""Most groups around a column that are examined."""
 
 
 def group_of(name: str) -> str:
-    """Return the path of the group that a column is in; "" without a group."""
+    """Return the path of the group that a column is in; "" if it is in no group."""
     return name.rpartition(".")[0]
 
 
 def around(name: str) -> list[str]:
-    """Return the paths of the groups that contain a column, innermost first."""
+    """Return the paths of the groups that contain a column, the innermost group first."""
     parts = name.split(".")[:-1]
     return [".".join(parts[:end]) for end in range(len(parts), 0, -1)]
 
 
 def gyroscopes_in(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, list[int]]:
-    """Return the columns of gyroscope axes, by the group of each gyroscope.
+    """Return the columns of the gyroscope axes of each group that has them.
 
-    The name of a group may identify the sensor: `gyroscope.x` is an axis, and `accelerometer.x` is not.
-    Several such groups, as `gyro1` and `gyro2`, are separate gyroscopes.
+    The name of a group may identify the sensor: `gyroscope.x` is an axis of a gyroscope, and
+    `accelerometer.x` is not. Several such groups, for instance `gyro1` and `gyro2`, are separate gyroscopes.
     """
     groups: dict[str, list[tuple[int, str]]] = {}
     for place, name in enumerate(names):
@@ -54,9 +54,9 @@ def tells_gyroscope(group: str) -> bool:
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
-    """Return groups of other sensors with times of their own, if the groups `of` have times, too.
+    """Return groups of other sensors with their own times, provided that the groups `of` have times too.
 
-    Their rows cannot be assigned to the rows of `of`.
+    The rows of such a group cannot be matched with the rows of `of`.
     """
     times = {group_of(name) for name in names if is_time(name.rpartition(".")[2])}
     if not times & {*of, ""}:
@@ -73,10 +73,10 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
 def short_names(
     names: Sequence[str], of: Sequence[str], fixed: Mapping[int, str], keep: Sequence[int]
 ) -> dict[int, str]:
-    """Return short names of columns, relative to the groups `of` (innermost first), by column.
+    """Return short names of columns, relative to the groups `of` (innermost group first), by column index.
 
-    `fixed`: names that stay as they are. `keep`: columns to name; of equal short names, the one in the
-    nearest group stays.
+    `fixed`: names that stay unchanged. `keep`: columns that get short names. If short names are equal, only
+    the column in the nearest group gets the name.
     """
     found: dict[int, tuple[int, str]] = {}
     nearest = dict.fromkeys(fixed.values(), -1)
@@ -90,7 +90,7 @@ def short_names(
 
 
 def inner_names(name: str) -> Iterator[tuple[str, str]]:
-    """Yield the groups around a column, innermost first, each with the rest of the column's name."""
+    """Yield the groups around a column, the innermost first, each with the rest of the column's name."""
     parts = name.split(".") if len(name) < LONGEST_NAME else [name]
     for first in range(len(parts) - 1, max(-1, len(parts) - 1 - DEEPEST), -1):
         yield ".".join(parts[:first]), ".".join(parts[first:])

@@ -1,7 +1,7 @@
-"""Keeps the columns that were chosen for each header of a text, so that a repeated header costs no time.
+"""Stores the columns chosen for each header of a text, so that a repeated header costs no time.
 
-Choosing the columns, their units and their sensor takes milliseconds. Without this, a sender that prints its
-header before each row would cost that time with every row.
+Choosing columns, units and sensor takes milliseconds. Without this store, a sender that prints its header
+before each row would cost this time for every row.
 """
 
 from collections.abc import Callable, Hashable
@@ -10,19 +10,19 @@ from fltea.recording.columns import Chosen
 from fltea.records.errors import UsageError
 
 MOST = 64
-"""Most different headers of a text that has rows; the columns of further headers are not chosen."""
+"""Most different headers after the first row of a text; for further headers, no columns are chosen."""
 
 
 class Choices:
-    """The columns for each header of a text, or the error for a header that cannot be read."""
+    """The chosen columns for each header of a text, or the error if a header cannot be read."""
 
     def __init__(self) -> None:
         self._found: dict[Hashable, Chosen | UsageError] = {}
 
     def of(self, header: Hashable, choose: Callable[[], Chosen], *, had_rows: bool = True) -> Chosen:
-        """Return the columns for a header, as they were chosen at its first appearance.
+        """Return the columns for a header; they are chosen only when the header appears for the first time.
 
-        `had_rows`: the text has had rows, so it can be read without this header.
+        `had_rows`: whether the text has had rows already, so that it can be read without this header.
 
         Raises:
             UsageError: the columns cannot be chosen, or there are too many different headers.
@@ -38,5 +38,5 @@ class Choices:
                 self._found[header] = error
         found = self._found[header]
         if isinstance(found, UsageError):
-            raise found.with_traceback(None)  # else the traceback grows with each raise
+            raise found.with_traceback(None)  # otherwise the traceback would grow with each raise
         return found

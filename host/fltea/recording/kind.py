@@ -20,22 +20,28 @@ from fltea.records.small_file import open_stream
 
 BEGIN_BYTES = 512
 FEWEST_ROWS = 2
-"""Fewest rows of numbers by which a file counts as text, whatever its name says."""
+"""Fewest rows of numbers from which a file counts as text, whatever the ending of its name."""
 
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
-"""Beginnings of fltea's NDJSON, and of an array of objects."""
+"""Match the beginnings of fltea's own NDJSON, and of a JSON array of objects."""
 
 
 class Opened(NamedTuple):
-    """A recording that is not fltea's MCAP. `file`: a pipe at its beginning; None: open the path."""
+    """A recording other than fltea's MCAP. `file`: a pipe at its beginning.
+
+    None if the path is to be opened.
+    """
 
     kind: Kind
     file: BinaryIO | None
 
 
 def is_one_file(path: Path) -> bool:
-    """Return whether a path is one recording as a whole: anything except MCAP files of fltea's sessions."""
+    """Return whether a path is one recording by itself.
+
+    The MCAP files of an fltea session belong together.
+    """
     if path.is_dir():
         return is_bag_folder(path)
     if is_stream(path):
@@ -45,7 +51,7 @@ def is_one_file(path: Path) -> bool:
         with path.open("rb") as file:
             kind = kind_of(file.read(BEGIN_BYTES)) or kind
     except (OSError, ValueError):
-        return kind not in (None, "mcap")  # opening the file later reports the error
+        return kind not in (None, "mcap")  # opening the file later reports why it is unreadable
     return kind != "mcap" or is_ros_mcap(path)
 
 
@@ -59,20 +65,21 @@ def is_stream(path: Path) -> bool:
 
 
 def is_of_this_process(path: Path) -> bool:
-    """Return whether other processes may find something else at a path, as at /dev/stdin."""
+    """Return whether a path, such as /dev/stdin, may mean something else in another process."""
     return is_stream(path) or path.is_relative_to("/dev") or path.is_relative_to("/proc")
 
 
 def kind_of(begin: bytes) -> Kind | None:
-    """Return the format that the first bytes of a file show without a doubt, or None."""
+    """Return the format that the first bytes of a file prove, or None."""
     return next((kind for magic, kind in MAGIC.items() if begin.startswith(magic)), None)
 
 
 def open_one_file(path: Path) -> Opened:
-    """Open a recording that `is_one_file`. A pipe is waited for until it sends its first bytes.
+    """Open a recording that is one file; for a pipe, wait until its first bytes arrive.
 
     Raises:
-        UsageError: it cannot be opened, its format cannot come through a pipe, or its format is not read.
+        UsageError: the file cannot be opened, its format cannot come through a pipe, or fltea does not read
+            it.
     """
     if path.is_dir():
         return Opened("bag", None)
@@ -96,10 +103,10 @@ def open_one_file(path: Path) -> Opened:
 def kind_of_file(path: Path, file: Any) -> Kind:
     """Return the format of an open file, by its first bytes or the ending of its name.
 
-    `file`: has `peek`; a file without it, such as a terminal, is judged by its name.
+    `file`: the open file. If it has no method `peek`, like a terminal, only its name decides.
 
     Raises:
-        UsageError: the file is empty, or its format is not read.
+        UsageError: the file is empty, or fltea does not read its format.
         OSError: the file cannot be read.
     """
     begin = file.peek() if hasattr(file, "peek") else b""
@@ -119,7 +126,7 @@ def kind_of_file(path: Path, file: Any) -> Kind:
 
 
 def _has_rows(begin: bytes) -> bool:
-    """Return whether the first bytes are text with rows of numbers, whatever the name says."""
+    """Return whether the first bytes are text with rows of numbers, whatever the ending of the name."""
     if any(byte < ord("\t") or ord("\r") < byte < ord(" ") for byte in begin[:BEGIN_BYTES]):
         return False
     kind, rows = rows_alike(begin[:BEGIN_BYTES].decode("latin-1").splitlines()[:-1])
@@ -127,7 +134,7 @@ def _has_rows(begin: bytes) -> bool:
 
 
 def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
-    """Return the kind of a text: fltea's NDJSON, JSON, or other text; `by_end`: kind by the name."""
+    """Return the kind of a text: fltea's NDJSON, JSON, or other text. `by_end`: kind by the name's ending."""
     text = begin.removeprefix(BOM).lstrip()
     if OURS.match(text) or (by_end == "ndjson" and not _is_foreign(text)):
         return "ndjson"
@@ -144,7 +151,8 @@ def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
 
 def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
     """Return the format of an archive: arrays of numpy, an Excel workbook, or a compressed file."""
-    by_end = "npz" if path.suffix.lower() == ".npz" else "packed"  # their readers report what is wrong
+    # the reader of this format reports what is wrong
+    by_end = "npz" if path.suffix.lower() == ".npz" else "packed"
     try:
         with zipfile.ZipFile(file) as archive:
             names = archive.namelist()
@@ -165,7 +173,7 @@ def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
 
 
 def _is_foreign(begin: bytes) -> bool:
-    """Return whether the first line is an object that fltea did not write; its keys then name columns."""
+    """Return whether the first line is an object of another program; its keys are then names of columns."""
     line, end, _ = begin.partition(b"\n")
     try:
         return bool(end) and "class" not in msgspec.json.decode(line, type=dict[str, Any])

@@ -1,4 +1,4 @@
-"""Joins lines with one number each, such as `>gx:1.2`, to one line for each sample."""
+"""Joins lines that hold one number each, such as `>gx:1.2`, to one line for each sample."""
 
 import re
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from fltea.recording.text_labels import COMMA, LONGEST_LABEL
 from fltea.recording.wanted import NUMBER
 
 MOST_LINES = 64
-"""Most lines of a sample; more lines do not belong together."""
+"""Most lines of one sample; if more lines come before a label repeats, they do not form samples."""
 
 _ONE = re.compile(
     rf"\s*(?P<mark>>?)\s*(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"§]{{0,{LONGEST_LABEL}}}?)\s*[:=]\s*"
@@ -19,9 +19,9 @@ _AXIS = re.compile(r"(?:.*[^\W_]|.*_|)([xyzXYZ])")
 
 
 class _One(NamedTuple):
-    """A line.
+    """One line.
 
-    `label`: its label, "" if it has no labelled number. `text`: label and number in a common form.
+    `label`: label of the line, "" if it has no labelled number. `text`: label and number in a common form.
     """
 
     line: str
@@ -30,14 +30,14 @@ class _One(NamedTuple):
 
 
 class LabelLines:
-    """Joins a sample's lines: its last line gets all numbers, the others become empty.
+    """Joins the lines of a sample: the sample's last line gets all numbers, and its other lines become empty.
 
-    A sample ends where a label repeats, or where a label comes that precedes the last one in the first
-    samples. With Teleplot's mark `>`, a time in ms may stand before a number: `>gx:1000:1.2`.
+    A sample ends before a label that repeats, or that comes earlier in the order of the first samples. In
+    lines with Teleplot's mark `>`, a time in ms may stand before the number: `>gx:1000:1.2`.
     """
 
     begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
-    """Finds a line that may be of this kind among other lines."""
+    """Matches a line with a label among other lines."""
 
     def __init__(self) -> None:
         self._order: dict[str, int] = {}
@@ -46,11 +46,11 @@ class LabelLines:
 
     @property
     def holds(self) -> bool:
-        """Whether lines are joined, or held back until this is decided."""
+        """Whether lines are joined, or are held back until it is known whether they form samples."""
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
-        """Return the lines that are complete. `is_known`: the form of the text is known already."""
+        """Return the complete lines. `is_known`: the form of the text is known, so no lines are held back."""
         if is_known and not self._is_on:
             return [*self.finish(), *lines]
         found: list[str] = []
@@ -63,7 +63,7 @@ class LabelLines:
         return found
 
     def finish(self) -> list[str]:
-        """Return the lines that are held back, at the end of the text."""
+        """Return the lines that were held back; call this at the end of the text."""
         held, self._held = self._held, []
         return _joined(held) if self._is_on else [one.line for one in held]
 
@@ -104,7 +104,7 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Return the index at which a sample begins in a cycle of labels: after a z, or else 0."""
+    """Return the index in a cycle of labels at which a sample begins: after a z, or else 0."""
     axes = [found[1].lower() if (found := _AXIS.fullmatch(label)) else "" for label in labels]
     for first in (0, *(k + 1 for k, axis in enumerate(axes) if axis == "z")):
         order = "".join([*axes[first:], *axes[:first]])
@@ -122,7 +122,7 @@ def _one(line: str) -> _One:
 
 
 def _joined(held: list[_One]) -> list[str]:
-    """Return the lines of a sample, all its numbers in the last labelled line."""
+    """Return the lines of a sample, with all numbers in the last labelled line."""
     texts = [one.text for one in held if one.label]
     last = max((k for k, one in enumerate(held) if one.label), default=-1)
     return [", ".join(texts) if k == last else "" if one.label else one.line for k, one in enumerate(held)]

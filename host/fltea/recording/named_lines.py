@@ -1,4 +1,4 @@
-"""Chooses columns from lines that name each number: JSON objects, and numbers with labels."""
+"""Chooses the columns of lines that name each number: JSON objects, and numbers with labels."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,16 +12,16 @@ from fltea.recording.wanted import wanted_of
 from fltea.settings.how import How
 
 MOST_LOOKED_AT = 200
-"""Number of lines whose labels are collected before the columns are chosen."""
+"""Number of lines whose labels are collected before columns are chosen."""
 
 
 class NamedLines:
     """Chooses the columns of lines that name their numbers.
 
-    `where`: file, for messages. `sample`: returns the lines read so far. `facts`: returns what is known of a
-    file.
-    `are_names`: returns whether names, with their units, are the wanted columns.
-    `why_not`: reason why a line's columns cannot be read, "" if there is none.
+    `where`: file, for messages. `sample`: function that returns the lines read so far. `facts`: function that
+    returns what is known of the file.
+    `are_names`: function that returns whether names, with their units, are those of the wanted columns.
+    `why_not`: reason why the columns of a line cannot be read, "" if there is none.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class NamedLines:
         self._alike: tuple[int, list[str]] = -1, []
 
     def of_object(self, number: int, line: str) -> Chosen | None:
-        """Return the columns of a line that is a JSON object, if it has the wanted columns; else None."""
+        """Return the columns of a line that is a JSON object with the wanted names; else None."""
         try:
             found = decode_object(line)
         except (ValueError, RecursionError):  # msgspec's errors are ValueErrors
@@ -54,7 +54,7 @@ class NamedLines:
         return None
 
     def of_labels(self, number: int, line: str) -> Chosen | None:
-        """Return the columns of a labelled line, if it has the wanted columns; else None."""
+        """Return the columns of a line whose labels are the wanted names; else None."""
         found = labelled(line)
         if found is None:
             return None
@@ -76,7 +76,7 @@ class NamedLines:
         return choose(at, names, units, len(names), self._how, facts)
 
     def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
-        """Return whether a line has the wanted columns; positions refer to the most common kind of lines."""
+        """Return whether a line has the wanted columns; positions apply to the most common kind of line."""
         if not self._wanted.by_position or self._wanted.is_in(names):
             return self._are_names(names, units)
         lines = self._sample()

@@ -1,4 +1,4 @@
-"""Reads fltea's own NDJSON: `hello`, `epoch`, `sample`, `step` and `motion` records in their order."""
+"""Reads fltea's own NDJSON output: `hello`, `epoch`, `sample`, `step` and `motion` records in order."""
 
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -16,7 +16,7 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class EpochMark(Record, frozen=True, forbid_unknown_fields=False, tag="epoch"):
-    """The fields of an `epoch` record that a replay needs; versions differ in the other fields."""
+    """Fields of an `epoch` record that a replay needs; other versions of fltea may write other fields."""
 
     reason: EpochReason
     host_ns: int
@@ -28,16 +28,16 @@ Kept = Hello | EpochMark | Sample | StepMark | MotionMark
 def read_ndjson(
     path: Path, *, limits: Limits = DEFAULT_LIMITS, file: BinaryIO | None = None
 ) -> tuple[list[Kept], str | None]:
-    """Read the records of fltea's own output that a replay needs.
+    """Read the records in fltea's own output that a replay needs.
 
-    `file`: the open file, if `path` is opened already.
+    `file`: the open file, if the caller has opened it.
 
-    Returns the records, and a warning if the last line is truncated (as after a power failure) and left out,
-    else None.
+    Returns the records, and a warning or None. The warning says that the last line is truncated, for instance
+    after a power failure, and was left out.
 
     Raises:
-        UsageError: a line is damaged or too long, samples come before a hello, there are no samples (recorded
-            without --samples), or a pipe sends more than the limits allow.
+        UsageError: a line is damaged or too long, samples come before a hello, there are no samples (they are
+            recorded only with --samples), or a pipe sends more than the limits allow.
     """
     most = limits.whole_bytes if is_stream(path) else None
     kept = 0
@@ -68,9 +68,9 @@ def read_ndjson(
 
 
 def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
-    """Return a line as an object; None for a truncated last line."""
+    """Return a line as an object; None if it is a truncated last line."""
     try:
-        record = msgspec.json.decode(line)  # refuses NaN, which json.loads takes
+        record = msgspec.json.decode(line)  # this decoder refuses NaN, which json.loads accepts
     except (ValueError, RecursionError) as error:  # damaged, or nested too deeply
         if number > 1 and not line.endswith(b"\n"):
             return None

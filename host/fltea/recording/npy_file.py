@@ -1,4 +1,4 @@
-"""Reads .npy files: one array, whose columns are named by position unless its type has fields."""
+"""Reads .npy files. Columns of the array have their positions as names, or the names of its fields."""
 
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,13 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Read an array (n,), (n, columns) or of a type with fields.
+    """Read an array (n,), (n, columns), or of a type with named fields.
 
-    Up to three columns besides the times are the axes. With more columns, `how.columns` has to name the axes
-    by their positions from 1.
+    Without options, an array has up to three columns in addition to the times, and they are the axes. If it
+    has more, `how.columns` must name the axes by their positions from 1.
 
     Raises:
-        UsageError: the file is no such array, its unit is unknown, or `open_sheet` refuses it.
+        UsageError: the file holds no such array, the unit is unknown, or `open_sheet` refuses the columns.
     """
     array, said = _mapped(path), how
     if array.dtype.names is not None:

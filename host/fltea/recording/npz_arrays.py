@@ -20,23 +20,24 @@ from fltea.settings.limits import Limits
 SUFFIX = ".npy"
 MAGIC = b"\x93NUMPY"
 LENGTHS = {1: struct.Struct("<H"), 2: struct.Struct("<I"), 3: struct.Struct("<I")}
-"""Format of the header's length, by the version of the format."""
+"""Binary format of the header's length, by the version of the .npy format."""
 
 LONGEST_HEADER = 10_000
-"""Longest header [characters], as numpy limits it; numpy itself reads a longer one before it checks."""
+"""Longest array header [characters]; numpy has the same limit, and checks it only after reading the
+header."""
 
 KINDS = "biuf"
-"""Accepted types of numpy: booleans and numbers. Calculations use 8 bytes for each number."""
+"""Accepted numpy types (letters of `dtype.kind`): booleans and numbers. Calculations use 8-byte numbers."""
 
 UNPACKED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Compression methods that numpy writes; Python decompresses other methods without a limit."""
+"""Compression methods that numpy writes; with other methods, Python decompresses without a size limit."""
 
 NUMBER_BYTES = 8
 COPY_BYTES = 1 << 20
 
 
 class Header(NamedTuple):
-    """What an array declares. `length`: length of the whole header [bytes]."""
+    """What an array declares about itself. `length`: length of the whole header [bytes]."""
 
     shape: tuple[int, ...]
     columns_first: bool
@@ -46,12 +47,12 @@ class Header(NamedTuple):
 
 
 class NpzArrays:
-    """The wanted arrays of a file, decompressed to temporary files.
+    """The wanted arrays of a file, which are decompressed to temporary files.
 
     `names`: names of all arrays in the file.
 
     Raises:
-        UsageError: the file is no .npz or is damaged, or an array holds no numbers or is larger than allowed.
+        UsageError: the file is no .npz file or is damaged, or an array holds no numbers or is too large.
     """
 
     def __init__(self, path: Path, wanted: Collection[str], limits: Limits) -> None:
@@ -72,17 +73,17 @@ class NpzArrays:
         return self._headers[name].shape
 
     def whole(self, name: str) -> NDArray[Any]:
-        """Return one array."""
+        """Return a whole array."""
         return self._arrays[name]
 
     def rows(self, names: Sequence[str], at_once: int) -> Iterator[dict[str, NDArray[Any]]]:
-        """Yield blocks of `at_once` rows of arrays with equal lengths."""
+        """Yield arrays of equal lengths in blocks of `at_once` rows."""
         for begin in range(0, self.shape(names[0])[0], at_once):
             yield {name: self._arrays[name][begin : begin + at_once] for name in names}
 
 
 def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header) -> NDArray[Any]:
-    """Return an array in a temporary file, whose rows are loaded into memory when they are used."""
+    """Return an array as a map of a temporary file; its rows are loaded into memory only when used."""
     if not math.prod(header.shape):
         return np.empty(header.shape, header.dtype)
     with archive.open(info) as packed, nameless_file() as file:
@@ -134,7 +135,7 @@ def _header(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Header:
 
 
 def read_header(file: IO[bytes], name: str) -> Header:
-    """Read the header of an array; raise ValueError if it is invalid."""
+    """Read the header of an array; raise ValueError if the header is invalid."""
     begin = file.read(len(MAGIC) + 2)
     if not begin.startswith(MAGIC) or begin[-2] not in LENGTHS:
         raise ValueError(f"{name} is no array of numpy")

@@ -1,4 +1,4 @@
-"""Selects the rows of one sensor in a table of several, and detects columns that tell sensors apart."""
+"""Selects the rows of one of several sensors, and recognises columns that distinguish sensors."""
 
 import math
 from collections import Counter
@@ -13,32 +13,32 @@ from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.records.errors import UsageError
 
 MOST_SENSORS = 64
-"""A column with more different values counts samples and tells no sensors apart."""
+"""Most different values of a column that distinguishes sensors; a column with more is a counter."""
 
 MOST_IN_TURN, FEWEST_ROWS = 16, 25
-"""Most sensors that are detected by their turns alone, and fewest rows that show turns."""
+"""Most sensors that are recognised by alternating rows alone, and fewest rows for recognising them."""
 
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
-"""Thresholds for turns: the longest cycle [rows], and two shares of rows.
+"""Thresholds for alternating sensors: the longest cycle [rows], and two shares of rows.
 
-REGULAR: smallest share of rows with the same value as one cycle before. SELDOM: largest share of rows with
-the same value as the row before; a column that changes less often is a status.
+REGULAR: smallest share of rows that have the same value as the row one cycle before. SELDOM: largest share of
+rows that have the same value as the previous row; a column that changes less often holds a status.
 """
 
 CHANCE_SIGMA, APART = 5.0, 5.0
-"""Thresholds in standard deviations: of regular turns above chance, and between two kinds of sensors."""
+"""Thresholds in standard deviations: regular cycles above chance, and difference of two sensors' numbers."""
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""Smallest share of rows for each sensor, relative to equal shares; fewest numbers in a counter's cycle."""
+"""Smallest share of rows of a sensor, relative to equal shares; fewest numbers in the cycle of a counter."""
 
 
 class OneSensor:
     """Selects the rows of the sensor to read.
 
-    `where`: file, for messages. `column`: name of the column that tells sensors apart.
-    `value`: value of the sensor to read; None: the value of the first row, and any other value raises an
-    error, since samples of two sensors are never mixed.
-    `known`: options that the user gave.
+    `where`: file, for messages. `column`: name of the column that distinguishes sensors.
+    `value`: value of the sensor to read. None: the value in the first row; a later row with another value
+    then raises an error, since samples of two sensors are never mixed.
+    `known`: options that the user gave, for messages.
     """
 
     def __init__(self, where: str, column: str, value: str | None, known: Sequence[str] = ()) -> None:
@@ -48,7 +48,7 @@ class OneSensor:
         self.others: Counter[str] = Counter()
 
     def keep(self, values: Sequence[str]) -> Marks:
-        """Mark the rows that are to be read, by their values.
+        """Mark the rows of the sensor to read. `values`: text of each row in the column of sensors.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -65,7 +65,7 @@ class OneSensor:
         return marks
 
     def why_none(self) -> UsageError | None:
-        """Return an error if rows were read and none was of the sensor that the user names, else None."""
+        """Return an error if rows were read but none is from the sensor that the user names; else None."""
         if self._kept or not self.others:
             return None
         has = listed(sorted(self.others))
@@ -75,18 +75,18 @@ class OneSensor:
 
 
 def which_of(column: str, values: Collection[str]) -> Missing:
-    """Return the question which sensor to read, of those that a column tells apart."""
+    """Return the question which of the sensors in a column is to be read."""
     what = f"which sensor is meant: column {column} tells several apart ({listed(sorted(values))})"
     return Missing(what, "--sensor ?")
 
 
 def as_word(value: float) -> str:
-    """Return a number that tells sensors apart as text, without a useless `.0`; device numbers are long."""
+    """Return a number that distinguishes sensors as text, without a useless `.0` and with all its digits."""
     return repr(as_float(value)).removesuffix(".0")
 
 
 def as_float(value: float) -> float:
-    """Return a number of JSON or protobuf as a float; a whole number beyond all floats is infinite."""
+    """Return a number of JSON or protobuf as a float; a number that is too large becomes infinite."""
     try:
         return float(value)
     except OverflowError:
@@ -94,14 +94,14 @@ def as_float(value: float) -> float:
 
 
 def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> bool:
-    """Return whether the values of a column, which is neither a time nor an axis, take turns as sensors do.
+    """Return whether the values of a column, which is neither a time nor an axis, alternate as sensors do.
 
-    A status changes seldom, and a noisy digit changes by chance. Values of sensors show one of these
-    patterns: they repeat in a fixed cycle; no value comes twice at one time; the times restart wherever the
-    value changes; or the numbers are of two kinds.
+    A status changes seldom, and a noisy digit changes by chance. Sensors show one of these patterns: their
+    values repeat in a fixed cycle; no value occurs twice at the same time; the times restart wherever the
+    value changes; or the numbers in the rows of the values differ clearly.
 
-    `cells`: values in the first rows. `times`: times of these rows, if known. `values`: numbers (n, columns)
-    of these rows.
+    `cells`: texts in the first rows of the column. `times`: times of these rows, if known. `values`: numbers
+    (n, columns) in these rows.
     """
     n, counts = len(cells), Counter(cells)
     if n < FEWEST_ROWS or not 2 <= len(counts) <= MOST_IN_TURN:
@@ -117,7 +117,7 @@ def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> b
 
 
 def _is_counter(cells: Sequence[str]) -> bool:
-    """Return whether whole numbers rise by one each row, in a cycle of five or more numbers."""
+    """Return whether the texts are whole numbers that rise by one each row, in a cycle of five or more."""
     if not all(cell.isdecimal() for cell in cells):
         return False
     numbers = [int(cell) for cell in cells]
@@ -140,7 +140,7 @@ def _is_regular(codes: Ints, counts: Counter[str]) -> bool:
 
 
 def _is_once_a_time(codes: Ints, times: Floats) -> bool:
-    """Return whether several rows share a time, and no value comes twice at one time."""
+    """Return whether several rows have the same time, and no value occurs twice at the same time."""
     known = np.isfinite(times)
     alone = len(np.unique(times[known]))
     together = len({*zip(times[known].tolist(), codes[known].tolist(), strict=True)})
@@ -148,13 +148,13 @@ def _is_once_a_time(codes: Ints, times: Floats) -> bool:
 
 
 def _begins_again(codes: Ints, times: Floats) -> bool:
-    """Return whether the times step back where the value changes, and nowhere else."""
+    """Return whether the times step back where the value changes, and only there."""
     back = np.diff(times) < 0
     return bool(back.any() and (back == (np.diff(codes) != 0)).all())
 
 
 def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
-    """Return whether each value's numbers are far from those of others, and the value changes often."""
+    """Return whether the numbers in the rows of each value differ clearly, and the value changes often."""
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False
     groups = [values[codes == code] for code in range(codes.max() + 1)]

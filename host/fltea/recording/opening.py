@@ -1,4 +1,4 @@
-"""Opens a recording that is one file; the table of formats determines the reader."""
+"""Opens a recording that is one file, with the reader that the table of formats gives."""
 
 import re
 import shlex
@@ -17,14 +17,14 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 
 class Printed(NamedTuple):
-    """Records of fltea's own output. `cut`: warning about a truncated last line, or None."""
+    """Records in fltea's own NDJSON output. `cut`: warning about a truncated last line, or None."""
 
     records: list[Kept]
     cut: str | None
 
 
 def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored | Printed:
-    """Open a recording that `kind.is_one_file`; libraries are imported only if needed.
+    """Open a recording for which `kind.is_one_file` is true; libraries are imported only when needed.
 
     Raises:
         UsageError: the file is missing, damaged or too large, or an option does not apply to it; the message
@@ -56,17 +56,18 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
 
 
 def _with_command(text: str, path: Path, how: How) -> str:
-    """Return a question's text with the whole command: the user's options, and those to add."""
+    """Return a question's text with the complete command to type: the user's options and those to add."""
     before, asks, rest = text.partition(ASK)
     options, end, table = rest.partition("\n")
     asked = dropwhile(lambda option: "?" not in option, re.split(r" (?=--)", options))
-    name = f"./{path}" if str(path).startswith("-") else str(path)  # otherwise taken as an option
+    # otherwise the name would be taken as an option
+    name = f"./{path}" if str(path).startswith("-") else str(path)
     command = ["fltea identify", shlex.quote(name), *given_options(how), *asked]
     return f"{before}{asks}{' '.join(command)}{end}{table}" if asks else text
 
 
 def check_options(path: Path, kind: Kind, how: How) -> None:
-    """Raise UsageError for options that do not apply to a format, since its files state the same facts."""
+    """Raise UsageError if the user gives options about facts that files of this format state themselves."""
     form = FORMATS[kind]
     if flags := how.flags(form.options):
         verb = "are" if len(flags) > 1 else "is"

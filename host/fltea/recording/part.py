@@ -37,7 +37,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class _Packer(threading.local):
-    """Compressor of chunks, one for each thread, since it takes a megabyte of memory."""
+    """Compressor for chunks, one for each thread, since a compressor uses a megabyte of memory."""
 
     def __init__(self) -> None:
         self.packed = ZstdCompressor(level=1, write_checksum=True).compress
@@ -54,14 +54,14 @@ def _bytes_of(*records: McapRecord) -> bytes:
 
 
 class PartWriter:
-    """One file: the session's metadata, then messages in compressed chunks.
+    """Writes one file: the session's metadata, then messages in compressed chunks.
 
     `records`: record class of each channel. `reserve_bytes`: free space that the disk must have at the start;
-    it is not kept.
+    it is only checked, not reserved.
 
     Raises:
-        OSError: the disk failed, in the constructor, `flush` or `finish`; then call `abandon`.
-        Meddled: the file was deleted, moved or truncated, in `flush` or `finish`; this is an OSError, too.
+        OSError: the disk failed, in the constructor, in `flush` or in `finish`; call `abandon` afterwards.
+        Meddled: `flush` or `finish` found the file deleted, moved or truncated; this is an OSError, too.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class PartWriter:
 
     @property
     def size_bytes(self) -> int:
-        """Length of the file so far, without the chunk in progress."""
+        """Length of the file so far, without the chunk that is being filled [bytes]."""
         return self._file.tell()
 
     def add(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:
@@ -98,9 +98,9 @@ class PartWriter:
         self._end_large()
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Append the data of serial reads, one message for each.
+        """Append the data of serial reads, with one message for each read.
 
-        `offset_ns`: from the reads' clock to log times.
+        `offset_ns`: offset from the clock of the reads to log times [ns].
         """
         end, host_ns = reads.end, reads.host_ns
         times = host_ns + offset_ns, host_ns + reads.unix_offset_ns
@@ -108,12 +108,12 @@ class PartWriter:
         self._end_large()
 
     def add_lines(self, topic: str, log_ns: Ints, lines: bytes) -> None:
-        """Append one message for each line."""
+        """Append one message for each line of `lines`."""
         self._chunks.add_lines(self._channels[topic].id, log_ns, lines)
         self._end_large()
 
     def note_hello(self, hello: Hello) -> None:
-        """Write a device's hello as metadata."""
+        """Write a device's HELLO as metadata of the file."""
         fields = msgspec.structs.asdict(hello)
         self._note(HELLO, {key: str(value) for key, value in fields.items() if value is not None})
 
@@ -124,7 +124,10 @@ class PartWriter:
         self._file.flush()
 
     def finish(self, *, moved: bool = False) -> None:
-        """Write summary and indexes, and close the file. `moved`: the file may have another path now."""
+        """Write summary and indexes, and close the file.
+
+        `moved`: the file may have another path meanwhile.
+        """
         if not moved:
             self._file.check()
         self._end_chunk()
@@ -142,17 +145,17 @@ class PartWriter:
         self._file.close()
 
     def abandon(self) -> None:
-        """Close a file after a failure; everything that was flushed before stays readable."""
+        """Close the file after a failure; everything that was flushed before stays readable."""
         self._file.cut()
 
     def discard(self) -> None:
-        """Close and delete a file that holds no data yet."""
+        """Close and delete the file, which holds no data yet."""
         self._file.close()
         with contextlib.suppress(OSError):
             self.path.unlink()
 
     def _describe(self, device: str, name: str, kind: type[msgspec.Struct] | None) -> None:
-        """Describe a channel in the first chunk. `kind`: class of its records, None for bytes."""
+        """Write the description of a channel. `kind`: class of the channel's records, None for raw bytes."""
         schema, encoding = 0, "application/octet-stream"
         if kind is not None:
             schema, encoding = len(self._schemas) + 1, "json"

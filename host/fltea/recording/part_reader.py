@@ -1,4 +1,4 @@
-"""Reads one file of a recording: its metadata, its messages, and notes on damage."""
+"""Reads one file of a recording: its metadata, its messages, and descriptions of damage."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -26,14 +26,17 @@ OWN_CHANNELS = {WIRE_CHANNEL: WIRE, LINK_CHANNEL: LINK}
 
 
 class Part(NamedTuple):
-    """One file of a recording."""
+    """One file of a recording, with the session's metadata in it."""
 
     path: Path
     info: PartInfo
 
 
 class Torn(NamedTuple):
-    """A file ends without its index. `text`: warning for people; `is_open`: a program is still writing it."""
+    """A file ends without an index. `text`: warning for people.
+
+    `is_open`: a program is still writing the file.
+    """
 
     text: str
     is_open: bool
@@ -57,14 +60,14 @@ def read_info(path: Path) -> PartInfo:
 
 
 class Batch(NamedTuple):
-    """Successive messages of a file. `topics`: topic of each channel, without the device."""
+    """Successive messages of a file. `topics`: topic of each channel, without the name of the device."""
 
     messages: Messages
     topics: dict[int, str]
 
 
 def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch | Damage | Torn]:
-    """Yield all messages of a file; the last item is a `Torn` if the file was not finished.
+    """Yield all messages of a file, and its damage; the last item is a `Torn` if the file was not finished.
 
     Raises:
         UsageError: the file is no longer readable, or needs more memory than the limits allow.
@@ -93,7 +96,7 @@ def _is_open(path: Path) -> bool:
         with open_file(path) as file:
             return is_in_use(file)
     except OSError:
-        return False  # reading it reports the error
+        return False  # reading the file reports the error
 
 
 def _torn(path: Path, scan: Scan, is_open: bool) -> Torn:
@@ -109,7 +112,7 @@ def _torn(path: Path, scan: Scan, is_open: bool) -> Torn:
 
 
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:
-    """Yield the messages one by one, without damaged ones and those in a truncated end."""
+    """Yield the messages one by one; damaged messages and a truncated end are left out."""
     return entries_of(read_batches(part, limits))
 
 

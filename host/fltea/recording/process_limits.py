@@ -1,7 +1,8 @@
-"""Limits of a reader process, and the message if a limit ended the process.
+"""Limits of a reader process, and the error message if a limit ended the process.
 
-The operating system enforces each limit, whatever a library does: processor time, silence, memory, and no
-writing to files. Lower limits of the session apply. The process ends when the process that started it ends.
+The operating system enforces the limits, whatever a library does: on processor time, on time without output,
+on memory, and on writing files (none is allowed). Lower limits of the session apply too. The process ends
+when the process that started it ends.
 """
 
 import contextlib
@@ -20,19 +21,20 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.scarce import LEAST_BYTES, MB, is_scarcity, least_of
 
 STARTUP_S = 10
-"""Processor time to import a library; the largest takes 4 s on a Raspberry Pi."""
+"""Processor time for importing a library [s]; the largest library takes 4 s on a Raspberry Pi."""
 
 STARTUP_BYTES = 2 << 30
-"""Address space that the interpreter and libraries reserve."""
+"""Address space that the interpreter and libraries reserve [bytes]."""
 
 SILENT_RATIO = 4
-"""Longest silence, as a ratio to the processor time: the process may share a processor or wait for a disk."""
+"""Ratio of the longest time without output to the processor time; a process may wait for a processor or
+disk."""
 
 OUT_OF_MEMORY = 75
-"""Exit code of a process that ran out of memory."""
+"""Exit code of a reader process that ran out of memory."""
 
 PR_SET_PDEATHSIG = 1
-"""Operation number for prctl(2) in Linux: a signal at the end of the parent process."""
+"""Operation number of Linux's prctl(2) that requests a signal when the parent process ends."""
 
 FALLS = signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIGFPE, signal.SIGSYS
 
@@ -40,9 +42,9 @@ FALLS = signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGILL, signal.SIG
 class ProcessLimits(msgspec.Struct, frozen=True):
     """Limits of one reader process. `parent`: process ID of the process that starts it.
 
-    `cpu_s`: processor time [s]. `silent_s`: longest time between two pieces of output [s]. `memory_bytes`:
-    address space. `is_cpu_ours`, `is_memory_ours`: whether the limit comes from the file's quota, not from
-    the session.
+    `cpu_s`: processor time [s]. `silent_s`: longest time between two blocks of output [s]. `memory_bytes`:
+    address space [bytes]. `is_cpu_ours`, `is_memory_ours`: whether this limit comes from the file's quota;
+    otherwise the session's limit is lower.
     """
 
     parent: int
@@ -54,7 +56,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, quota: Quota) -> "ProcessLimits":
-        """Return the limits for a file's quota, or the session's where these are lower."""
+        """Return the limits that a file's quota gives, or the session's limits where these are lower."""
         cpu_s = STARTUP_S + round(quota.seconds)
         memory_bytes = STARTUP_BYTES + 2 * quota.limits.whole_bytes
         least_s = least_of(resource.RLIMIT_CPU, cpu_s)
@@ -64,10 +66,10 @@ class ProcessLimits(msgspec.Struct, frozen=True):
         return cls(os.getpid(), least_s, silent_s, least_bytes, *ours)
 
     def hold(self) -> None:
-        """Apply the limits to this process, and end it when its parent ends."""
+        """Apply the limits to this process, and let it end when its parent ends."""
         if sys.platform == "linux":
             ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != self.parent:  # the parent ended before prctl
+        if os.getppid() != self.parent:  # the parent ended before the call of prctl
             os._exit(1)
         for number in (signal.SIGXCPU, signal.SIGALRM):  # the parent may have ignored or blocked them
             signal.signal(number, signal.SIG_DFL)
@@ -80,13 +82,13 @@ class ProcessLimits(msgspec.Struct, frozen=True):
             most = _within(what, most)
             resource.setrlimit(what, (most, most))
         hard = _within(resource.RLIMIT_CPU, self.cpu_s + 1)
-        # SIGXCPU comes one second before SIGKILL, and shows which limit ended the process.
+        # SIGXCPU comes one second before SIGKILL, so it shows that the processor time ended the process.
         resource.setrlimit(resource.RLIMIT_CPU, (min(self.cpu_s, max(1, hard - 1)), hard))
         signal.alarm(self.silent_s)
 
     @contextlib.contextmanager
     def waiting(self) -> Iterator[None]:
-        """Suspend the limit of silence while this process waits for its parent."""
+        """Suspend the limit on time without output while this process waits for its parent."""
         signal.alarm(0)
         try:
             yield
@@ -94,9 +96,9 @@ class ProcessLimits(msgspec.Struct, frozen=True):
             signal.alarm(self.silent_s)
 
     def ended(self, quota: Quota, code: int) -> FlteaError:
-        """Return the error for a process that ended too early.
+        """Return the error for a reader process that ended too early.
 
-        `code`: exit code as `subprocess` reports it.
+        `code`: exit code in the form that `subprocess` reports.
         """
         path = quota.path
         number = -code if code < 0 else 0
@@ -133,7 +135,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
 
 
 def _within(what: int, most: int) -> int:
-    """Return `most`, or the hard limit if that is lower."""
+    """Return `most`, or the system's hard limit for the resource `what` if that is lower."""
     hard = resource.getrlimit(what)[1]
     return most if hard == resource.RLIM_INFINITY else min(most, hard)
 

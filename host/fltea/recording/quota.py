@@ -1,12 +1,12 @@
-"""Limits of what reading one file may cost, the same for every reader, since a file can claim anything.
+"""Limits of the memory and time for reading one file, equal for all readers, since a file can claim anything.
 
 - **Memory** and temporary files: at most `replay.max_mb`, whatever the file's size.
-- **Decompressed data**: the same limit, and at most `RATIO` times the size of the file. Sensor readings are
-noise,
-  which compresses to a tenth at most, so a few bytes that decompress to a gigabyte are no recording.
+- **Decompressed data**: the same limit, and at most `RATIO` times the size of the file. Sensor readings
+  contain noise, so they compress at most to a tenth. A few bytes that decompress to a gigabyte are no
+  recording.
 - **Processor time**, where a file can make a reader loop (SQLite, messages with a schema, libraries for other
   formats): `Limits.seconds`, plus `SECONDS_PER_MB` for each megabyte and `SECONDS_PER_MESSAGE` for each
-  message. A large recording takes a hundredth of this.
+  message. Reading a large recording takes a hundredth of this time.
 - **Fields** of one message: `MOST_FIELDS`, since a short schema can declare thousands of fields.
 
 The operating system applies these limits to a reader process: see `process_limits`.
@@ -21,19 +21,19 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import MB, Limits
 
 RATIO, SMALLEST_BYTES = 200, 4 * MB
-"""Largest ratio of decompressed to compressed data, and the size that any file may decompress to [bytes]."""
+"""Largest ratio of decompressed to compressed size, and a size that every file may decompress to [bytes]."""
 
 SECONDS_PER_MB = 5.0
 SECONDS_PER_MESSAGE = 0.005
 
 MOST_FIELDS = 1000
-"""Most fields of one message, nested ones included. A robot's whole state has some hundreds."""
+"""Most fields of one message, including nested fields. A robot's whole state has a few hundred."""
 
 T = TypeVar("T")
 
 
 class TooManyFields(ValueError):
-    """A message has more fields than are examined."""
+    """Raised for a message that has more than `MOST_FIELDS` fields."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -43,7 +43,10 @@ class TooManyFields(ValueError):
 
 
 class Quota:
-    """Counts what reading one file has cost so far. `size_bytes`: its size, if the path does not give it."""
+    """Counts what reading a file has cost so far.
+
+    `size_bytes`: size of the file if the path does not give it.
+    """
 
     def __init__(self, path: Path, limits: Limits, size_bytes: int | None = None) -> None:
         self.path, self.limits = path, limits
@@ -56,7 +59,7 @@ class Quota:
         """Count decompressed bytes.
 
         Raises:
-            UsageError: there are too many bytes.
+            UsageError: more bytes were decompressed than are allowed.
         """
         self._unpacked += size_bytes
         if self._unpacked > self.limits.whole_bytes:
@@ -68,7 +71,7 @@ class Quota:
             )
 
     def messages(self, messages: Iterable[T]) -> Iterator[T]:
-        """Yield messages to decode, as long as time is left.
+        """Yield messages as long as time for decoding is left.
 
         Raises:
             UsageError: decoding took too much time.

@@ -1,4 +1,4 @@
-"""Reads lines of a text recording from a file or a pipe, with a limit of their length."""
+"""Reads lines of a text recording from a file or a pipe, with a limit on the length of a line."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import IO, AnyStr
 from fltea.records.errors import UsageError
 
 LONGEST_LINE = 1_000_000
-"""Longest line [bytes or characters]; a line of a recording has a few hundred."""
+"""Longest line [bytes or characters]; a line of a recording has a few hundred characters."""
 
 LONGEST_SHOWN = 60
 
@@ -16,10 +16,10 @@ BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
 
 
 def lines(path: Path, file: IO[AnyStr]) -> Iterator[AnyStr]:
-    """Yield the lines of a file, with their ends.
+    """Yield the lines of a file, including their line ends.
 
     Raises:
-        UsageError: a line is longer than any line of a recording.
+        UsageError: a line is longer than `LONGEST_LINE`.
     """
     number = 0
     while line := file.readline(LONGEST_LINE + 1):

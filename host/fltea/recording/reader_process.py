@@ -1,8 +1,8 @@
-"""Runs a reader process for a file of another program's format; the system limits what the process may use.
+"""Runs a reader process for a file of another program's format, with limits set by the operating system.
 
-A damaged or malicious file may crash a C library or make it loop; in a process of its own, the library does
-no further harm. `process_limits` sets the limits before the process opens the file. The process sends columns
-or text through a pipe, as `by_library` describes; what a library prints is discarded.
+A damaged or malicious file may crash a C library or make it loop. In a separate process, the library does no
+further harm. `process_limits` sets the limits before the process opens the file. The process sends columns or
+text through a pipe, in the form that `by_library` describes; what a library prints is discarded.
 """
 
 import contextlib
@@ -37,18 +37,17 @@ from fltea.settings.limits import Limits
 
 LENGTH = struct.Struct("<I")
 FAILED = (1 << 32) - 1
-"""Value in place of a length: an error message follows."""
+"""Number that the process sends instead of a length, if an error message follows."""
 
 
 def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
-    """Read a file of a format that has a reader.
+    """Read a file in a format that has a reader for the reader process.
 
-    `file`: the content, if it is not at `path`, which is then only its name.
+    `file`: the open content, if the content is not at `path`; then `path` is only used as a name.
 
     Raises:
-        UsageError: the library is not installed, the file is damaged or of another format, its quota is
-            exceeded, or
-            `open_sheet` or `open_csv` refuses it.
+        UsageError: the library is not installed, the file is damaged or has another format, its quota is
+            exceeded, or `open_sheet` or `open_csv` refuses the content.
     """
     form = FORMATS[kind]
     library = form.library
@@ -63,7 +62,8 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror or error}).") from error
     with opened as content:
-        # In another process, /dev/stdin is its own stdin, and the content of an archive has no path.
+        # Another process cannot open this content by its path: /dev/stdin would be its own stdin, and archive
+        # members have no path.
         is_named = file is None and not is_of_this_process(path)
         place = os.fspath(path) if is_named else f"/dev/fd/{content.fileno()}"
         limits_of_it = ProcessLimits.of(quota)
@@ -79,10 +79,10 @@ def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: Bina
 
 
 def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limits: Limits) -> Stored:
-    """Read the text in one of several parts of a file.
+    """Read the text in one part of a file, such as a sheet.
 
     Raises:
-        NotStated: the user has to choose a part.
+        NotStated: the file has several parts, and the user has to choose one.
         UsageError: `open_csv` refuses the text.
     """
     inner = replace(how, topic=None) if head.topic else how
@@ -101,10 +101,10 @@ def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limi
 def _process(
     path: Path, words: list[str], file: BinaryIO, limits: ProcessLimits
 ) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
-    """Start `by_library.main`, which inherits the open file; yield the process and its output; end it."""
+    """Start `by_library.main` with the open file; yield the process and its output; end the process."""
     held = msgspec.json.encode(limits).decode()
     command = [sys.executable, "-B", "-P", "-m", "fltea.recording.by_library", held]
-    # One thread per library: each further thread reserves memory, and uses processor time that counts here.
+    # Libraries use one thread, since each further thread reserves memory and its processor time counts too.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {
         **os.environ,
@@ -132,7 +132,7 @@ def _process(
 
 
 def _pipe() -> tuple[BinaryIO, BinaryIO]:
-    """Open a pipe for reading and writing, with descriptors that no standard stream of a child replaces."""
+    """Open a pipe with descriptors above 2, which the standard streams of a child process cannot replace."""
     ends = os.pipe()
     read, write = (fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 3) for end in ends)
     for end in ends:
@@ -141,7 +141,7 @@ def _pipe() -> tuple[BinaryIO, BinaryIO]:
 
 
 def _trusted_folders() -> list[str]:
-    """Return the folders to import from, without the current folder, whose files are not trusted."""
+    """Return the folders for imports, without the current folder, since its files may come from anyone."""
     here = os.getcwd()
     return [folder for folder in sys.path if os.path.isabs(folder) and folder != here]
 
@@ -149,11 +149,11 @@ def _trusted_folders() -> list[str]:
 def _frames(
     path: Path, process: "subprocess.Popen[bytes]", sent: BinaryIO, quota: Quota, limits: ProcessLimits
 ) -> Iterator[bytes]:
-    """Yield the pieces that the process sends.
+    """Yield the blocks of bytes that the process sends.
 
     Raises:
         UsageError: the process failed or crashed.
-        FlteaError: the process was killed, or the system denies it a resource.
+        FlteaError: the process was killed, or the system refused it memory or another resource.
     """
     while len(head := sent.read(LENGTH.size)) == LENGTH.size:
         (length,) = LENGTH.unpack(head)
@@ -168,7 +168,7 @@ def _frames(
 
 
 def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -> Iterator[Floats]:
-    with contextlib.suppress(BrokenPipeError):  # the process failed; the next frame holds the reason
+    with contextlib.suppress(BrokenPipeError):  # the process failed; the next block holds the reason
         stdin.write(msgspec.json.encode(list(places)) + b"\n")
         stdin.flush()
     for data in frames:
@@ -176,7 +176,7 @@ def _columns(stdin: IO[bytes], frames: Iterator[bytes], places: Sequence[int]) -
 
 
 class _Text(contextlib.AbstractContextManager["_Text"]):
-    """The text from the process, as a file."""
+    """The text that the process sends, as a file object."""
 
     def __init__(self, frames: Iterator[bytes]) -> None:
         self._frames = frames
@@ -185,5 +185,5 @@ class _Text(contextlib.AbstractContextManager["_Text"]):
         pass
 
     def read1(self, _: int) -> bytes:
-        """Return the next piece."""
+        """Return the next block of bytes."""
         return next(self._frames, b"")

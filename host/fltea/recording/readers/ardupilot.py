@@ -1,4 +1,4 @@
-"""Reads logs of ArduPilot (DataFlash, .bin). `dialects.toml` states the meaning of their columns."""
+"""Reads logs of ArduPilot (DataFlash, .bin). `dialects.toml` states what their columns mean."""
 
 import re
 from pathlib import Path
@@ -14,7 +14,7 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 MESSAGES = "GYR", "IMU", "ISB"
-"""Messages with unfiltered samples, filtered samples, and raw batches; the first present is read."""
+"""Messages with unfiltered samples, filtered samples, and raw batches; the first kind in the log is read."""
 
 TYPES = {
     "b": "i1",
@@ -40,17 +40,18 @@ TYPES = {
     "a": "(32,)<i2",
 }
 SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
-"""Meanings of format letters: ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html."""
+"""Factors by the format letter of a field:
+ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html."""
 
 OF_GYROSCOPE = 1
-"""Value of the column `type` in ISBH messages for a gyroscope."""
+"""Value of the field `type` in an ISBH message that means a gyroscope."""
 
 SAMPLES = 32
 """Number of samples in one ISBD message."""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read the messages of one sensor; `topic` is `GYR:1`, or `IMU`, or `1`."""
+    """Read the messages of one sensor; `topic` is in the form `GYR:1`, `IMU`, or `1`."""
     log = _Log(path)
     there = {message: found for message in MESSAGES if (found := log.sensors(message))}
     asked = re.fullmatch(r"(GYR|IMU|ISB)?(?:[:\[]?(\d+)\]?)?", topic.upper())
@@ -80,7 +81,7 @@ def read(path: Path, topic: str) -> Sheet:
 
 
 class _Log:
-    """Messages of a log by their names, as arrays."""
+    """The messages of a log, by their names, as arrays."""
 
     def __init__(self, path: Path) -> None:
         from pymavlink.DFReader import DFReader_binary
@@ -90,7 +91,7 @@ class _Log:
         self.names = sorted(name for name, key in self._log.name_to_id.items() if len(self._log.offsets[key]))
 
     def offsets(self, name: str) -> Any:
-        """Return the offsets of all messages of a name."""
+        """Return the offsets in the log of all messages of a name."""
         if name not in self._log.name_to_id:
             return np.empty(0, np.int64)
         key = self._log.name_to_id[name]
@@ -138,7 +139,8 @@ class _Log:
         rows = self.rows(message)
         if "I" in rows.dtype.names:
             return {int(k): rows[rows["I"] == k] for k in np.unique(rows["I"])}
-        # Before version 4.1 each sensor had messages of its own: IMU, IMU2, IMU3, and ACC1, GYR1 and so on.
+        # Before version 4.1, each sensor had messages with its own name: IMU, IMU2, IMU3, and ACC1, GYR1 and
+        # so on.
         names = (
             (message, *(f"{message}{k}" for k in (2, 3)))
             if message == "IMU"
@@ -147,7 +149,7 @@ class _Log:
         return {k: found for k, name in enumerate(names) if len(found := self.rows(name))}
 
     def batches(self, heads: Any) -> Sheet:
-        """Return the samples of batches, with scale, rate and first time from the head of each batch."""
+        """Return the samples of batches; the head of each batch gives its scale, rate and first time."""
         data, begins = self.rows("ISBD"), self.offsets("ISBH")
         every = self.rows("ISBH")
         head = np.searchsorted(begins, self.offsets("ISBD")) - 1

@@ -1,4 +1,4 @@
-"""Reads tables of Arrow: Parquet and Feather, as pandas and polars write them."""
+"""Reads Arrow tables: Parquet and Feather files, in the forms that pandas and polars write."""
 
 import contextlib
 from collections.abc import Callable, Iterator, Sequence
@@ -21,11 +21,11 @@ from fltea.recording.text_times import points_of_time
 FEATHER = b"ARROW1"
 
 Batches = Callable[[list[str]], Iterator[Any]]
-"""Function that yields the rows of some columns in batches."""
+"""Function that yields the rows of the named columns in batches."""
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read columns of a Parquet or Feather file; columns in structures have names as `angular_velocity.x`."""
+    """Read the columns of a Parquet or Feather file; a field of a structure is named `angular_velocity.x`."""
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -45,10 +45,10 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Column(NamedTuple):
-    """A column. `source`: the file's column that contains it. `kind`: type of its values.
+    """A column. `source`: column of the file that contains it. `kind`: Arrow type of its values.
 
-    `place`: index in a list of length `of`; None: it is no list. `is_date`: its texts are dates or times of
-    day. `words`: its texts, if they are few and tell sensors apart.
+    `place`: index in a list of `of` values; None: the column is no list. `is_date`: whether the texts are
+    dates or times of day. `words`: the different texts, if there are few and they distinguish sensors.
     """
 
     label: str
@@ -61,12 +61,12 @@ class _Column(NamedTuple):
 
     @property
     def is_stamp(self) -> bool:
-        """Whether the column holds dates or times of day."""
+        """Whether the values are dates or times of day."""
         return self.is_date or _is_stamp(self.kind)
 
     @property
     def is_bad(self) -> bool:
-        """Whether the column holds neither numbers, nor times, nor words that tell sensors apart."""
+        """Whether the values are neither numbers, nor times, nor words that distinguish sensors."""
         return not (self.is_stamp or self.words or _is_number(self.kind))
 
 
@@ -106,7 +106,7 @@ def _arrow(schema: Any, rows: int, batches: Batches) -> Sheet:
 
 
 class _Reader:
-    """Reads a column, one batch after the other."""
+    """Reads the batches of one column in order."""
 
     def __init__(self, column: _Column) -> None:
         self._column = column
@@ -114,7 +114,7 @@ class _Reader:
         self._last_s = self._passed_s = 0.0
 
     def read(self, table: Any) -> Floats:
-        """Return the column's numbers in a batch; times become seconds, words become numbers from 0."""
+        """Return the column's numbers in a batch; times become seconds, and words become numbers from 0."""
         import pyarrow as pa
         from pyarrow import compute
 
@@ -138,7 +138,7 @@ class _Reader:
                 self._begin = next((stamp.as_py() for stamp in values if stamp.is_valid), None)
             values = compute.subtract(
                 values, self._begin or 0
-            )  # since floats resolve Unix times to 0.2 µs only
+            )  # since a float resolves Unix times only to 0.2 µs
         return np.asarray(values.cast(pa.float64(), safe=False).to_numpy() * scale)
 
     def _seconds_of(self, texts: Sequence[str | None]) -> Floats:
@@ -157,7 +157,7 @@ class _Reader:
 
 
 def _columns(schema: Any, batches: Batches) -> Iterator[_Column]:
-    """Yield all columns: fields of structures, and each index of lists of equal length."""
+    """Yield all columns; fields of structures, and the indices of lists of equal length, are columns too."""
     import pyarrow as pa
     from pyarrow import compute
 
@@ -183,7 +183,7 @@ def _columns(schema: Any, batches: Batches) -> Iterator[_Column]:
 
 
 def _facts(schema: Any) -> dict[str, Any]:
-    """Return the metadata of a file and of its columns; pandas writes its `attrs` there."""
+    """Return the metadata of the file and of its columns, which include the `attrs` of pandas."""
     facts: dict[str, Any] = {}
     for key, value in (schema.metadata or {}).items():
         name, text = key.decode(errors="replace"), value.decode(errors="replace")
@@ -210,7 +210,7 @@ def _facts(schema: Any) -> dict[str, Any]:
 
 
 def _words(batches: Iterator[Any], name: str) -> list[str]:
-    """Return the different texts of a column; empty if there are too many for names of sensors."""
+    """Return the different texts of a column; empty if there are too many to be names of sensors."""
     found: set[str] = set()
     for batch in batches:
         found |= {one for one in _flat(batch).column(name).unique().to_pylist() if one is not None}
