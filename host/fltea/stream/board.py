@@ -1,7 +1,7 @@
 """Follow the estimates that a board makes: find the sample of each one, and compare it with the host's.
 
-An estimate arrives later than its sample, by the board's delay. An estimate whose sample is not among the
-newest samples of this epoch is dropped and counted.
+An estimate arrives later than its sample, by the board's delay. Only the newest samples since the last
+restart (of this epoch) are remembered. An estimate for any other sample is dropped and counted.
 """
 
 from collections.abc import Iterator
@@ -37,8 +37,9 @@ class BoardEstimates:
     """Follows the board's own estimates.
 
     Where only the board estimates, its estimates become `Estimate` records. Otherwise `DeviceEstimates`
-    records compare them with this computer's estimates, made with the board's settings as soon as these are
-    known. Nothing of a board is ever saved: it begins its start-up window with each boot.
+    records compare them with this computer's estimates, made with the board's settings as soon as the board
+    has stated them. The state of a board's estimator is never saved, since the board begins a new start-up
+    window with each boot.
 
     `fits`: the live fits, whose verdict on white noise the records state.
     """
@@ -61,7 +62,7 @@ class BoardEstimates:
         self._estimates = self._lost = self._unplaced = 0
 
     def host_settings(self) -> EstimatorConfig | None:
-        """Return the settings that this computer's filters use from now on: the board's, once they are known.
+        """Return the settings for this computer's filters, which are the board's once these are known.
 
         None if only the board estimates.
         """
@@ -71,7 +72,7 @@ class BoardEstimates:
         return self._in_use
 
     def begin(self, beginning: Beginning) -> None:
-        """Begin an epoch."""
+        """Begin an epoch: a stretch of samples without a restart of the filters."""
         self.forget()
         self._fits.begin(beginning.hello.rate_hz)
         gyro, _ = beginning.axes(self._config.channels)
@@ -88,7 +89,7 @@ class BoardEstimates:
         self._sequence = None
 
     def on_block(self, block: Block, host_ns: Ints) -> Iterator[Item]:
-        """Remember samples, since their estimates come later; `host_ns` (n,): monotonic arrival [ns]."""
+        """Remember samples, since their estimates come later; `host_ns` (n,): arrival times [ns]."""
         yield from self._notices.unused(int(host_ns[0]))
         self._samples.add(block)
         late = self._notices.silent_from(host_ns) if self.stated is None else None
@@ -101,7 +102,7 @@ class BoardEstimates:
             yield block.rows(late + 1, len(block))
 
     def on_event(self, event: Event) -> Iterator[Item]:
-        """Take an event with which the board reports its estimates."""
+        """Process an event in which the board reports estimates, fits or settings; yield the records."""
         if isinstance(event, LinkDown):
             self.forget()
             self.stated = self._settings = None
@@ -136,7 +137,7 @@ class BoardEstimates:
         yield from self._notices.on_estimator(stated)
 
     def _on_axis(self, e: DeviceAxis) -> Iterator[Item]:
-        """Take the estimate of one axis; yield a record once all axes of a sample, or a later one, came."""
+        """Process the board's estimate of one axis; yield a sample's record once all its axes have come."""
         self._estimates += 1
         if self._sequence is not None:
             self._lost += (e.sequence - self._sequence - 1) % SEQUENCE_WRAP
@@ -186,7 +187,7 @@ class BoardEstimates:
         )
 
     def _record(self, sample: RecentSample, variant: str) -> Iterator[Estimate | DeviceEstimates]:
-        """Yield the gathered estimates of one sample."""
+        """Yield the record of the board's estimates of one sample."""
         group, self._group = self._group, {}
         if sample.seq % self._config.output.every:
             return

@@ -19,17 +19,17 @@ def estimate_of(e: DeviceAxis, fit: AcceptedFit, known: AxisEstimate) -> AxisEst
 def compare(
     e: DeviceAxis, known: AxisEstimate | None, host_age: int | None, same_settings: bool
 ) -> DeviceAxisEstimate:
-    """Return the board's estimate, with its difference from the host's estimate or why there is none.
+    """Return the board's estimate, with its difference from the host's, or the reason for no difference.
 
-    `known`: the host's estimate after the same sample. `host_age`: steps of the host's filters since their
-    start-up window, from 1; None where they estimate nothing. `same_settings`: the host uses the settings
-    that the device states.
+    `known`: the host's estimate after the same sample. `host_age`: number of steps of the host's filters
+    since their start-up window, from 1; None if the host does not estimate this axis. `same_settings`:
+    whether the host uses the settings that the device states.
     """
     valid, numbers = _numbers(e)
     host = None if known is None or host_age is None else known.fltea
     why_not: WhyNot | None = None
     alpha = f = state = None
-    if not valid:  # the first reason that applies, in the order of `records.why_not.WHY_NOT`
+    if not valid:  # give the first reason that applies, in the order of `records.why_not.WHY_NOT`
         why_not = "device_not_valid"
     elif host is None:
         why_not = "other_start"
@@ -65,7 +65,7 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
-    """Return whether an estimate is valid, and its numbers; None for an innovation that is not finite."""
+    """Return whether the board's estimate is valid, and its numbers; None for a number not finite."""
     if not (e.valid and all(map(math.isfinite, (e.alpha, e.alpha_std, e.f, e.f_std, e.state_dps)))):
         return False, (None, None, None, None, None, None)
     innovation = None if e.missing else finite(e.innovation_dps)

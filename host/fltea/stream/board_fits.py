@@ -1,7 +1,8 @@
 """Make records of a board's own maximum-likelihood fits, with their difference from this computer's fit.
 
-The board needs up to a minute for a fit, so the record states the moment of the newest sample when the fit
-arrives; `age` and `samples` tell which samples were fitted. The fit's bins arrive later, in several messages.
+The board needs up to a minute for a fit. So the record states the time of the newest sample when the fit
+arrives, and its fields `age` and `samples` state which samples were fitted. The spectral bins of the fit
+arrive later, in several messages.
 """
 
 import math
@@ -22,16 +23,18 @@ from fltea.stream.epoch import Moment
 from fltea.stream.live import AcceptedFit
 
 MOST_ORDER = 2.0
-"""Largest order of the model that the board fits."""
+"""Largest fractional order α of the noise model that the board fits."""
 
 ROUNDING = 1e-5
 """Relative rounding error of a frequency in the device's single precision."""
 
 MOST_DPS2 = 1e8
-"""Largest variance that a fit can have: no gyroscope turns at 10,000 deg/s."""
+"""Largest variance that a fit can have [(deg/s)²]: no gyroscope turns at 10,000 deg/s."""
 
 CHECK_EVERY_NS = 1_000_000_000
-"""Shortest time between two fits of an axis's bins here: a working device sends them every half minute."""
+"""Shortest time between two checks of an axis's bins on this computer [ns]; a working device sends its bins
+every half minute.
+"""
 
 AS_STATED = (
     *("number", "age", "samples", "ordinates", "evaluations", "searched", "tuned", "bins_left_out"),
@@ -58,16 +61,16 @@ class BoardFits:
         self.came = self.refused = 0
 
     def begin(self, rate_hz: float) -> None:
-        """Begin an epoch of samples at a rate."""
+        """Note the sampling rate [Hz] of the samples that begin now."""
         self._rate_hz = rate_hz
 
     def forget(self) -> None:
-        """Begin another epoch: bins that still arrive belong to no fit."""
+        """Forget the last fit, since the filters restart: bins that still arrive are not used."""
         self._newest.clear()
         self._bins.clear()
 
     def on_fit(self, fit: DeviceFit, axes: Collection[str], moment: Moment | None) -> Iterator[DeviceFits]:
-        """Take a fit, and yield its record."""
+        """Yield the record of a fit that has arrived; `moment`: number and times of the newest sample."""
         self.came += 1
         found = _axis_fit(fit, self._accepted(fit.axis).fit) if fit.axis in axes else None
         if moment is None or found is None:
@@ -77,7 +80,7 @@ class BoardFits:
         yield DeviceFits(*moment, {fit.axis: found}, device=self._device)
 
     def on_bins(self, bins: DeviceBins, moment: Moment | None) -> Iterator[DeviceFits]:
-        """Take some bins of the newest fit; yield the fit again once all its bins have arrived."""
+        """Store some spectral bins of the newest fit; yield the fit again once all its bins have arrived."""
         fit, parts = self._newest.get(bins.axis), self._bins.get(bins.axis)
         if fit is None or parts is None or moment is None or bins.number != fit.number:
             return
@@ -111,7 +114,7 @@ class BoardFits:
         return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
     def _check(self, spectrum: DeviceSpectrum, axis: str, moment: Moment) -> float | None:
-        """Return the order by this computer's fit of the bins; None if that is too soon, or impossible."""
+        """Return the order α by this computer's fit of the bins; None if no fit is due or possible."""
         before_ns = self._checked_ns.get(axis)
         if not self._rate_hz > 0 or (before_ns is not None and moment.host_ns - before_ns < CHECK_EVERY_NS):
             return None
@@ -120,7 +123,7 @@ class BoardFits:
 
 
 def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
-    """Return the fit of an axis as recorded; None if no fit can have its numbers."""
+    """Return the fit of an axis as the record states it; None if a number in it is impossible."""
     ratios = fit.ordinates, fit.ratio_white, fit.ratio_relaxation
     numbers = *ratios, fit.alpha, fit.f, fit.s2_dps2, fit.R_dps2
     verdict = next((one for one in VERDICTS if one == fit.verdict), None)
@@ -158,8 +161,9 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
 def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
     """Return this computer's order for the bins that a board fitted: a check of the board's arithmetic.
 
-    It is the order with the highest likelihood, in white noise. None for bins that cannot be fitted, such as
-    bins of several stretches of samples, where two bins may have the same frequency.
+    The result is the order α with the highest likelihood, for a fractional noise plus white noise. It is None
+    for bins that cannot be fitted. Such are bins of several pieces of a record, where two bins may have the
+    same frequency.
     """
     lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
     power = np.square(spectrum.density) * (rate_hz / 2)

@@ -1,4 +1,4 @@
-"""Report what a user has to know about a board that estimates, each thing once or once a minute."""
+"""Report what a user has to know about a board that estimates; each message once, or once a minute."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from fltea.stream.board_settings import unused_settings
 from fltea.stream.epoch import Notice
 
 PATIENCE_NS = 5 * 10**9
-"""Longest time in which a board that sends samples states its estimator."""
+"""Time after which a board that sends samples, and has not stated its estimator, is reported [ns]."""
 
 
 class BoardNotices:
@@ -27,16 +27,16 @@ class BoardNotices:
         """Number of samples reported as skipped, and time of that report; None before the first one."""
 
     def begin(self) -> None:
-        """Begin an epoch."""
+        """Expect the board's statements anew, since the filters restart."""
         self._constant.clear()
 
     def on_link_down(self) -> None:
-        """Expect that the next board may be another one."""
+        """Repeat all reports for the next board, which may be another one."""
         self._waits_since_ns = None
         self._skipped = (0, None)
 
     def unused(self, now_ns: int) -> Iterator[Notice]:
-        """Report which settings have no effect, since the board has its own."""
+        """Report which of this computer's settings have no effect, since the board estimates with its own."""
         if self._unused_reported:
             return
         self._unused_reported = True
@@ -50,7 +50,7 @@ class BoardNotices:
             yield Notice("settings_unused", text, now_ns)
 
     def silent_from(self, host_ns: Ints) -> int | None:
-        """Return the index of the sample at which the board's silence is too long; None while it is not."""
+        """Return the index of the first sample at which the board has been silent for too long, or None."""
         if self._silence_reported:
             return None
         if self._waits_since_ns is None:

@@ -8,11 +8,11 @@ from fltea.records.records import GYRO_UNIT, AxisEstimate
 from fltea.stream.epoch import Moment
 
 REMEMBERED = 256
-"""Number of samples for which an estimate may still come; a board that is further behind skips samples."""
+"""Number of newest samples that are remembered; a board whose estimates are later than that skips samples."""
 
 
 class RecentSample(NamedTuple):
-    """A sample, row `row` of `block`. `age`: steps of the host's estimates since the start-up window."""
+    """The sample in row `row` of `block`. `age`: number of the host's estimates since the start-up window."""
 
     seq: int
     block: Block
@@ -25,7 +25,7 @@ class RecentSample(NamedTuple):
         return Moment(self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row]))
 
     def estimates(self) -> dict[str, AxisEstimate]:
-        """Return this computer's estimates after the sample, with those of its filters if these estimate."""
+        """Return this computer's estimates after the sample, including its filters' if these estimate."""
         return self.block.estimates_at(self.row, GYRO_UNIT)
 
     def has_filters(self) -> bool:
@@ -34,7 +34,7 @@ class RecentSample(NamedTuple):
 
 
 class RecentSamples:
-    """Remembers the newest samples of an epoch."""
+    """Remembers the newest samples since the last restart of the filters."""
 
     def __init__(self) -> None:
         self._samples: dict[int, RecentSample] = {}
@@ -55,11 +55,11 @@ class RecentSamples:
             del self._samples[next(iter(self._samples))]
 
     def newest(self) -> Moment | None:
-        """Return the newest sample's moment; None if there is none."""
+        """Return number and times of the newest sample; None if no sample is remembered."""
         return self._samples[next(reversed(self._samples))].moment() if self._samples else None
 
     def find(self, number: int) -> RecentSample | None:
-        """Return the sample with the wrapped number of the wire protocol; None if it is not remembered."""
+        """Return the sample with `number`, which wraps as on the wire; None if it is not remembered."""
         if not self._samples:
             return None
         newest = next(reversed(self._samples))

@@ -18,14 +18,16 @@ from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tuning import HandedOver, handed_over
 
 LONGEST_BRIDGE = 30_000
-"""Most missing samples that an estimator of unlimited memory predicts over: this takes half a second."""
+"""Largest number of missing samples that an estimator of unlimited memory bridges by prediction, which takes
+half a second.
+"""
 
 
 class Channels:
-    """The filters of the axes of one sensor, in its unit; the native device gives them the samples.
+    """The filters of the axes of one sensor, in the sensor's unit. The native device feeds them with samples.
 
-    `axes`: for each axis's name, its column in the sensor's samples. `h`: sampling period [s].
-    `resolution`: one LSB in the sensor's unit, None if unknown. `state`: a result of `save` to continue from.
+    `axes`: for each axis's name, its column in the sensor's samples. `h`: sampling period [s]. `resolution`:
+    size of one LSB in the sensor's unit, None if unknown. `state`: a result of `save` to continue from.
 
     Raises:
         ValueError: no filter works with the settings, or the state does not fit them.
@@ -45,12 +47,12 @@ class Channels:
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
-        """Values that stay the same in all columns until the next fit: null_p and whiteness of each axis."""
+        """For each axis, null_p and whiteness, which stay the same in all records until the next fit."""
         self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
 
     def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
-        """Return the bank's results for samples as columns."""
+        """Return the filters' results for samples as columns; `found`: the arrays of the native bank."""
         return AxisColumns._make((self._names, self._unit, *self.words, *found))
 
     def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
@@ -59,11 +61,11 @@ class Channels:
 
     @property
     def waiting(self) -> list[bool]:
-        """Whether each axis waits for a fit to tune its filter."""
+        """For each axis, whether its filter waits for a fit that gives its variances."""
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
     def go_by(self, accepted: Sequence[AcceptedFit]) -> None:
-        """Use these fits of the axes from the next sample on."""
+        """Use the accepted fits, one for each axis, from the next sample on."""
         self._fits = tuple(accepted)
         self.words = self._words()
         self._tune()
@@ -77,7 +79,7 @@ class Channels:
         return tuple(one.null_p for one in self._fits), tuple(one.whiteness for one in self._fits)
 
     def _tune(self) -> None:
-        """Retune the filters with what the fits say about the noise."""
+        """Set the filters' variances and orders to those of the accepted fits."""
         if not self._tuned or self.bank.baseline is None:
             return
         new: dict[str, HandedOver] = {}
@@ -101,11 +103,11 @@ class Channels:
         return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
 
     def bridge(self, count: int) -> None:
-        """Bridge the time in which the program did not run, at most as long as the memory."""
+        """Predict over `count` samples in which the program did not run, at most the memory's length."""
         self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
-        """Yield what is to be reported once the start-up window is full."""
+        """Yield reports about the axes' start-up window, which is full."""
         baseline = self.bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
@@ -121,7 +123,7 @@ class Channels:
 
     @cached_property
     def info(self) -> EstimatorInfo:
-        """Settings that the axes are estimated with."""
+        """Settings with which the axes are estimated."""
         c = self.config
         return EstimatorInfo(
             c.variant,
@@ -165,14 +167,14 @@ class Channels:
 
 
 def _numbers(setting: str | float | list[float]) -> tuple[float, ...]:
-    """Return the values that the settings give bias or R; empty where the start-up window gives them."""
+    """Return the values of bias or R in the settings; empty if the start-up window determines them."""
     if isinstance(setting, str):
         return (0.0,) if setting == "none" else ()
     return tuple(setting) if isinstance(setting, list) else (setting,)
 
 
 def explain_lost(axis: str, reason: Reason) -> tuple[str, str]:
-    """Return kind and text of the error which says that an axis became invalid."""
+    """Return kind and text of the `error` record for an axis that became invalid."""
     if reason == "runaway":
         return "axis_runaway", (
             f"{axis} ran away (order or parameter beyond all bounds) and begins again: an offset, a wrong R "

@@ -1,7 +1,8 @@
-"""Turn the events of a source into samples in physical units, with their number in the epoch and their time.
+"""Turn the events of a source into samples in physical units, with their numbers and times.
 
-The native device (host/native/device.hpp) does all of it. It also runs the sensors' estimators that
-`fltea.stream.pipeline` gives it. Exports of recordings use it without estimators.
+The native device (host/native/device.hpp) makes the conversion. It also runs the estimators that
+`fltea.stream.pipeline` gives it. Exports of recordings use the native device without estimators. An epoch is
+a stretch of samples without a restart of the estimators; samples are numbered within an epoch.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,21 +23,24 @@ from fltea.wire.sample_scaling import Scales
 
 
 class Stop(IntEnum):
-    """Why the native device stops (see host/native/device.hpp), and which details it gives then."""
+    """Reason why the native device stops (see host/native/device.hpp), and which details it gives then."""
 
     END = 0
-    """All samples are taken."""
+    """All samples are processed."""
     MORE = 1
-    """Nothing has happened, and there are more samples."""
+    """Nothing has happened, and there are more samples to process."""
     STATS_DUE = 2
-    """Before a sample that arrived when statistics were due."""
+    """Before a sample that arrives when statistics are due."""
     GAP = 3
-    """Before a sample: others are missing. Details: number missing, the sample's number and time, axes
-    lost."""
+    """Before a sample, since samples are missing before it. Details: number of missing samples, number and
+    time of the sample, and the axes that became invalid.
+    """
     EPOCH = 4
     """Before a sample that begins an epoch. Details: the fields of `FirstSample`."""
     HAPPENED = 5
-    """After a sample. Details: for each event its sensor, and either lost axes or a step or motion."""
+    """After a sample with an event. Details: for each event its sensor, and either the axes that became
+    invalid, or a step or motion.
+    """
     WINDOW_FULL = 6
     """After a sample: the start-up window of a sensor is full."""
     FIT_COUNTS = 7
@@ -44,23 +48,28 @@ class Stop(IntEnum):
     FIT_DUE = 8
     """After a sample: a refit is to begin."""
     RATE_DIFFERS = 9
-    """After a sample: later samples are not used. Details: the rate in HELLO, and the rate by the device's
-    clock."""
+    """After a sample, since the device's clock contradicts its HELLO and later samples are not used. Details:
+    sampling rate in the HELLO, and sampling rate by the device's clock [Hz].
+    """
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
-"""For each sensor the columns of its tracker, and those of its filters or None; None without samples."""
+"""For each sensor, the columns of its tracker and the columns of its filters, if there are any; None for a
+sensor without samples.
+"""
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
-"""Samples that were taken: index of the first in the source's block, their columns, and the sensors'
-results."""
+"""Processed samples: index of the first sample in the source's block, columns of the samples, and the results
+of the sensors.
+"""
 
 
 class FirstSample(NamedTuple):
     """The first sample of an epoch.
 
-    `missing`: number of samples lost just before it. `seq`, `epoch_us`: its number and time in the epoch.
-    `sequence`, `device_us`: its number and time as received. `gyro_axes`, `has_accel`: its axes with a scale.
+    `missing`: number of samples lost just before this sample. `seq`, `epoch_us`: number and time [µs] of the
+    sample in the epoch. `sequence`, `device_us`: number and time [µs] as received, which wrap. `gyro_axes`,
+    `has_accel`: axes of the gyroscope, and whether there are axes of the accelerometer, whose scale is known.
     """
 
     reason: EpochReason
@@ -74,7 +83,7 @@ class FirstSample(NamedTuple):
 
 
 class Decoded(NamedTuple):
-    """Samples without a gap, in physical units and in counts. `missing`: samples lost just before them."""
+    """Samples without a gap, in physical units and in counts. `missing`: number lost just before them."""
 
     block: Block
     raw: RawBlock
@@ -86,9 +95,9 @@ class Decoded(NamedTuple):
 class Decoder:
     """Turns the events of a source into samples.
 
-    `unix_offset_ns`: returns the source's offset from its clock to Unix time. `max_gap`: longest gap within
-    an epoch, in samples or as a time. `device`, `output`: as in `Block`. `epoch`: counts from 1; 0 before the
-    first.
+    `unix_offset_ns`: returns the offset from the source's clock to Unix time [ns]. `max_gap`: longest gap
+    within an epoch, in samples or as a time. `device`, `output`: as in `Block`. `epoch`: number of the
+    present epoch, from 1; 0 before the first epoch.
     """
 
     def __init__(
@@ -113,12 +122,12 @@ class Decoder:
 
     @property
     def source(self) -> str:
-        """Where the samples come from, as the newest HELLO says; empty before the first HELLO."""
+        """Name of the samples' source in the newest HELLO; empty before the first HELLO."""
         return "" if self._hello is None else self._hello.source
 
     @property
     def counts(self) -> SampleStats:
-        """Counts of what became of the samples until now."""
+        """Numbers of samples that were used, lost or dropped until now."""
         return SampleStats(*self.native.counts)
 
     def on_hello(self, hello: Hello) -> bool:
@@ -140,7 +149,7 @@ class Decoder:
             self.native.on_break(event.reason)
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
-        """Take one event; yield the usable samples, and each HELLO that states something new."""
+        """Process one event; yield the usable samples, and each HELLO that differs from the one before."""
         if isinstance(event, RawBlock):
             yield from self._decoded(event)
         elif not isinstance(event, Hello):
@@ -149,7 +158,7 @@ class Decoder:
             yield event
 
     def advance(self, raw: RawBlock) -> Iterator[tuple[Stop, int, Rows | None, Any]]:
-        """Yield each stop: its kind, the next sample's index, the samples taken until then, and the details.
+        """Yield each stop: its reason, the next sample's index, the processed samples, and the details.
 
         The caller handles a stop before it asks for the next one; for `EPOCH` it calls `begin`.
         """
@@ -165,7 +174,7 @@ class Decoder:
         self.native.begin(self._unix_offset_ns(), sensors)
 
     def block(self, samples: tuple[Any, ...]) -> Block:
-        """Return the columns `samples` as a block."""
+        """Return the samples, whose columns are given, as a block."""
         seq, device_us, host_ns, gyro_dps, accel_ms2, temperature_c, flags = samples
         return self._template.but(
             seq=seq,

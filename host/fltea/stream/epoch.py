@@ -1,4 +1,7 @@
-"""Define what an epoch of a device begins with, what it yields, and the state of its estimators."""
+"""Define what an epoch of a device begins with, what it yields, and the state of its estimators.
+
+An epoch is a stretch of samples without a restart of the estimators.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,7 +15,7 @@ from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, He
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""Number that no sample has, and time at which none comes; same as in host/native/device.hpp."""
+"""A number that no sample has, and a time at which no sample comes; as in host/native/device.hpp."""
 
 
 class Moment(NamedTuple):
@@ -25,7 +28,7 @@ class Moment(NamedTuple):
 
 
 class Notice(NamedTuple):
-    """Kind and text of an `error` record; `host_ns`: its time on the source's monotonic clock."""
+    """Kind and text of an `error` record; `host_ns`: its time on the source's monotonic clock [ns]."""
 
     kind: str
     message: str
@@ -39,7 +42,7 @@ Item = AnyRecord | Block | Notice
 class Beginning(NamedTuple):
     """What is known about the samples of an epoch when it begins.
 
-    `gyro_axes`, `accel`: the sensors that its samples contain. `saved`: saved state to continue from.
+    `gyro_axes`, `accel`: the axes of each sensor in the samples. `saved`: saved state from which to continue.
     `missing`: number of samples lost just before the epoch, as far as it is known.
     """
 
@@ -50,7 +53,7 @@ class Beginning(NamedTuple):
     missing: int = 0
 
     def axes(self, wanted: Sequence[str] | None) -> tuple[dict[str, int], dict[str, int]]:
-        """Return both sensors' `wanted` axes with their columns; None stands for all of the gyroscope."""
+        """Return both sensors' columns of the axes in `wanted`; None means all axes of the gyroscope."""
         gyro, accel = AXES[: self.gyro_axes], ACCEL_AXES if self.accel else ()
         return (
             {axis: i for i, axis in enumerate(gyro) if wanted is None or axis in wanted},
@@ -64,10 +67,10 @@ class Beginning(NamedTuple):
 
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """What the sensors of a device need to continue; None where nothing was saved.
+    """Saved state from which the sensors of a device continue; None for a part that was not saved.
 
-    `gyro`, `accel`: the filters. `gyro_fit`, `accel_fit`: sums of the live fits. `gyro_track`, `accel_track`:
-    state of the trackers.
+    `gyro`, `accel`: state of the filters. `gyro_fit`, `accel_fit`: spectral sums of the live fits.
+    `gyro_track`, `accel_track`: state of the bias trackers.
     """
 
     gyro: OnlineState | None = None
@@ -91,7 +94,7 @@ class Standing:
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
 
     def with_board(self, of_board: "Standing") -> "Standing":
-        """Return this state, with the board's where this computer estimates nothing."""
+        """Return this state, with the board's state for each axis that this computer does not estimate."""
         return Standing(
             max(self.startup_remaining, of_board.startup_remaining),
             of_board.axes | self.axes,

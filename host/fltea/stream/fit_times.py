@@ -1,6 +1,7 @@
 """Decide when refits begin and take effect, counted in samples, so that replays give the same results.
 
-A record that has grown by little says hardly anything new, so the time between refits follows its growth.
+Samples that lengthen a record by little change its fit by little, so the time between refits grows with the
+record.
 """
 
 import math
@@ -13,22 +14,24 @@ DEVICES_A_SECOND = 12
 """Number of three-axis devices that can all be refitted once a second: the model search of a young record
 takes 25 ms per device."""
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Golden ratio. The fractional parts of its multiples are well spaced, for any number of devices."""
+"""Golden ratio. The fractional parts of its multiples are evenly spread for any number of devices."""
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, LOOK_GROWTH = 10, 100
-"""A model search is made when the record has grown by 1/`SEARCH_GROWTH`, a refit at 1/`LOOK_GROWTH`."""
+"""Growth of the record between two model searches (1/`SEARCH_GROWTH`) and two refits (1/`LOOK_GROWTH`)."""
 LONGEST_S = 60.0
 """Longest time between two refits while an output shows them [s]."""
 CURVES_S, CURVES_PERIODS = 10.0, 4
-"""Shortest time between two fits with curves, in seconds and in periods: curves are most of a record's bytes,
-and a third of the work with many devices."""
+"""Shortest time between two fits whose records hold curves, in seconds and in periods. Curves are most of a
+record's bytes, and a third of the work with many devices.
+"""
 SEARCH_LAG = 50
-"""A model search takes effect only when the epoch has grown by 1/`SEARCH_LAG`. Samples are taken meanwhile,
-also when a file is read at full speed, or when many devices began together."""
+"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. Meanwhile
+samples are processed, also when a file is read at full speed or many devices began together.
+"""
 
 
 def period_s(config: Config, fit_worker: FitWorker) -> float:
-    """Return the shortest time between two refits, in seconds of samples; many devices lengthen it."""
+    """Return the shortest time between two refits [s], by the samples' clock; many devices lengthen it."""
     given = config.live.period_s
     usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
     return (
@@ -39,19 +42,20 @@ def period_s(config: Config, fit_worker: FitWorker) -> float:
 
 
 def turn(fit_worker: FitWorker, number: int, period: int) -> int:
-    """Return the offset within a period at which device `number` does what every device does once a period.
+    """Return the time within a period at which device `number` does its periodic work.
 
-    Many devices begin together; without different offsets all device streams would wait at the same time.
-    `number`: index of the device. `period`: in samples, or in ns.
+    Many devices begin together; without different times all device streams would wait for each other.
+    `number`: index of the device. `period`: length of the period, in the unit of the result: samples or ns.
     """
     return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
 
 class Look(NamedTuple):
-    """What a refit is for.
+    """Purpose of a refit, and when it takes effect.
 
-    `settles`: estimates use it until the next refit that settles. `fresh`: the model is searched for again.
-    `curves`: the record holds the curves. `counts`: number of the sample at which the refit takes effect.
+    `settles`: the estimates use the refit, until the next refit with `settles`. `fresh`: the noise model is
+    searched for again. `curves`: the record of the refit holds curves. `counts`: number of the sample at
+    which the refit takes effect.
     """
 
     settles: bool
@@ -63,11 +67,11 @@ class Look(NamedTuple):
 class LookTimes:
     """Gives the numbers of an epoch's samples, counted from 1, at which refits begin.
 
-    These numbers are multiples of the period, in samples. A refit takes effect before the next multiple; only
-    a model search may take longer, and delays refits that settle nothing.
-    `grows`: model searches follow the record's growth; otherwise every refit is a model search.
-    `every`: refits that settle nothing are made as well, for outputs that show them. The refits that settle
-    do not depend on that.
+    These numbers are multiples of the period, in samples. A refit takes effect before the next multiple. Only
+    a model search may take longer; it delays the refits that no estimate uses. `grows`: the time between
+    model searches grows with the record; otherwise every refit is a model search. `every`: refits that no
+    estimate uses are made as well, for outputs that show them. The refits that estimates use are the same
+    with and without `every`.
     """
 
     def __init__(self, rate_hz: float, *, grows: bool, every: bool) -> None:
@@ -75,15 +79,16 @@ class LookTimes:
         self.begin(1)
 
     def begin(self, period: int) -> None:
-        """Begin an epoch."""
+        """Begin an epoch. `period`: number of samples between two refits."""
         self.check = self.due = self._search = period
         self._drawn: int | None = None
 
     def at(self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False) -> Look | None:
-        """Return the refit that begins with sample `number`, which is `check` or later; None if none begins.
+        """Return the refit that begins with sample `number`, which is at least `check`; None if none begins.
 
-        `samples`: number of samples of the whole record. `period`: the period from now on, in samples.
-        `noticed`: a change of the data calls for a refit. `busy`: the last refit has not taken effect yet.
+        `samples`: number of samples of the whole record. `period`: number of samples between two refits from
+        now on. `noticed`: the data have changed, so a refit is wanted now. `busy`: the last refit has not
+        taken effect yet.
         """
         self.check = (number // period + 1) * period
         settles = number >= self._search

@@ -9,10 +9,10 @@ T = TypeVar("T")
 
 
 class FitWorker:
-    """What the refits of a program share. This class makes each refit where its result is asked for.
+    """Makes the refits of all devices of a program: here, in the thread that asks for the result.
 
-    `devices`: number of devices. `slower`: factor by which all refits come less often than usual, because the
-    processor does not keep up. The code that runs many devices changes both.
+    `devices`: number of devices. `slower`: factor by which the time between refits is longer than usual,
+    since the processor does not keep up. The code that runs many devices changes both.
     """
 
     def __init__(self, devices: int = 1, slower: float = 1.0) -> None:
@@ -24,7 +24,7 @@ class FitWorker:
 
 
 class _Work:
-    """Some work and its result; importing concurrent.futures would delay each program start by 5 ms."""
+    """A task and its result. Importing concurrent.futures instead would delay the program's start by 5 ms."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self._work, self._done, self._begun = work, threading.Event(), threading.Lock()
@@ -49,9 +49,9 @@ class _Work:
 
 
 class FitThread(FitWorker):
-    """Does all work in a thread of its own, in the order in which it was begun, until it is closed.
+    """Does all tasks in one separate thread, in the order in which they were queued, until `close`.
 
-    A caller that waits for work that has not started does that work itself, so a replay uses two cores.
+    A caller that waits for a task that has not started does the task itself, so a replay uses two cores.
     """
 
     def __init__(self, devices: int = 1) -> None:

@@ -13,15 +13,16 @@ from fltea.records.records import Motion, Step
 from fltea.stream.epoch import Moment
 
 BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
-"""What detected motion, if it was not an axis of the sensor itself."""
+"""Names of what detected motion, for a detector that is no axis of the sensor itself."""
 
 
 def record_of(
     event: TrackerEvent, moment: Moment, axes: Sequence[str], unit: str, h: float, device: str | None
 ) -> Step | Motion:
-    """Return the record of an event. `moment`: of the detecting sample; `h`: sampling period [s].
+    """Return the record of an event. `moment`: sample that shows the event. `h`: sampling period [s].
 
-    Times of earlier samples follow from the rate, so that they do not depend on how samples are grouped.
+    The time of an earlier sample is computed from the sampling rate, so it does not depend on the blocks in
+    which samples arrive.
     """
     before = max(event.ago - 1, 0)
     place = (
@@ -47,9 +48,9 @@ def record_of(
 
 
 def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
-    """Return which samples the sums of the noise leave out, (n, axes): those in motion, and those at a step.
+    """Return the mask (n, axes) of samples that the noise spectrum leaves out: in motion, or at a step.
 
-    A sample that is left out ends a stretch of samples, so no spectrum spans a step.
+    A sample that is left out divides the record into two pieces, so no piece of the spectrum contains a step.
     """
     steps = [event for event in events if event.kind == EventKind.STEP]
     if not steps:

@@ -1,7 +1,7 @@
 """Make the model that an axis's tracker uses, from a live fit, in the thread that makes the fit.
 
 The model is made with the samples that the tracker remembered when the refit began. So samples that come
-meanwhile do not wait, and the result does not depend on how long this takes.
+while it is made do not wait, and the result does not depend on the time that this takes.
 """
 
 from typing import NamedTuple
@@ -21,19 +21,26 @@ from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 
 ENOUGH = 3000
-"""Number of samples: a shorter fit knows too little about slow noise, so the bank of random walks stays."""
+"""Least number of samples of a fit that replaces the bank of random walks: a shorter fit shows too little of
+slow noise.
+"""
 FEWEST, LIKELIER = 300, 30.0
-"""A fit of at least `FEWEST` samples replaces the bank of random walks early if its likelihood is higher by
-`LIKELIER`, in 2 log L."""
+"""A fit of at least `FEWEST` samples replaces the bank of random walks early if its 2 log L is higher than
+the bank's by `LIKELIER`.
+"""
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
-"""A filter is made again if the record is longer by the ratio `GROWTH`, or if the new noise model is likelier
-by `APART`, in log L."""
+"""A filter is made again if the record has grown by the factor `GROWTH`, or if the log likelihood of the new
+noise model is higher by `APART`.
+"""
 EVERY = 2
-"""Only one in `EVERY` values of the offset's variance is tried: the bias is as good, in a fifth of the
-time."""
+"""Only one in `EVERY` values of the variance of the offset's walk is tried. The bias is as accurate as with
+all values, in a fifth of the time.
+"""
 DIGITS = 3
-"""Significant digits of a fit's figures that are used, since the last ones differ between run and replay."""
+"""Number of significant digits of a fit's figures that are used, since the last digits may differ between a
+run and its replay.
+"""
 
 
 class Learned(NamedTuple):
@@ -45,15 +52,16 @@ class Learned(NamedTuple):
     tracker_model: TrackerModel
     """The model that the tracker uses."""
     system: System
-    """State-space system with the mean of all variances that the offset may have."""
+    """State-space system of the noise model, with the mean over all drifts that the offset may have."""
     K: Interval
-    """Random walk of the offset, as `OffsetWalk.K` gives it."""
+    """Rate random walk K of the offset, as `OffsetWalk.K` gives it."""
     at_rest: Array
-    """Covariance of the state x after a rest as long as the fit's record, (n, n)."""
+    """Covariance (n, n) of the system's state x after a rest of the fitted record's length."""
     h: float
     headings: dict[int, float]
-    """Standard deviation of the heading, by the seconds since the rest; empty if the sensor measures no
-    rate."""
+    """Standard deviation of the heading error for each number of seconds since the rest; empty for a sensor
+    that measures no rate.
+    """
 
     def heading_std(self, t_s: float) -> float:
         """Return the standard deviation of the sensor's integral, `t_s` seconds after the rest."""
@@ -73,8 +81,8 @@ class Learner(NamedTuple):
     def learned(self, noise: Noise | None, before: Learned | None) -> Learned | None:
         """Return the tracker model to use from now on.
 
-        It is `before` unless the noise has changed, the fit is certain enough, and a filter can be made of
-        it.
+        `before`: tracker model in use. It is returned unless the noise has changed, the fit is certain
+        enough, and a filter can be made for the new noise.
         """
         if noise is None or noise.samples < FEWEST:
             return before
@@ -94,7 +102,7 @@ class Learner(NamedTuple):
             tracker_model = TrackerModel(self.rules, *rivals)
             P = rested(found, n)
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
-        except (ValueError, ArithmeticError):  # at the edge of stationarity: the previous model stays in use
+        except (ValueError, ArithmeticError):  # at the edge of stationarity, the previous model stays in use
             return before
         model = names(map(type, noise.parts))
         headings = dict(zip(AHEAD_S, stds, strict=False))
@@ -103,7 +111,7 @@ class Learner(NamedTuple):
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether the noise has changed so little that the filter is not made again."""
+    """Return whether `noise` is so near to `before` that the filter is not made again."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
@@ -113,6 +121,6 @@ def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
 
 def _rounded(part: Part) -> Part:
     figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
-    # A number of samples stays a whole one.
+    # A figure that is a number of samples is an int, and stays one.
     rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
     return with_fields(part, **rounded)

@@ -1,13 +1,13 @@
-"""Fit the noise of each sensor's axes while samples come, and publish each fit as a record `fit`.
+"""Fit a noise model to each sensor's axes while samples come, and publish each fit as a record `fit`.
 
-The sums of the spectrum are kept as long as the sensor stays the same. A gap of any length, a restart of the
-board or of its sensor, and the time between two runs (`--state`) end a stretch of the spectrum, but lose
-none of the sums. Another device, scale, filter, rate or set of axes begins new sums. So `samples` of a fit
-may span several epochs, while FLTEA's filters begin anew with each epoch.
+The spectrum is kept as sums over pieces of the record, as long as the sensor stays the same. A gap of any
+length, a restart of the board or of its sensor, and the time between two runs (`--state`) end a piece. They
+do not lose the sums. Another device, scale, filter, rate or set of axes begins new sums. So the samples of
+one fit may span several epochs, while FLTEA's filters begin anew with each epoch.
 
 A refit takes milliseconds, and no sample waits for it: it works on a copy of the sums, in the fit worker's
-thread, and takes effect at a sample that is fixed when the refit begins. Only if the refit is late do the
-samples wait for it, at that sample. So the results do not depend on the speed of the machine.
+thread, and takes effect at a sample that is chosen when the refit begins. If the refit is not done by then,
+the samples wait for it. So the results do not depend on the speed of the machine.
 
 Motion of the sensor is no noise: the sums leave out the samples that the sensor's tracker calls motion.
 """
@@ -30,22 +30,22 @@ from fltea.stream.fit_worker import FitWorker
 from fltea.stream.learning import Learned, Learner
 
 NO_VERDICT = ("too few samples",)
-"""Verdicts that say nothing about the noise."""
+"""Verdicts of a fit that say nothing about the noise, so no estimate uses such a fit."""
 REFILTERED = 32
 """Number of samples before a refit takes effect at which the fit worker filters all remembered samples with
-the new noise model. The device stream then filters only these last samples (about 5 µs per axis), and the
-test for steps looks back as far as it does without a refit."""
+the new noise model. The device stream then has to filter only these last samples (about 5 µs per axis), and
+the test for steps covers as many past samples as without a refit.
+"""
 BREAK = 9
-"""Smallest number of lost samples that the sums count at a break, since the true number may be unknown."""
+"""Smallest number of lost samples that is counted at a break, since the true number may be unknown."""
 
 
 class AcceptedFit(NamedTuple):
-    """The newest live fit of an axis that its estimates use.
+    """The newest live fit of an axis that the axis's estimates use.
 
     `null_p`: p-value of white noise, rounded to three digits, since the last digits of a fit depend on the
-    kind of processor; None before the first fit.
-    `stands`: the newest fit whose verdict is stable, which means that two accepted fits in a row agreed on
-    it. `learned`: the noise model that the bias tracker uses.
+    kind of processor; None before the first fit. `stands`: the newest fit with a stable verdict: two accepted
+    fits in a row had the same verdict. `learned`: the noise model that the bias tracker uses.
     """
 
     null_p: float | None = None
@@ -83,21 +83,21 @@ class _Begun(NamedTuple):
     samples: int
     look: Look
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """For each axis, a function that returns its fit and the accepted fit from then on."""
+    """For each axis, a function that returns the axis's fit, and the accepted fit after this refit."""
     refilters: int
-    """Number of the sample after which the remembered samples are filtered anew."""
+    """Number of the sample after which the fit worker filters the remembered samples with the new models."""
     refiltered: tuple[Callable[[], None], ...] = ()
-    """Functions that wait until the remembered samples are filtered."""
+    """For each axis, a function that waits until the axis's remembered samples are filtered."""
 
 
 class LiveFits:
     """Fits the axes of both sensors, whether this computer or the board estimates.
 
-    The next HELLO decides whether the sums are kept.
+    The next HELLO decides whether the spectral sums are kept: they are kept for the same sensor.
 
     `prompt`: the samples come at their own pace, as from a device, not as fast as a file can be read.
-    `watched`: some output shows the fits, so fits that no estimate uses are made as well.
-    `fit_worker`: what the refits of all devices of this program share.
+    `watched`: an output shows the fits, so fits that no estimate uses are made as well.
+    `fit_worker`: makes the refits of all devices of this program.
     `number`: index of this device among the devices of the program, from 0.
     """
 
@@ -125,7 +125,7 @@ class LiveFits:
         self._last: Moment | None = None
 
     def begin(self, beginning: Beginning) -> dict[str, LiveAxes]:
-        """Begin an epoch, and return the sums of each sensor.
+        """Begin an epoch, and return the spectral sums of each sensor.
 
         The sums of the previous epoch, or the saved sums, are kept if the sensor is the same.
 
@@ -163,7 +163,7 @@ class LiveFits:
             self._begun = self._begun._replace(look=self._begun.look._replace(counts=1))
 
     def bridge(self, count: int) -> None:
-        """End all stretches of the spectrum, since at least `count` samples are missing."""
+        """End the present piece of the record, since at least `count` samples are missing."""
         for sums in self._sums.values():
             sums.skip(max(count, BREAK))
 
@@ -181,9 +181,10 @@ class LiveFits:
         return NEVER if self._begun is None else self._before_first + self._begun.look.counts
 
     def look(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
-        """Begin a refit after a sample if it is time, and filter the remembered samples for the last refit.
+        """Begin a refit after a sample if one is due, and filter the remembered samples for the last refit.
 
-        `moment`: of a sample that is `due` or later. `tracks`: returns the tracker of an axis.
+        `moment`: number and times of a sample whose number is `due` or higher. `tracks`: returns the tracker
+        of an axis.
         """
         number = moment.seq - self._before_first
         self._refilter(number, tracks)
@@ -209,7 +210,7 @@ class LiveFits:
             self._drawn_samples = samples
 
     def _refilter(self, number: int, tracks: Callable[[str], Tracks]) -> None:
-        """Let the fit worker filter the remembered samples, if it is time for that."""
+        """Let the fit worker filter the remembered samples, if `number` is the sample for that."""
         if self._begun is None or number < self._begun.refilters:
             return
         begun, to_come = self._begun, self._begun.look.counts - number
@@ -226,7 +227,7 @@ class LiveFits:
         begun, self._begun = self._begun, None
         if begun is None:
             return
-        # Ask for the last axis first, since the worker's thread began with the first axis.
+        # Ask for the last axis's fit first, since the worker's thread begins with the first axis.
         looked = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()
@@ -238,7 +239,7 @@ class LiveFits:
         """Yield a fit of all samples with its curves at the end, unless that fit has just been published.
 
         For a recording it is the only fit that is used, so it agrees with the fit by `fltea identify`.
-        `moment`: of the last sample; None if there was no sample.
+        `moment`: number and times of the last sample; None if there was no sample.
         """
         yield from self.counted()
         if not self._sums or moment in (None, self._last):
@@ -261,7 +262,7 @@ class LiveFits:
         return self._accepted.get(axis, NO_FIT)
 
     def period_s(self) -> float | None:
-        """Return the shortest time between two refits [s]; None where there is nothing to fit."""
+        """Return the shortest time between two refits [s]; None if no axis is fitted."""
         return period_s(self._config, self._fit_worker) if self._sums else None
 
     @property
@@ -304,6 +305,6 @@ def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:
 
 
 def _identity_of(hello: Hello) -> tuple[object, ...]:
-    """Return all that has to be the same for the sensor's noise to be the same."""
+    """Return the parts of a HELLO that have to be equal for the sensor's noise to be the same."""
     scales = hello.gyro_lsb_per_dps, hello.gyro_range_dps, hello.accel_lsb_per_g
     return hello.device_id, hello.who_am_i, hello.sensor, *scales, hello.gyro_dlpf_hz, hello.rate_hz

@@ -1,12 +1,12 @@
 """Turn the events of one device's source into records and blocks: the device stream.
 
-A source gives events. Samples go through the native device (`fltea.stream.decode`), which stops where more
-than an estimate is needed: `HANDLERS` has what each stop leads to. All results go to the outputs, in order.
-They do not depend on how samples were grouped into blocks, nor on how the bytes were read.
+A source gives events. The native device (`fltea.stream.decode`) processes the samples. It stops where more
+than an estimate is needed; `HANDLERS` holds the method for each kind of stop. All results go to the outputs,
+in order. The results do not depend on how samples were grouped into blocks, nor on how the bytes were read.
 
-Statistics are published at the first event of each new second, and count what came before that event. With
-many devices, each device has its own offset in the second (`fit_times.turn`), so that no sample waits for
-the statistics of all devices.
+Statistics are published at the first event of each new second, and count the events before it. With many
+devices, the second of each device begins at another time (`fit_times.turn`), so that no sample waits for the
+statistics of all devices.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -50,13 +50,13 @@ Output = AnyRecord | Block
 class Pipeline:
     """Turns the events of one source into records and blocks, in order.
 
-    `outputs`: returns the counts of the outputs for `stats`. They are published only for sources with a pace
-    of their own: for other sources they would only show how fast this machine is.
-    `state`: a snapshot of an earlier run. `refuse`: called if the snapshot is not valid. `fit_worker`: what
-    the live fits of all devices of this program share. `number`: index of this device among the devices of
-    the program, from 0. `stats_s`: seconds between two statistics; the devices publish them at different
-    times. `watched`: some output takes every result. Otherwise only the last statistics and the records that
-    other results depend on are made.
+    `outputs`: returns the counts of the outputs, for the record `stats`. These counts are published only for
+    live sources: for a file they would only show how fast this machine is. `state`: a snapshot of an earlier
+    run. `refuse`: called if the snapshot is not valid. `fit_worker`: makes the live fits of all devices of
+    this program. `number`: index of this device among the devices of the program, from 0. `stats_s`:
+    seconds between two statistics; the devices publish them at different times. `watched`: an output takes
+    every result. Without such an output, only the last statistics and the records on which other results
+    depend are made.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Pipeline:
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
-        """Yield what one event leads to. The caller takes all of it before it feeds the next event.
+        """Yield the results of one event. The caller takes all of them before it feeds the next event.
 
         Raises:
             UsageError: a fixed bias or R does not fit the axes.
@@ -115,17 +115,17 @@ class Pipeline:
         yield from self._on_event(event)
 
     def _on_samples(self, raw: RawBlock) -> Iterator[Output]:
-        """Take samples from one stop of the native device to the next."""
+        """Let the native device process samples from stop to stop, and yield the results."""
         for stop, row, rows, details in self._decoder.advance(raw):
             if rows is not None:
                 yield from self.took(rows, raw.host_ns[rows[0] : rows[0] + len(rows[1][0])])
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._now_ns = int(raw.host_ns[-1])  # also where the last samples could not be used
+        self._now_ns = int(raw.host_ns[-1])  # also if the last samples are not used
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
-        """Yield the samples that the native device took, with its results.
+        """Yield the samples that the native device has processed, with the results.
 
         `host_ns` (n,): arrival times of the samples on the monotonic clock [ns].
         """
@@ -137,21 +137,21 @@ class Pipeline:
         self._now_ns = int(host_ns[-1])
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> Iterator[Output]:
-        """Do what a stop of the native device leads to. `now_ns`: arrival time of the sample at the stop."""
+        """Handle a stop of the native device. `now_ns`: arrival time of the sample at the stop [ns]."""
         self._source_offset_ns, self._now_ns = self._source.unix_offset_ns, now_ns
         self._note_offset()
         return HANDLERS[stop](self, details)
 
     def came_to(self, now_ns: int) -> None:
-        """Note the time of samples that the native device took without a stop."""
+        """Note the arrival time [ns] of samples that the native device has processed without a stop."""
         self._now_ns = max(self._now_ns, now_ns)
 
     def _on_stats_due(self, details: None) -> Iterator[Output]:
-        """The next sample is the first of a new second."""
+        """Publish the statistics, since the next sample is the first of a new second."""
         return self._on_time(self._now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
-        """Report that samples are missing before the next one, and which axes became invalid meanwhile."""
+        """Report that samples are missing before the next sample, and which axes became invalid meanwhile."""
         missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
@@ -192,7 +192,7 @@ class Pipeline:
                 yield self._sensors.happened(number, event, moment)
 
     def _on_window_full(self, details: None) -> Iterator[Output]:
-        """Let the filters of a sensor begin, since its start-up window is full."""
+        """Let the filters of a sensor begin to estimate, since the sensor's start-up window is full."""
         for channels in self._sensors.fill(self._device):
             yield from self._records(channels.notices(self._now_ns))
 
@@ -202,7 +202,7 @@ class Pipeline:
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_fit_times()
-        yield from found  # last, since an output that prints reads what the next samples' records will hold
+        yield from found  # last, since an output that prints needs the values of the next samples
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
         """Begin a refit with the samples until now, in the fit worker."""
@@ -214,7 +214,7 @@ class Pipeline:
         return iter(())
 
     def _on_rate_differs(self, details: Any) -> Iterator[Output]:
-        """The device's clock contradicts its HELLO."""
+        """Report that the device's clock contradicts the sampling rate in its HELLO."""
         yield self._error("rate_differs", explain_rate(self._decoder.source, *details))
 
     def _set_fit_times(self) -> None:
@@ -240,7 +240,7 @@ class Pipeline:
         self._device.stats_due_ns = (begun + 1) * self._stats_ns + self._stats_offset_ns
 
     def _note_offset(self) -> None:
-        """Take the source's clock offset until the first epoch, since the source may learn the date late."""
+        """Read the source's clock offset until the first epoch, since the source may learn the date late."""
         if not self._decoder.epoch:
             self._offset_ns = self._source_offset_ns
 
@@ -267,24 +267,24 @@ class Pipeline:
 
     def save(self) -> DeviceState | None:
         """Return a snapshot of the estimators for a later run; None while there is nothing to keep."""
-        if self._state is not None:  # the snapshot of an earlier run, which is still to be used
+        if self._state is not None:  # the snapshot of an earlier run has not been used yet
             return self._state
         hello, saved = self._decoder.hello, self._sensors.save()
         if hello is None or not saved or self._device.moment is None:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
-        unix_ns = host_ns + self._source.unix_offset_ns  # the epoch's offset misses a date that was set since
+        unix_ns = host_ns + self._source.unix_offset_ns  # not the epoch's offset: the date may be set later
         last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
 
     @property
     def device(self) -> Device:
-        """The native device, for callers that give it the samples natively."""
+        """The native device, for callers whose native code feeds the samples."""
         return self._device
 
     @property
     def words(self) -> object:
-        """The values that stay the same in all records of samples until a stop changes them."""
+        """Values that all records of samples share until the next stop, such as the verdicts of the fits."""
         return self._decoder.epoch, self._sensors.words
 
     @property
@@ -294,7 +294,7 @@ class Pipeline:
 
     @property
     def hello(self) -> Hello | None:
-        """The newest HELLO; None where it is not known which device it is."""
+        """The newest HELLO; None while the device is unknown."""
         return self._decoder.hello
 
     def stats(self) -> Stats:
@@ -320,9 +320,10 @@ class Pipeline:
         )
 
     def finish(self, *, last_fit: bool = True, whole: bool = False) -> Iterator[Output]:
-        """Yield what comes at the end: a fit of all samples, and the statistics.
+        """Yield the records at the end of a stream: a fit of all samples, and the statistics.
 
-        `whole`: the source has come to its end, so there are no more samples.
+        `last_fit`: whether to make the fit. `whole`: whether the source has ended, so that there are no more
+        samples.
         """
         if self._fits is not None and last_fit:
             yield from self._fits.last(self._moment())
@@ -336,7 +337,7 @@ class Pipeline:
         yield stats
 
     def _moment(self) -> Moment | None:
-        """Return number and times of the last sample; None before the first."""
+        """Return number and times of the last sample; None before the first sample."""
         moment = self._device.moment
         if moment is None:
             return None
@@ -344,7 +345,7 @@ class Pipeline:
         return Moment(seq, self._decoder.epoch, device_us, host_ns)
 
     def _standing(self) -> Standing:
-        """Return the state of all estimators; the board's for an axis that the board alone estimates."""
+        """Return the state of all estimators: the board's for an axis that only the board estimates."""
         whole = self._sensors.standing(self._device)
         return whole if self._board is None else whole.with_board(self._board.standing())
 
@@ -353,9 +354,9 @@ class Pipeline:
     ) -> tuple[list[Item], EpochReason, float | None, int]:
         """Begin an epoch, from the snapshot if there is a suitable one.
 
-        Returns what is to be reported, why the epoch begins, the snapshot's age [s], and the number of
-        samples lost since the snapshot. That number is counted only for devices that another process had
-        before, since no other part of the program counts it.
+        Returns the reports, the reason why the epoch begins, the snapshot's age [s], and the number of
+        samples lost since the snapshot. The losses are counted only for a device that another process served
+        before, since no other part of the program counts them.
         """
         notices: list[Item] = []
         hello = beginning.hello
@@ -398,7 +399,7 @@ class Pipeline:
         self._decoder.begin(sensors)
 
     def _forget(self) -> None:
-        """Ignore the board's later statements about earlier samples: the board or its sensor may differ."""
+        """Ignore what the board still states about earlier samples: the board or sensor may differ now."""
         if self._board is not None:
             self._board.forget()
 
@@ -419,7 +420,7 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
     Stop.FIT_DUE: Pipeline._on_fit_due,
     Stop.RATE_DIFFERS: Pipeline._on_rate_differs,
 }
-"""What each stop of the native device leads to; `END` and `MORE` lead to nothing."""
+"""Method that handles each kind of stop of the native device; `END` and `MORE` need none."""
 
 BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
 """Stops before the next sample; all other stops come after the last sample."""

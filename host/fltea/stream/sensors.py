@@ -1,4 +1,4 @@
-"""Combine, for each sensor of a device in one epoch, its bias tracker, its sums of noise and its filters."""
+"""Combine the bias tracker, the spectral sums and the filters of each sensor of a device in one epoch."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
@@ -21,7 +21,7 @@ from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 
 class Sensor(NamedTuple):
-    """One sensor. `sums`: None where nothing is fitted; `channels`: None where nothing is estimated here."""
+    """One sensor. `sums`: spectral sums, None if nothing is fitted. `channels`: filters, None if unused."""
 
     name: str
     unit: str
@@ -30,7 +30,7 @@ class Sensor(NamedTuple):
     channels: Channels | None
 
     def native(self) -> tuple[Any, ...]:
-        """Return this sensor as `_native.Device.begin` takes it."""
+        """Return this sensor in the form that `_native.Device.begin` expects."""
         sums, channels = self.sums, self.channels
         of_sums = (None, 0) if sums is None else (sums.octaves.native, sums.longest_motion)
         of_bank: tuple[Any, int, list[bool]] = (None, 0, [False] * len(self.tracks.names))
@@ -49,7 +49,7 @@ class Sensor(NamedTuple):
             self.channels.go_by(accepted)
 
     def bridge(self, count: int) -> None:
-        """Predict over the time in which the program did not run."""
+        """Predict over `count` samples that passed while the program did not run."""
         self.tracks.skip(count)
         if self.channels is not None:
             self.channels.bridge(count)
@@ -58,8 +58,8 @@ class Sensor(NamedTuple):
 class Sensors:
     """Both sensors of the present epoch.
 
-    `settings`: returns the settings of the gyroscope's filters, asked for at each begin of an epoch; None if
-    only a board estimates. `fits`: the live fits; None where there are none.
+    `settings`: function that returns the settings of the gyroscope's filters, called when an epoch begins; it
+    returns None if only a board estimates. `fits`: the live fits; None if nothing is fitted.
     """
 
     def __init__(
@@ -69,10 +69,10 @@ class Sensors:
         self._all: list[Sensor] = []
 
     def begin(self, beginning: Beginning) -> list[tuple[Any, ...]]:
-        """Begin an epoch, from the saved state if it fits; return what `_native.Device.begin` takes.
+        """Begin an epoch, from the saved state if it fits; return the arguments of `_native.Device.begin`.
 
         Raises:
-            ValueError: unusable settings or snapshot; nothing has changed then.
+            ValueError: the settings or the snapshot are not usable. Nothing has changed then.
             UsageError: a setting amounts to more samples than allowed.
         """
         config, hello, saved = self._config, beginning.hello, beginning.saved or Saved()
@@ -121,7 +121,7 @@ class Sensors:
                 yield channels
 
     def bridge(self, count: int) -> None:
-        """Predict over the time in which the program did not run."""
+        """Predict over `count` samples that passed while the program did not run."""
         if self._fits is not None:
             self._fits.bridge(count)
         for sensor in self._all:
@@ -146,14 +146,14 @@ class Sensors:
         return [] if channels is None else channels.losses(losses)
 
     def happened(self, number: int, event: Any, moment: Moment) -> Step | Motion:
-        """Return the record of a sensor's event at the sample `moment`; `event`: as `events_of` takes it."""
+        """Return the record of a sensor's event at the sample `moment`. `event`: an item for `events_of`."""
         tracks = self._all[number].tracks
         (found,) = events_of([event])
         return record_of(found, moment, tracks.names, tracks.unit, tracks.h, self._config.name)
 
     @property
     def words(self) -> object:
-        """Values that stay the same in all records of samples until a fit changes them."""
+        """Values that all records of samples share until a fit changes them."""
         return [
             (sensor.tracks.words, None if sensor.channels is None else sensor.channels.words)
             for sensor in self._all
@@ -180,7 +180,7 @@ class Sensors:
         return standing
 
     def save(self) -> dict[str, Any]:
-        """Return what a later run needs to continue, as fields of `Saved`; empty while a window fills."""
+        """Return the state for a later run, as fields of `Saved`; empty while a start-up window fills."""
         filters = {sensor.name: sensor.channels.save() for sensor in self._all if sensor.channels is not None}
         if not filters or not all(filters.values()):
             return {}
@@ -193,7 +193,7 @@ def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:
     """Return the settings with times converted to samples.
 
     Raises:
-        UsageError: a time amounts to more samples than allowed.
+        UsageError: a time in the settings amounts to more samples than allowed.
     """
     try:
         return config.at(rate_hz)

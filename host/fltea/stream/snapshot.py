@@ -1,10 +1,10 @@
-"""What of a device's estimators is saved for a later run, and when that snapshot may be used.
+"""Define what is saved of a device's estimators for a later run, and when that snapshot may be used.
 
-The rule: same device, same sensor and settings, and not older than `max_age_s`. Then bias, R, and the filters
-with their memory continue. The time in between is bridged like a gap, by prediction alone, up to the length
-of the memory, beyond which nothing of the memory is left anyway. The sums of the live fit continue, too, with
-a break for that time. The first epoch has the reason `resumed`. A reset of the board in between (opening its
-port resets a Due) does not matter: its sensor's noise is the same.
+A snapshot is used for the same device with the same sensor and settings, if it is not older than `max_age_s`.
+Then bias, R, and the filters with their memory continue. The time since the snapshot is bridged like a gap,
+by prediction alone, for at most the length of the memory. The spectral sums of the live fit continue as well,
+with a break for that time. The first epoch has the reason `resumed`. A reset of the board since the snapshot
+does not matter, since the sensor's noise stays the same. (Opening the port of a Due resets it.)
 """
 
 import msgspec
@@ -21,7 +21,7 @@ LONGEST_WRAP_S = 30 * 60.0
 
 
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The last sample of the device's boot `boot_id`; number and time wrap as in the wire protocol."""
+    """Number and time of the last sample in the device's boot `boot_id`; both wrap as on the wire."""
 
     boot_id: Whole
     sequence: Whole
@@ -31,9 +31,9 @@ class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """The saved estimators of one device.
 
-    `sensor`: what has to be the same for the snapshot to be used. `unix_ns`: time of the last sample.
-    `last`: the last sample. It shows how many samples are missing if the device ran on; otherwise the time
-    does.
+    `sensor`: values that have to be equal for the snapshot to be used. `unix_ns`: Unix time of the last
+    sample [ns]. `last`: the last sample; its number shows how many samples are missing, if the device has run
+    on since.
     """
 
     sensor: dict[str, str]
@@ -44,8 +44,8 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
     """Return the number of samples between a snapshot and the device's present sample, `age_s` later.
 
-    It follows from the samples' numbers if the boot is the same and number and time agree; otherwise from
-    `age_s`.
+    The number of missing samples is the difference of the samples' numbers, if the device has not booted
+    since and its clock agrees. Otherwise it is computed from `age_s`, the age of the snapshot [s].
     """
     known = missing_by_number(state, hello, sequence, device_us, age_s)
     return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known
@@ -67,7 +67,7 @@ def missing_by_number(
 
 
 def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
-    """Return all that has to be the same for a snapshot to be used."""
+    """Return the values that have to be equal for a snapshot to be used."""
     return {
         "device_id": str(hello.device_id),
         "who_am_i": str(hello.who_am_i),
@@ -81,7 +81,7 @@ def sensor_of(hello: Hello, config: Config) -> dict[str, str]:
 
 
 def why_unused(state: DeviceState, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
-    """Return why a snapshot cannot be used; None if it can."""
+    """Return the reason why a snapshot cannot be used; None if it can be used."""
     age_s = (now_unix_ns - state.unix_ns) * 1e-9
     if age_s < 0:
         return "it is from the future: was the clock set?"

@@ -1,7 +1,7 @@
 """Estimate the present bias of each axis with the noise model of the live fit.
 
-Estimates begin with the first sample: until a fit is stable, or half a minute long, a bank of random walks
-stands for the noise.
+Estimates begin with the first sample. Until a fit is stable, or its record is half a minute long, a bank of
+random-walk models is used in place of the noise model.
 """
 
 import contextlib
@@ -24,9 +24,9 @@ from fltea.stream.live import AcceptedFit
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
-"""Times over which the bias is checked [s]."""
+"""Times over which the bias is compared with later samples [s]."""
 STILL_S = 10.0
-"""Time that the samples have to rest at another value before that value is the new offset [s]."""
+"""Time for which the samples have to stay at another value before it becomes the new offset [s]."""
 
 
 def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
@@ -58,11 +58,11 @@ class SensorTracks:
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
         self.words = self._words()
-        """Values that stay the same in all columns until the next fit: verdict, alpha and f of each axis."""
+        """For each axis, verdict, alpha and f, which stay the same in all records until the next fit."""
         self._learned: dict[str, Learned] = {}
 
     def run(self, values: Array, accel: Array | None = None, rest: Rest = Rest.UNKNOWN) -> TrackedColumns:
-        """Track samples (n, columns), and return the results; `events` then has what happened during them.
+        """Track samples (n, columns), and return the results; `events` then holds the steps and motions.
 
         `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²].
         """
@@ -71,11 +71,11 @@ class SensorTracks:
 
     @property
     def events(self) -> list[TrackerEvent]:
-        """What happened during the samples of the last call of `run`."""
+        """Steps and motions during the samples of the last call of `run`."""
         return self.tracker.events
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
-        """Return the tracker's results for one or more samples as columns."""
+        """Return the tracker's results for samples as columns; `found`: the arrays of the native tracker."""
         return TrackedColumns._make((self.names, self.unit, *found, *self.words))
 
     def _words(self) -> tuple[tuple[Any, ...], ...]:
@@ -104,7 +104,7 @@ class SensorTracks:
         return self.tracker.remembered(self.names.index(axis))
 
     def go_by(self, axis: str, accepted: AcceptedFit) -> None:
-        """Use the noise model of a fit for an axis from now on, if the fit is new."""
+        """Use the noise model of an accepted fit for an axis from now on, if the fit is new."""
         if self.knows(axis, accepted):
             return
         self._known[axis] = accepted
@@ -112,12 +112,12 @@ class SensorTracks:
         learned = accepted.learned
         if learned is None or learned is self._learned.get(axis):
             return
-        with contextlib.suppress(ValueError):  # no filter works with this model: the previous one stays
+        with contextlib.suppress(ValueError):  # if no filter works with this model, the previous model stays
             self.tracker.go_by(self.names.index(axis), learned.tracker_model)
             self._learned[axis] = learned
 
     def heading_std(self, axis: str, t_s: float) -> float:
-        """Return the standard deviation of an axis's integral, `t_s` seconds after the rest.
+        """Return the standard deviation of the integral of an axis, `t_s` seconds after a rest.
 
         NaN before the first fit.
         """
@@ -160,13 +160,13 @@ class SensorTracks:
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:
-    """Return, by seconds, how well the bias was predicted; times without a complete piece are left out."""
+    """Return for each time of `CHECKED_S` how well the bias was predicted, if enough samples came."""
     found = zip(CHECKED_S, checked, strict=True)
     return {t_s: BiasCheck(one.pieces, one.rms) for t_s, one in found if one.rms is not None}
 
 
 def _offsets(config: EstimatorConfig, axes: int) -> list[float | None]:
-    """Return the offsets that the settings give."""
+    """Return the known offset of each axis in the settings; None for an axis without one."""
     bias = config.bias
     if isinstance(bias, str):
         return [None] * axes

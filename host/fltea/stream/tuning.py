@@ -1,4 +1,4 @@
-"""Decide which results of the live fit an axis's FLTEA filter uses, and when."""
+"""Decide which results of the live fit the FLTEA filter of an axis uses, and when."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 
 STEP = 0.1
-"""A figure that has moved by less than this fraction of its interval counts as unchanged."""
+"""A figure that has changed by less than this fraction of its confidence interval counts as unchanged."""
 LEAST_R = 1e-3
-"""Smallest R as a fraction of s2: data cannot tell a smaller R from none, and a filter needs R > 0."""
+"""Smallest R as a fraction of s2: data cannot distinguish a smaller R from 0, and a filter needs R > 0."""
 
 
 class HandedOver(NamedTuple):
-    """The results of one fit. The filter takes all of them together, since they belong together."""
+    """Results of one fit that a filter takes together, since each is true only with the others."""
 
     variances: Variances
     belief: FilterModel
@@ -25,10 +25,11 @@ class HandedOver(NamedTuple):
 def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     """Return s2, R and the order of a fit, rounded to three digits; None if the order is not known.
 
-    s2 and R may each be uncertain by a factor of ten where α is known: more white noise with less of the
-    state looks nearly the same, and only α and f of the same fit belong to them. None as well behind a
-    low-pass or high-pass, whose output no Q and R describe, and for an order beyond what the filters accept.
-    `in_use`: the variances handed over before, if any; None is returned if both are unchanged.
+    s2 and R may each be uncertain by a factor of ten although α is known, since more white noise with a
+    smaller state has nearly the same spectrum. So α and f are used only with s2 and R of the same fit. None
+    is also returned if the noise passed a low-pass or high-pass filter, since Q and R do not describe that,
+    and if the filters do not accept the order. `in_use`: the variances handed over before, if any; None is
+    returned if both are unchanged.
     """
     s2, R = fit.s2.value, fit.R.value
     belief = _filter_model(fit)
@@ -44,13 +45,13 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
-        return None  # a filter before the samples: the figures describe its input, but we see its output
+        return None  # a filter precedes the samples: the figures describe its input, not the samples
     belief = FilterModel(*alpha, *F, *f)
     return belief if belief.is_sound and NORMAL_95 * belief.alpha_std <= TUNED_WITHIN else None
 
 
 def _with_std(p: Interval) -> tuple[float, float] | None:
-    """Return a figure and its standard deviation by the interval's wider side; None if an end is open."""
+    """Return a figure and its standard deviation, from its interval's wider side; None if an end is open."""
     if p.value is None or p.low is None or p.high is None:
         return None
     return _rounded(p.value), _rounded(max(p.high - p.value, p.value - p.low) / NORMAL_95)
@@ -64,5 +65,5 @@ def _has_moved(p: Interval, before: float) -> bool:
 
 
 def _rounded(value: float) -> float:
-    """Round, since the last digits depend on the kind of processor, which may differ in a replay."""
+    """Round to three digits, since the last digits depend on the processor, which may differ in a replay."""
     return float(f"{value:.3g}")
