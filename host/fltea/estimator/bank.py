@@ -1,7 +1,7 @@
-"""Estimate all axes of one sensor, from the start-up window to the test of the innovations.
+"""Run the filters of all axes of one sensor, from the start-up window to the test of the innovations.
 
-One native call takes a whole block of samples (host/native/axis_bank.hpp). The columns do not depend on how
-samples are grouped into blocks, to the bit.
+One native call takes a whole block of samples (host/native/axis_bank.hpp). The results are equal to the bit
+however samples are grouped into blocks.
 """
 
 import math
@@ -39,15 +39,13 @@ class Variances(NamedTuple):
 class Bank:
     """Finds bias and R in the start-up window, and estimates from the first sample after it.
 
-    `axes`: names, at least one. `h`: sampling period [s]. `resolution`: one LSB in the sensor's unit, None if
-    unknown. `state`: a result of `save`, to continue without a start-up window. `variances`: variances in use
-    for each axis. `tuned`: axes whose variances came by `retune`. `beliefs`: filter models that came with
-    these.
+    `axes`: names, at least one. `h`: sampling period [s]. `resolution`: size of one LSB in the sensor's unit,
+    None if unknown. `state`: a result of `save`, to continue without a start-up window. `variances`:
+    variances in use for each axis. `tuned`: axes whose variances were set by `retune`. `beliefs`: filter
+    models that were set with these variances.
 
     Raises:
-        ValueError: no filter works with the settings, or the state does not fit them or is not valid; the
-        text
-            says what is wrong.
+        ValueError: no filter works with the settings, or the state does not fit them or is not valid.
     """
 
     def __init__(
@@ -76,11 +74,11 @@ class Bank:
             self._begin(self._rule.baseline_of([]))
 
     def run(self, y: ArrayLike) -> LaneBlock:
-        """Take n samples of every axis in the sensor's unit, (n, axes); the lanes are the axes.
+        """Process n samples of every axis, (n, axes), in the sensor's unit; each result lane is an axis.
 
         While the start-up window fills there are no estimates: all columns are NaN, and at most
-        `startup_remaining` samples may come. Raises ValueError, and changes nothing, for more samples than
-        that, for a wrong shape, and for numbers that are not finite or far too large.
+        `startup_remaining` samples may come. Raises ValueError, and changes nothing, for more samples in that
+        time, for a wrong shape, and for numbers that are not finite or far too large.
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != len(self.axes):
@@ -106,9 +104,9 @@ class Bank:
         self._begin(self._rule.baseline_of(window))
 
     def on_missing(self, count: int) -> list[Lost]:
-        """Bridge lost samples by prediction alone; within the start-up window they do not matter.
+        """Bridge `count` lost samples by prediction alone; the start-up window ignores lost samples.
 
-        Returns the lanes that became invalid meanwhile; rows count from the first lost sample.
+        Returns the lanes that became invalid meanwhile; row 0 is the first lost sample.
         """
         return [Lost(*one) for one in self.native.skip(count)]
 
@@ -118,9 +116,9 @@ class Bank:
         """Change the variances of axes, from the next sample on, and for later restarts.
 
         The filters keep their states and memory. `beliefs`: orders and parameters with which some of these
-        axes continue, since their own estimates belong to other variances. Raises ValueError, and changes
-        nothing, in the start-up window, for unknown or constant axes, and for variances and beliefs that no
-        filter works with.
+        axes continue, since their present estimates were made with other variances. Raises ValueError, and
+        changes nothing, in the start-up window, for unknown or constant axes, and for variances and beliefs
+        that no filter works with.
         """
         beliefs = beliefs or {}
         if self.baseline is None or self._settings is None:
@@ -145,7 +143,7 @@ class Bank:
         )
 
     def found(self, axis: str) -> tuple[float, float]:
-        """Return the order after the last sample, and the filter's deviation of it; NaN if not valid."""
+        """Return an axis's order after the last sample, and its standard deviation; NaN if not valid."""
         return self.native.newest(self.axes.index(axis))
 
     @property
@@ -155,23 +153,23 @@ class Bank:
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
-        """Number of interventions of the guard since each axis's last start, by cause and without zeros."""
+        """For each axis, number of the guard's interventions since its last start, by cause; no zeros."""
         none: dict[str, int] = {}
         return self._by_axis(self._counts, none)
 
     @property
     def lag1(self) -> dict[str, float | None]:
-        """Correlation of successive innovations of each axis; None until there are enough."""
+        """Correlation of successive innovations of each axis; None until there are enough innovations."""
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(lag1))
 
     @property
     def nis(self) -> dict[str, float | None]:
-        """Mean normalised innovation squared (NIS) of each axis; None until there are enough."""
+        """Mean normalised innovation squared (NIS) of each axis; None until there are enough innovations."""
         return self._of_innovations(lambda lag1, nis, ljung_box, samples: _finite(nis))
 
     @property
     def is_white(self) -> dict[str, bool | None]:
-        """Whether the last innovations of each axis are white enough; None until there are enough."""
+        """Whether the last innovations of each axis are white; None until there are enough innovations."""
         return self._of_innovations(
             lambda lag1, nis, ljung_box, samples: (
                 describes(samples, ljung_box) if math.isfinite(ljung_box) else None
@@ -202,7 +200,7 @@ class Bank:
         )
 
     def _believe(self, beliefs: dict[str, FilterModel]) -> None:
-        """Note the filter models on which the deviations of α and f are based from now on."""
+        """Note the filter models from which the standard deviations of α and f are computed from now on."""
         self.beliefs = beliefs
         known = map(beliefs.get, self.axes)
         self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])
@@ -212,7 +210,7 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """Return values by axis; `otherwise` for constant axes, and for all before the baseline is known."""
+        """Return values by axis; `otherwise` for constant axes, and for all axes without a baseline."""
         if self.baseline is None:
             return dict.fromkeys(self.axes, otherwise)
         constant = self.baseline.constant_axes
@@ -229,7 +227,7 @@ class Bank:
         return {axis: figure(*one) for axis, one in zip(self.axes, self.native.whiteness(), strict=True)}
 
     def _begin(self, baseline: Baseline, Q: Sequence[float] | None = None) -> None:
-        """Start the lanes; constant axes, whose estimates are not used, get any R."""
+        """Start the lanes. A constant axis gets any R, since its estimates are not used."""
         live = [axis not in baseline.constant_axes for axis in self.axes]
         R = [R if alive else 1.0 for R, alive in zip(baseline.R, live, strict=True)]
         variances = [Variances(*one) for one in zip(Q or [self._config.state.Q] * len(R), R, strict=True)]

@@ -1,8 +1,8 @@
-"""Find what must be known about the data before the first estimate: offset and variance.
+"""Find the offset and the variance of the samples, which must be known before the first estimate.
 
-The algorithm assumes noise with zero mean and a known measurement variance R, and it does not tolerate
-errors in them. An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm
-diverge, and so does an R that is four times too small; a real MPU-9250 has offsets of up to ±5 deg/s.
+The algorithm assumes noise with zero mean and a known measurement variance R. It does not tolerate errors in
+either. An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm diverge.
+An R that is four times too small makes it diverge, too; a real MPU-9250 has offsets of up to ±5 deg/s.
 Therefore the first samples, the start-up window, are taken with the device at rest: their mean is the bias,
 their variance is R. The arithmetic is in firmware/core/engine/baseline.hpp.
 """
@@ -20,14 +20,14 @@ from fltea.settings.estimator import LARGEST, EstimatorConfig
 
 
 class Baseline(NamedTuple):
-    """What the start-up window gives, with one entry for each axis."""
+    """Bias and measurement variance from the start-up window, with one entry for each axis."""
 
     bias_dps: tuple[float, ...]
     """Bias to be subtracted from each sample."""
     R: tuple[float, ...]
     """Measurement variance in (deg/s)²; NaN for the axes in `constant_axes`."""
     constant_axes: tuple[str, ...]
-    """Axes that never changed. They give no R, so they are invalid."""
+    """Axes whose samples never changed. Such an axis gives no R, so it is invalid."""
 
 
 class Moments(NamedTuple):
@@ -40,10 +40,11 @@ class Moments(NamedTuple):
 
 
 class BaselineRule:
-    """Takes bias and R from the settings where these give them, and from the start-up window otherwise.
+    """Takes bias and R from the settings, or from the start-up window if the settings do not state them.
 
-    `resolution`: size of one count in the axes' unit, if known. Its quantisation variance, resolution²/12, is
-    the smallest R that "auto" gives. `needed`: number of samples in the window, 0 if none are needed.
+    `resolution`: size of one count in the axes' unit, if known. The quantisation variance, resolution²/12, is
+    the smallest R that "auto" gives. `needed`: number of samples in the start-up window, 0 if no window is
+    needed.
 
     Raises:
         ValueError: the settings have another number of axes, or the resolution is not positive.
@@ -59,19 +60,20 @@ class BaselineRule:
         self.needed = config.startup_needed
 
     def baseline_of(self, window: Sequence[Moments]) -> Baseline:
-        """Return the baseline after a window with these moments; `window` is empty if none is needed."""
+        """Return the baseline for the moments of a start-up window; `window` is empty if none is needed."""
         bias = self._given_bias
         if bias is None:
             bias = tuple(axis.mean for axis in window)
         if self._given_R is not None:
             return Baseline(bias, self._given_R, ())
-        # No filter works with such a small variance, so it counts as none.
+        # No filter works with a variance below 1 / LARGEST, so an axis with such a variance counts as
+        # constant.
         still = [axis.constant or axis.variance < 1 / LARGEST for axis in window]
         R = tuple(math.nan if same else axis.variance for axis, same in zip(window, still, strict=True))
         return Baseline(bias, R, tuple(axis for axis, same in zip(self.axes, still, strict=True) if same))
 
     def _given(self, name: str, value: str | float | list[float]) -> tuple[float, ...] | None:
-        """Return the value of each axis; None if the window has to give them."""
+        """Return the setting's value for each axis; None if the start-up window has to give the values."""
         if isinstance(value, str):
             return None
         values = tuple(value) if isinstance(value, list | tuple) else (value,) * len(self.axes)
@@ -95,9 +97,9 @@ def baseline_of(y: ArrayLike, axis: str, config: EstimatorConfig, resolution: fl
 
 
 def lane_baselines(window: Array, config: EstimatorConfig, resolution: float | None) -> tuple[Array, Array]:
-    """Return bias and R, (lanes,) each, of lanes that all have the settings of one axis.
+    """Return bias and R, (lanes,) each, for lanes that all have the settings of one axis.
 
-    `window`: their start-up windows, (n, lanes). R may be 0 for a lane that never changed.
+    `window`: samples of the lanes' start-up windows, (n, lanes). R may be 0 for a lane that never changed.
     """
     bias, R = np.zeros(window.shape[1]), np.zeros(window.shape[1])
     if len(window):

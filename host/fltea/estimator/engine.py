@@ -1,21 +1,25 @@
 """Run FLTEA for one state in many lanes at once, natively (Macias & Sierociuk 2023, section 5).
 
-A lane is an independent system (an axis, a sensor, a shuffled copy, another set of settings):
+A lane is one independent system: an axis, a sensor, a shuffled copy, or another set of settings. Its
+equations:
 
     x_k = h^α (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(α) x_{k-j} + noise of variance Q
     y_k = x_k + noise of variance R
 
-y and x are in deg/s, h in s, f in s^-α; Q is the variance of a whole step and includes h^2α. Lanes never
-influence each other, and neither their number nor the width of the instruction set changes their results.
+y and x are in deg/s, h in s, f in s^-α; Q is the variance of the noise of one step, and includes h^2α. Lanes
+never influence each other, and neither their number nor the width of the instruction set changes their
+results.
 
-Variants: "triple" is the paper's (equal to `reference` except for rounding); "joint" has one unscented filter
-on (α, β = h^α f) instead of KFo and KFw.
+Variants: "triple" is the variant of the paper (equal to `reference` except for rounding), with the filters
+KFx for the state, KFo for the order and KFw for the parameter. "joint" has one unscented filter on (α, β =
+h^α f) instead of KFo and KFw.
 
-Guards: "off" is the printed algorithm. It can diverge: its results are then not finite, or absurd, and no
-error is raised. "faithful" is the printed algorithm within bounds, and equal to it to the bit as long as no
-bound is reached. "consistent" has the same bounds, and includes the state's own variance in KFo, KFw and the
-joint filter too. With a guard, whatever the input, every estimate stays finite, 0 <= α <= 2 and -2 2^α <=
-h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement; every intervention is counted (`CAUSES`).
+Guards: "off" is the algorithm as printed in the paper. It can diverge: its results are then not finite, or
+absurd, and no error is raised. "faithful" is the printed algorithm within bounds; the results are equal to
+the bit as long as no bound is reached. "consistent" has the same bounds as "faithful", and includes the
+variance of the state in KFo, KFw and the joint filter. With a guard, whatever the input, every estimate stays
+finite, 0 <= α <= 2 and -2 2^α <= h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement; every
+intervention is counted (`CAUSES`).
 
 Compressed memory: an order outside [-1.95, 4] is replaced by the nearest order inside, and counted as
 "memory_order"; this can occur only with guard "off".
@@ -35,17 +39,19 @@ CAUSES = tuple(CAUSE_WORDS)
 """Causes of interventions, after which an estimate differs from the printed algorithm's; in the order of
 `Estimates.interventions`.
 
-order_box: α left [0, 2]. order_sigma: a sigma point left [-1/2, 5/2]. order_variance: the predicted
-variance of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter), or of
-KFw, exceeded `gate` standard deviations. parameter_box: h^α f left its bounds where f was stored or used.
-parameter_variance: its predicted variance exceeded a third of the square of its range. state_bound: the
-innovation of KFx exceeded 4 standard deviations, or a prediction over missing samples exceeded all earlier
-values tenfold. memory_order: the compressed memory got an order beyond its range and took the nearest one
-inside (with guard "off" only).
+order_box: α left [0, 2]. order_sigma: a sigma point left [-1/2, 5/2]. order_variance: the predicted variance
+of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter), or of KFw,
+exceeded `gate` standard deviations. parameter_box: h^α f left its bounds where f was stored or used.
+parameter_variance: the predicted variance of h^α f exceeded a third of the square of its range. state_bound:
+the innovation of KFx exceeded 4 standard deviations, or a prediction over missing samples exceeded all
+earlier values tenfold. memory_order: the compressed memory received an order beyond its range, and used the
+nearest order inside (with guard "off" only).
 """
 
 LARGEST_INPUT = _native.LARGEST_INPUT
-"""Measurements and inputs beyond ± this are refused, since sums of their squares overflow a float."""
+"""Largest absolute value of measurements and inputs: sums of the squares of larger values overflow a
+float.
+"""
 
 
 class Estimates(NamedTuple):
@@ -53,9 +59,9 @@ class Estimates(NamedTuple):
 
     alpha: Array
     alpha_var: Array
-    """Variance of α, by the filter itself."""
+    """Variance of α, as the filter computes it."""
     f: Array
-    """Parameter f in s^-α; with variant "joint" β h^-α."""
+    """Parameter f in s^-α; with variant "joint" it is β h^-α."""
     f_var: Array
     """Variance of f; with variant "joint" to first order from the covariance of α and β."""
     x: Array
@@ -66,8 +72,9 @@ class Estimates(NamedTuple):
     """Measurement minus prediction; NaN without a measurement."""
     innovation_var: Array
     interventions: NDArray[np.int32]
-    """Number of samples with an intervention since the lane's start, by cause: (lanes, len(CAUSES)),
-    always."""
+    """Number of samples with an intervention since the lane's start, by cause. The shape is always (lanes,
+    len(CAUSES)).
+    """
 
 
 def instruction_sets() -> list[str]:
@@ -78,7 +85,7 @@ def instruction_sets() -> list[str]:
 def as_rows(
     lanes: int, y: ArrayLike, u: ArrayLike | None, missing: ArrayLike | None
 ) -> tuple[Array, Array | None, NDArray[np.uint8] | None]:
-    """Return samples, inputs and marks of missing samples, all (n, lanes), in the form for the native side.
+    """Return samples, inputs and marks of missing samples, all (n, lanes), as the native code needs them.
 
     Raises:
         ValueError: an array has another shape.
@@ -104,9 +111,9 @@ def interventions_of(native: _native.Engine | _native.Lanes | _native.Bank, lane
 class Engine:
     """Runs any number of lanes of the estimator, all of one variant, guard and memory.
 
-    `instruction_set`: one of `instruction_sets()`, by default the first. Results of different sets differ by
-    rounding. Raises ValueError for settings that no filter works with. Calls from several threads wait for
-    each other.
+    `instruction_set`: one of `instruction_sets()`, by default the first. Results of different instruction
+    sets differ by rounding. Raises ValueError for settings that no filter works with. Calls from several
+    threads wait for each other.
     """
 
     def __init__(self, lanes: int, settings: LaneSettings, *, instruction_set: str | None = None) -> None:
@@ -116,9 +123,9 @@ class Engine:
         self._native = _native.Engine(*settings.native(self.instruction_set, settings.table(lanes)))
 
     def step(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
-        """Take one sample of every lane: y, and the input u that led to it (default 0), both (lanes,).
+        """Process one sample of every lane: the measurement y and the input u (default 0), both (lanes,).
 
-        `missing` (lanes,): marks lanes without a measurement, which make a prediction-only step; their y is
+        `missing` (lanes,): marks lanes without a measurement. Such a lane only predicts, and its y is
         ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are not finite
         or beyond ±LARGEST_INPUT.
         """
@@ -130,7 +137,7 @@ class Engine:
         return Estimates._make((*(column[0] for column in one[:-1]), one.interventions))
 
     def run(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
-        """Take n samples of every lane, all (n, lanes); the results equal n calls of `step` to the bit."""
+        """Process n samples of every lane, all (n, lanes); the results equal n calls of `step` to the bit."""
         measured, drive, gone = as_rows(self.lanes, y, u, missing)
         out = np.empty((8, *measured.shape))
         self._native.run(measured, drive, gone, out)
@@ -160,5 +167,5 @@ class Engine:
 
     @property
     def storage_bytes(self) -> int:
-        """Size of the working memory of all lanes, including the idle ones of the last pack [bytes]."""
+        """Size of the working memory of all lanes, with the unused lanes of the last vector [bytes]."""
         return self._native.storage_bytes

@@ -7,7 +7,8 @@ from typing import NamedTuple
 class FilterModel(NamedTuple):
     """An order and a parameter with their standard deviations, from a maximum-likelihood fit of all samples.
 
-    The errors of F = h^α f + α and of α are independent. A single step of the samples determines F best.
+    The errors of F = h^α f + α and of α are independent. F is the quantity that a single step of the samples
+    determines best.
     """
 
     alpha: float
@@ -18,7 +19,7 @@ class FilterModel(NamedTuple):
     f_std: float
 
     def of_joint(self) -> tuple[float, float, float, float, float]:
-        """Return α, β = F - α, the variance of α, the covariance of both, and the variance of β."""
+        """Return α, β = F - α, the variance of α, the covariance of α and β, and the variance of β."""
         a, F = self.alpha_std**2, self.F_std**2
         return self.alpha, self.F - self.alpha, a, -a, a + F
 

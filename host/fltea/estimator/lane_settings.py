@@ -1,4 +1,4 @@
-"""Combine an estimator's settings with numbers for each lane into what the native engine needs."""
+"""Combine an estimator's settings with numbers for each lane (independent system) for the native engine."""
 
 import hashlib
 import json
@@ -33,10 +33,10 @@ class LaneSettings:
     """All settings of an engine; a number may also be an array with one entry for each lane.
 
     `config`: the filters' settings, with the window in samples. `h`: sampling period [s]. `R`: measurement
-    variance. `numbers`: values that replace those of `config`, by the setting's path in the table
-    `estimator`, such as "state.Q"; "order.R", "parameter.R" and "joint.R" are variances that one filter uses
-    in place of R (the joint filter in place of Q + R). `accuracy`: digits of the compressed memory, 3 to 11;
-    0: the native default, 6.
+    variance. `numbers`: values that replace the values in `config`, by the setting's path in the table
+    `estimator`, such as "state.Q". The paths "order.R" and "parameter.R" are variances that one filter uses
+    in place of R; "joint.R" replaces Q + R in the joint filter. `accuracy`: number of digits of the
+    compressed memory, 3 to 11; 0 means the native default, 6.
     """
 
     config: EstimatorConfig
@@ -51,7 +51,7 @@ class LaneSettings:
 
     @property
     def kind(self) -> dict[str, object]:
-        """The settings that memory and filters are made for, which cannot change later."""
+        """The settings that cannot change later, since memory and filters are made for them."""
         c = self.config
         return {
             "window": c.window_samples,
@@ -69,12 +69,12 @@ class LaneSettings:
     def table(self, lanes: int) -> Array:
         """Return the numbers of each lane in the order of the native engine, (lanes, 16).
 
-        These are h; of KFx x0, P0, Q and R; of KFo alpha0, P0, Q0, R and delta; of KFw the same beginning
-        with f0; and gate. With variant "joint" the joint filter's numbers replace those of KFo and KFw.
+        The numbers are: h; x0, P0, Q and R of KFx; alpha0, P0, Q0, R and delta of KFo; f0, P0, Q0, R and
+        delta of KFw; and gate. With variant "joint" the joint filter's numbers replace those of KFo and KFw.
 
         Raises:
-            ValueError: an array has another length, or no filter works with a number; the text names its
-            path.
+            ValueError: an array has another length, or no filter works with a number. The text names the
+            setting's path.
         """
         if lanes < 1:
             raise ValueError(f"an engine needs at least one lane, got {lanes}")
@@ -97,7 +97,7 @@ class LaneSettings:
         return np.ascontiguousarray(np.column_stack(columns))
 
     def native(self, instruction_set: str, table: Array) -> NativeArguments:
-        """Return the arguments of each native class that runs the engine; `table`: its lanes' numbers."""
+        """Return the arguments of each native class that runs the engine; `table`: a result of `table`."""
         c = self.config
         return (
             instruction_set,
@@ -110,7 +110,7 @@ class LaneSettings:
         )
 
     def _lanes(self, path: str, lanes: int) -> Array:
-        """Return the number of a setting for each lane."""
+        """Return the value of the setting at `path` for each lane."""
         value = self.numbers.get(path)
         if value is None:
             found: object = self if path in ("h", "R") else self.config

@@ -1,4 +1,4 @@
-"""Run lanes under the supervisor, for the live program, identification and evaluation alike.
+"""Run lanes (independent filters) under the supervisor: in the live program, identification and evaluation.
 
 Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The
 supervisor's rules, which the board uses too, are in firmware/core/engine/supervisor.hpp.
@@ -15,11 +15,13 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array, Mask
 
 LOST_ORDER = _native.LOST_ORDER
-"""An order beyond ± this counts as a runaway."""
+"""Absolute value of the order α beyond which an estimate counts as diverged."""
 
 BOUND_SAMPLES = _native.BOUND_SAMPLES
 BOUND_SHARE = _native.BOUND_MOST / _native.BOUND_SAMPLES
-"""A lane is not valid if the guard held its state in more than this share of the last `BOUND_SAMPLES`."""
+"""Largest share of the last `BOUND_SAMPLES` samples in which the guard may bound the state of a valid
+lane.
+"""
 
 Reason = Literal["runaway", "bound"]
 
@@ -37,27 +39,27 @@ class LaneBlock(NamedTuple):
 
     alpha: Array
     alpha_std: Array
-    """Standard deviation of α, by the filter itself."""
+    """Standard deviation of α, as the filter computes it."""
     f: Array
     """Parameter f in s^-α."""
     f_std: Array
     x: Array
     """Posterior state."""
     innovation: Array
-    """Measurement minus prediction; NaN also where the sample is missing."""
+    """Measurement minus prediction; NaN also for a missing sample."""
     innovation_std: Array
     valid: Mask
     lost: list[Lost]
     """Lanes that became invalid, by increasing row."""
     white: Mask | None
-    """For a bank: whether the innovations are white, judged by the last hundred complete ones."""
+    """Whether the last hundred complete innovations are white; None unless a `Bank` made the block."""
 
 
 class Lanes:
     """Runs any number of lanes of the estimator, all of one variant, guard and memory.
 
-    A lane that the supervisor gives up restarts with the next sample. Raises ValueError for settings that no
-    filter works with. Calls from several threads wait for each other.
+    A lane that the supervisor declares invalid restarts with the next sample. Raises ValueError for settings
+    that no filter works with. Calls from several threads wait for each other.
     """
 
     def __init__(self, lanes: int, settings: LaneSettings, *, instruction_set: str | None = None) -> None:
@@ -66,11 +68,11 @@ class Lanes:
         self._native = _native.Lanes(*settings.native(instruction_set or instruction_sets()[0], table))
 
     def run(self, y: ArrayLike, missing: ArrayLike | None = None) -> LaneBlock:
-        """Take n samples of every lane, (n, lanes); the results do not depend on the blocks, to the bit.
+        """Process n samples of every lane, (n, lanes); grouping into blocks changes no bit of the results.
 
-        `missing`, of the same shape, marks lanes without a measurement, which make a prediction-only step;
-        their y is ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are
-        not finite or beyond ±LARGEST_INPUT.
+        `missing`, of the same shape, marks samples without a measurement. There a lane only predicts, and its
+        y is ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are not
+        finite or beyond ±LARGEST_INPUT.
         """
         measured, _, gone = as_rows(self.lanes, y, None, missing)
         out = np.empty((7, *measured.shape))

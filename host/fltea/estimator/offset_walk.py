@@ -1,10 +1,11 @@
-"""Weigh how an offset may drift: random walks, slow relaxations and slopes, by their likelihood.
+"""Weight the possible drifts of an offset by likelihood: random walks, slow relaxations and slopes.
 
-The spectrum leaves out what is slower than a tenth of a record. A filter in the time domain does not. So each
-possible drift of the offset is weighted by the likelihood of all samples. The offset may be constant. It may
-be a random walk, with steps from those that a record of n samples hardly shows to those that it shows at
-once. It may be a bounded walk, which is a relaxation. In addition it may have a slope. A walk that the
-spectrum has found may be bounded, too: the samples show that long before the spectrum does.
+The spectrum leaves out noise that is slower than a tenth of a record. A filter in the time domain uses such
+noise as well. So each possible drift of the offset is weighted by the likelihood of all samples. The offset
+may be constant. It may be a random walk; the variances of a step that are tried reach from hardly visible to
+obvious in a record of n samples. It may be a bounded walk, which is a relaxation. In addition the offset may
+have a slope. A walk that the spectrum has found may be bounded, too: the samples show the bound long before
+the spectrum does.
 """
 
 import functools
@@ -23,34 +24,38 @@ from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
-"""Variances of a step that are tried, divided by the spectrum's level and multiplied by n²."""
+"""Variances of a walk's step that are tried, divided by the spectrum's level and multiplied by n²."""
 AROUND = tuple(10.0 ** (k / 4) for k in range(-2, 3))
-"""Variances of a step that are tried, as ratios to that of the walk that the spectrum has found."""
+"""Variances of a walk's step that are tried, as ratios to the variance that the spectrum has found."""
 BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
-"""Correlation times of relaxations that are tried, as ratios to the record's length; the spectrum cannot show
-even the shortest."""
+"""Correlation times of relaxations that are tried, as ratios to the record's length. The spectrum cannot show
+even the shortest of these relaxations.
+"""
 BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
-"""The same ratios if the spectrum has found a walk, which may be a mistaken relaxation."""
+"""Ratios as in `BOUNDS`, used if the spectrum has found a walk, which may in truth be a relaxation."""
 SLOW = BOUNDS_FOUND[1]
-"""The ratio for the fastest relaxation that the spectrum may have mistaken for a walk."""
+"""Ratio of `BOUNDS_FOUND` for the fastest relaxation that the spectrum may have mistaken for a walk."""
 RISES = 1.0, 10.0, 100.0, 1000.0
-"""Standard deviations of a slope that are tried, as ratios to that of a line fitted to white noise."""
+"""Standard deviations of a slope that are tried, as ratios to the standard deviation of the slope of a
+straight line fitted to white noise.
+"""
 STAYS, ENDLESS, RAMPS = 0.6, 0.5, 0.25
 """Prior probabilities that an offset does not walk, that a walk is unbounded, and that there is a slope."""
 CERTAIN = 0.95
 LEAST = 0.05
-"""A component with a smaller share in the drift is left out of the filter's state."""
+"""Smallest share in the drift of a component in the filter's state; a smaller component is left out."""
 LEAST_RIVAL = 0.02
-"""A possibility with a smaller probability is no rival model."""
+"""Smallest probability of a drift that is used as a rival model."""
 MOST_OF_RIVALS = 6
-"""Most states of the noise, without the offset, with which rival models are used: more states hide a walk of
-the offset, and cost more."""
+"""Largest number of states of the noise, without the offset, with which rival models are used. More states
+hide a walk of the offset, and cost more time.
+"""
 LEVEL_AT = 1e-3
 """Frequency at which the spectrum's level is read [rad per sample]."""
 
 
 class OffsetRelaxation(NamedTuple):
-    """A relaxation that stands for all bounded walks."""
+    """A relaxation that is used in place of all bounded walks."""
 
     variance: float
     a: float
@@ -62,30 +67,30 @@ class OffsetRelaxation(NamedTuple):
 
 
 class OffsetWalk(NamedTuple):
-    """The possible drifts of an offset, one for each index of the arrays, with their weights."""
+    """The possible drifts of an offset, with their weights; each index of the arrays is one drift."""
 
     steps: Array
-    """Variance of a step; 0 if the offset does not walk."""
+    """Variance of a step of the walk; 0 if the offset does not walk."""
     taus: Array
-    """Correlation time in samples; infinite if a walk is unbounded."""
+    """Correlation time of the walk in samples; infinite for an unbounded walk."""
     slopes: Array
-    """Standard deviation of the slope, per sample."""
+    """Standard deviation of the offset's slope, per sample."""
     weights: Array
     is_found: bool = False
     """Whether the spectrum has found the walk, or a slow relaxation in its place."""
     likelihood: float = -math.inf
-    """2 log L of the samples, with the likelihood averaged over all possibilities."""
+    """2 log L of the samples, with the likelihood averaged over all possible drifts."""
 
     @property
     def is_certain(self) -> bool:
-        """Whether it is unlikely that the offset does not walk."""
+        """Whether the offset almost certainly walks."""
         return float(self.weights[self.steps == 0].sum()) < 1 - CERTAIN
 
     def K(self, h: float) -> Interval:
-        """Return the rate random walk K, per s and √s; empty if there may be none.
+        """Return the rate random walk K [unit of the samples per √s]; empty if there may be no walk.
 
-        It is the weighted median of the walks, with the interval of 95 % of the weight. The mean variance of
-        their steps, which a filter uses, would give too large a K for a sensor.
+        K is the weighted median over the possible walks, with the interval that holds 95 % of the weight. A
+        filter uses the mean variance of the walks' steps, but that would give too large a K for a sensor.
         """
         if not self.is_certain:
             return Interval()
@@ -96,11 +101,11 @@ class OffsetWalk(NamedTuple):
         return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
-        """Return the system of a noise with its offset's mean drift; `bare`: the system without an offset.
+        """Return the system of a noise with the mean drift of its offset. `bare`: system without an offset.
 
-        Of all linear filters, the one for the mean of the spectra has the least mean square error. The
-        relaxations are combined into one, with their mean variance, and with the mean variance of their
-        steps.
+        Of all linear filters, the filter for the mean of the drifts' spectra has the least mean square error.
+        The relaxations are combined into one relaxation, which has their mean variance and the mean variance
+        of their steps.
         """
         found, relaxation = bare, self.relaxation
         if relaxation is not None:
@@ -110,9 +115,10 @@ class OffsetWalk(NamedTuple):
         return self._with_slope(found, samples)
 
     def rivals(self, bare: System, samples: int) -> "Rivals":
-        """Return the models between which later samples may decide: an offset that walks, and a constant one.
+        """Return two models, between which later samples may decide: an offset that walks, or a constant one.
 
-        The mean of both would be too certain if the offset walks, and too slow if it does not.
+        The mean of both models would be too certain if the offset walks, and too slow if the offset is
+        constant.
         """
         stays = self.steps == 0
         likely = 1 - float(self.weights[stays].sum())
@@ -133,7 +139,7 @@ class OffsetWalk(NamedTuple):
 
     @property
     def relaxation(self) -> OffsetRelaxation | None:
-        """Mean of the bounded walks; None if they are unlikely."""
+        """Mean of the bounded walks; None if bounded walks are unlikely."""
         bounded = self._bounded
         powers = (self.weights * self.steps)[bounded]
         if (q := float(powers.sum())) <= 0:
@@ -143,27 +149,28 @@ class OffsetWalk(NamedTuple):
 
     @property
     def by_walk(self) -> tuple[Array, Array, Array, Array]:
-        """Steps and correlation times of the walks (walks,), slopes (slopes,), and weights of both."""
+        """Step variance and correlation time of each walk, each slope, and weights (walks, slopes)."""
         count = int((np.diff(self.slopes) <= 0).argmax()) + 1 if len(self.slopes) > 1 else 1
         steps, taus = (one[::count] for one in (self.steps, self.taus))
         return steps, taus, self.slopes[:count], self.weights.reshape(-1, count)
 
     @property
     def _bounded(self) -> Mask:
-        """Which walks are bounded, (n,); none if that is unlikely."""
+        """Mask (n,) of the bounded walks; all False if bounded walks are unlikely."""
         bounded = np.isfinite(self.taus)
         return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
 
     def likely(self, bare: System, samples: int, least: float) -> list[tuple[float, System]]:
-        """Return the possible drifts with at least the weight `least`: their weights and systems."""
+        """Return weight and system of each possible drift whose weight is at least `least`."""
         found = zip(self.weights, self.steps, self.taus, self.slopes, strict=True)
         return [(w, _one(bare, samples, q, tau, slope)) for w, q, tau, slope in found if w >= least]
 
     def _with_slope(self, found: System, samples: int) -> System:
-        """Return the system with the slope added, if it matters.
+        """Return the system with the slope added, if the slope explains enough of the samples.
 
-        If a line fitted to the samples leaves the variance v of the slope, a slope of prior variance s²
-        explains the share s² / (s² + v). One Gaussian stands for all slopes, with the mean share.
+        Let v be the variance of the slope of a straight line fitted to the samples. Then a slope of prior
+        variance s² explains the share s² / (s² + v). One Gaussian slope, which explains the mean share, is
+        used in place of all slopes.
         """
         most = float(self.slopes.max())
         if most == 0:
@@ -178,7 +185,7 @@ class OffsetWalk(NamedTuple):
 
 
 class Rivals(NamedTuple):
-    """The model of an axis's noise, and a rival model; `likely`: probability of the first."""
+    """The noise model of an axis, and a rival model. `likely`: probability of the first model."""
 
     system: System
     rival: System | None = None
@@ -189,12 +196,14 @@ CONSTANT = OffsetWalk(np.zeros(1), np.full(1, np.inf), np.zeros(1), np.ones(1))
 
 
 class Followed(NamedTuple):
-    """What a filter of a noise is made of."""
+    """The noise model from which a filter is made, with the possible drifts of the offset."""
 
     system: System
     walk: OffsetWalk
     parts: Sequence[Part]
-    """The parts that were found, or with a walk in place of the slowest relaxation."""
+    """The parts of the noise that the spectrum found, perhaps with a walk in place of the slowest
+    relaxation.
+    """
     rivals: "Rivals"
     """The models between which later samples may decide."""
 
@@ -202,19 +211,21 @@ class Followed(NamedTuple):
 def system_of(
     parts: Sequence[Part], h: float, samples: int, remembered: Remembered, *, every: int = 1
 ) -> Followed:
-    """Return the system of a noise that was found in `samples` samples, and its offset's drift.
+    """Return the system of a noise that was found in `samples` samples, and the drift of its offset.
 
-    The offset may walk in addition to a fractional order. By measurement, this is as good as a constant
-    offset where the offset is constant, and better where a fit has missed slow noise. The spectrum may also
-    have mistaken a walk for a slow relaxation; if there is one, both are tried. `remembered`: the same
-    samples. `every`: only one in `every` values of a step, a bound and a slope is tried.
+    The offset may walk in addition to a noise of fractional order. Measurements show: if the offset is
+    constant, the bias is as accurate as with a constant offset in the model; if a fit has missed slow noise,
+    the bias is more accurate. The spectrum may also have mistaken a walk for a slow relaxation; if the noise
+    has a slow relaxation, both are tried. `remembered`: the samples. `every`: only one in `every` values of a
+    step, a bound and a slope is tried.
     """
     found = _followed(parts, h, samples, remembered, every)
     walking = _as_walk(parts, h, samples)
     if walking is None or found.walk is CONSTANT:
         return found
     other = _followed(walking, h, samples, remembered, every)
-    # Fair, since the relaxation's correlation time is the best of as many as are tried for the walk.
+    # The relaxation's correlation time is the best of all values. The walk's likelihood is a mean over as
+    # many values, so log(number of values) makes the comparison fair.
     ahead = other.walk.likelihood - found.walk.likelihood + 2 * math.log(len(BOUNDS_FOUND))
     return other if other.walk is not CONSTANT and ahead > 0 else found
 
@@ -230,7 +241,7 @@ def _followed(parts: Sequence[Part], h: float, samples: int, remembered: Remembe
 
 
 def _as_walk(parts: Sequence[Part], h: float, samples: int) -> list[Part] | None:
-    """Return the parts with a walk in place of the slowest relaxation; None if none is slow enough."""
+    """Return the parts with a walk in place of the slowest relaxation; None if it is not slow enough."""
     slow = [part for part in parts if isinstance(part, Relaxation) and part.tau_s > SLOW * samples * h]
     if not slow or _has_order(parts) or any(isinstance(part, Walk) for part in parts):
         return None
@@ -244,7 +255,7 @@ def _has_order(parts: Sequence[Part]) -> bool:
 
 
 def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:
-    """Return the system of the found parts without their walk, and the variance of that walk's step."""
+    """Return the system of the parts without their walk, and the variance of the walk's step."""
     bare = system([part for part in parts if not isinstance(part, Walk)], h, samples, found=True)
     return bare, math.fsum(part.K**2 * h for part in parts if isinstance(part, Walk))
 
@@ -260,14 +271,15 @@ def offset_walk(
 ) -> OffsetWalk:
     """Return the possible drifts of a noise's offset, with their weights.
 
-    `found`: variance of a step of the walk that the spectrum has found; 0 if it has found none. `bounds`:
-    correlation times to try, as ratios to the record's length. `every`: only one in `every` values is tried.
+    `found`: variance of a step of the walk that the spectrum has found; 0 if the spectrum has found no walk.
+    `bounds`: correlation times to try, as ratios to the record's length. `every`: only one in `every` values
+    is tried.
     """
     level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
     steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]
     line = math.sqrt(12 * level / samples**3)
     steps = steps[::every]
-    # Room for an offset, its relaxation and its slope.
+    # The filter needs three more states: for the offset, its relaxation and its slope.
     has_room = len(bare.a) + 3 <= _native.TRACKER_COORDINATES
     slopes = [line * one for one in RISES[::every]] if has_room else []
     taus = [samples * one for one in bounds[::every]] if has_room else []
@@ -299,14 +311,14 @@ def walks_tried(
 
 
 def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[float, float]]:
-    """Return values with their weights: `weight` for the first, equal shares of the rest for the others."""
+    """Return values with weights: `weight` for `first`, and equal shares of the rest for each of `others`."""
     if not others:
         return [(first, 1.0)]
     return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
 
 
 def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
-    """Return the states of an offset; `power`: as in `offset_of`, without the offset's relaxation."""
+    """Return the states of an offset. `power`: as in `offset_of`, without the relaxation of the offset."""
     found = []
     if math.isfinite(tau):
         a = math.exp(-1 / tau)

@@ -1,4 +1,4 @@
-"""Define what is saved of a bank: its baseline, and its engine with the settings that it was made for."""
+"""Define the saved state of a bank: its baseline, and its engine with the engine's settings."""
 
 import math
 import zlib
@@ -16,9 +16,10 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A saved baseline, and the filters that continue from it.
 
     `R`, `Q`: variances in use. `tuned`: axes whose variances came from a fit. `beliefs`: filter models of
-    that fit. `engine`: the native filters with their memory. `checksum`: CRC-32 of `engine`.
-    `instruction_set`: the one that the filters ran with. `settings`: `LaneSettings.digest` of the engine's
-    settings. `whiteness`: sums of the innovations. `supervisors`: state of the supervisors.
+    that fit. `engine`: state of the native filters with their memory. `checksum`: CRC-32 of `engine`.
+    `instruction_set`: instruction set with which the filters ran. `settings`: `LaneSettings.digest` of the
+    engine's settings. `whiteness`: sums over the innovations, for the test of whiteness. `supervisors`: state
+    of the supervisors.
     """
 
     axes: tuple[str, ...]
@@ -36,7 +37,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     whiteness: bytes | None = None
 
     def check(self, axes: tuple[str, ...]) -> None:
-        """Raise ValueError, with the reason, unless the state is undamaged, valid and of these axes."""
+        """Raise ValueError, with the reason, unless the state is undamaged, valid and made for `axes`."""
         if self.axes != axes:
             raise ValueError(f"it is of the axes {', '.join(self.axes)}")
         if zlib.crc32(self.engine) != self.checksum:

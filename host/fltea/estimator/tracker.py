@@ -1,9 +1,9 @@
-"""Estimate the present bias of each axis, with its σ, by the filter of the noise that was found.
+"""Estimate the present bias of each axis, with its σ, by a filter for the axis's noise model.
 
-The bias is the sensor's offset plus the state of its noise. Until the noise is known, a bank of random walks
-and relaxations stands for it (host/native/walk_bank.hpp). When the noise model changes, the samples that a
-filter remembers are filtered again, so that the state is that of the newest model from then on. While the
-sensor moves, all axes predict. Where the bias of an axis steps, its filter restarts.
+The bias is the sensor's offset plus the state of its noise. Until the noise is known, a bank of filters for
+random walks and relaxations is used (host/native/walk_bank.hpp). When the noise model changes, the samples
+that a filter remembers are filtered again with the new model. While the sensor moves, all axes predict. Where
+the bias of an axis steps, its filter restarts.
 
 The bias is a forecast: the mean of offset and state that is expected over the next samples.
 """
@@ -22,12 +22,12 @@ from fltea.records.arrays import Array, Mask
 
 
 class Tracks(NamedTuple):
-    """The estimates after every sample, (n, axes); NaN while they are unknown."""
+    """The estimates after every sample, (n, axes); NaN while an estimate is unknown."""
 
     state: Array
     state_std: Array
     bias: Array
-    """Offset plus state."""
+    """Bias: the sensor's offset plus the state of its noise."""
     bias_std: Array
     innovation: Array
     """Measurement minus prediction."""
@@ -35,7 +35,7 @@ class Tracks(NamedTuple):
 
 
 class Rest(IntEnum):
-    """What the caller knows about a sensor: nothing, that it is at rest, or that it moves."""
+    """What the caller knows about the motion of a sensor: nothing, that it rests, or that it moves."""
 
     UNKNOWN = 0
     AT_REST = 1
@@ -51,20 +51,22 @@ class EventKind(IntEnum):
 
 
 BY_ACCEL, BY_CALLER = -1, -2
-"""What detected motion, in place of an axis: the accelerometer, or the caller."""
+"""Values in place of an axis if the accelerometer (`BY_ACCEL`) or the caller detected motion."""
 
 
 class TrackerEvent(NamedTuple):
-    """An event, detected at the sample `row` of a call."""
+    """A step or motion. `row`: index in the call's samples of the sample that shows the event."""
 
     kind: EventKind
     row: int
     axis: int
-    """Axis of a step; or the axis that detected motion, BY_ACCEL or BY_CALLER."""
+    """Axis of a step; for motion the axis that detected the motion, or BY_ACCEL or BY_CALLER."""
     ago: int
-    """Number of samples since the event began, the newest included; 0 for the end of motion."""
+    """Number of samples since the event began, including the newest sample; 0 for the end of motion."""
     size: float
-    """Size of a step, in the samples' unit; for the end of motion, the largest distance from the bias."""
+    """Size of a step; for the end of motion, largest distance of a sample from the bias; in the samples'
+    unit.
+    """
     size_std: float
     samples: int
     """Length of the motion that ends, in samples."""
@@ -73,12 +75,12 @@ class TrackerEvent(NamedTuple):
 class TrackerRules(NamedTuple):
     """Settings of a tracker, in samples and in their unit.
 
-    `ahead`: number of coming samples for which the bias is meant; 0: only the newest sample. `checked`:
-    lengths over which the bias is checked. `largest_step`: a larger change within a second is motion, not a
-    step. `largest_gravity_step`: the same for the accelerometer. `still`: number of samples at rest at
-    another value after which that value is the new offset, if `settles`, if the caller says that the sensor
-    is at rest, or if the value is nearer to 0. `patience`: number of samples after which it is the new offset
-    in any case.
+    `ahead`: number of coming samples whose mean bias is estimated; 0 means the newest sample alone.
+    `checked`: numbers of samples over which the bias is compared with later samples. `largest_step`: a larger
+    change within a second is motion, not a step. `largest_gravity_step`: largest step of the accelerometer,
+    with the same meaning. `still`: number of samples at rest at another value after which that value becomes
+    the new offset, if `settles` is set, if the caller knows that the sensor is at rest, or if the value is
+    nearer to 0. `patience`: number of samples after which the value becomes the new offset in any case.
     """
 
     ahead: int = 0
@@ -91,9 +93,9 @@ class TrackerRules(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """The bias compared with the means of `pieces` later pieces of samples.
+    """The bias compared with the means of later samples, of which there are `pieces` pieces.
 
-    `rms`: root mean square of the error over σ; None without a piece.
+    `rms`: root mean square of the error divided by σ; None if there is no piece yet.
     """
 
     pieces: int
@@ -101,12 +103,12 @@ class Checked(NamedTuple):
 
 
 class TrackerFigures(NamedTuple):
-    """Figures of an axis's tracker; those of the innovations are None until there are enough."""
+    """Figures of an axis's tracker; the innovations' figures are None until there are enough innovations."""
 
     moved: int
-    """Number of samples in motion."""
+    """Number of samples taken in motion."""
     begun: int
-    """Number of restarts at an offset that had changed."""
+    """Number of restarts of the filter because the offset had changed."""
     steps: int
     """Number of steps of the bias."""
     lag1: float | None
@@ -120,32 +122,32 @@ class TrackerFigures(NamedTuple):
 
 
 class Remembered:
-    """The samples of an axis that a tracker remembered at some time; may be used in any thread."""
+    """A copy of the samples of an axis that a tracker remembers; may be used in any thread."""
 
     def __init__(self, native: _native.Remembered) -> None:
         self.native = native
 
     def likelihood(self, system: System) -> float:
-        """Return 2 log L of the samples with such a noise, up to a constant; NaN without a filter.
+        """Return 2 log L of the samples for the noise `system`, up to a constant; NaN without a filter.
 
         Raises ValueError for an invalid system.
         """
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return 2 log L of the samples for the system with each of these sets of states added."""
+        """Return 2 log L of the samples for the system `bare` with each set of states in `more` added."""
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
-        """Return 2 log L of the bank of walks; NaN before it has enough samples, or once a system is set."""
+        """Return 2 log L for the bank of walks; NaN with too few samples, or once a system is set."""
         return self.native.of_walks()
 
 
 class TrackerModel:
     """A noise model for the tracker of an axis; made in any thread, for trackers with the same rules.
 
-    `rival`: a rival model with the same number of states; later samples decide between both. `likely`:
-    present probability of the first model.
+    `rival`: a rival model with the same number of states; later samples decide between `system` and `rival`.
+    `likely`: present probability of `system`.
 
     Raises ValueError if no filter works with the model.
     """
@@ -162,9 +164,9 @@ class TrackerModel:
     def refilter(self, remembered: Remembered, to_come: int) -> None:
         """Filter the remembered samples, in any thread, so that less work is left to `Tracker.go_by`.
 
-        `to_come`: number of samples that the tracker takes until `Tracker.go_by`, at most MOST_TO_COME. If
-        more has happened by then, or fewer samples came, the tracker filters everything itself. The results
-        are the same, except that the test of steps knows the innovations only up to `remembered`.
+        `to_come`: number of samples that the tracker takes until `Tracker.go_by`, at most MOST_TO_COME. If an
+        event happens before that, or if fewer samples come, the tracker filters all samples itself. The
+        results are the same, except that the test for steps then has the innovations only up to `remembered`.
 
         Raises ValueError for more samples.
         """
@@ -176,7 +178,7 @@ MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
 
 
 AT_ONCE = 1 << 14
-"""Number of rows of a long recording taken at once, so that their results fit the caches."""
+"""Number of rows of a long recording in one call, so that their results fit the processor's caches."""
 
 
 class Tracker:
@@ -193,12 +195,13 @@ class Tracker:
             list(offsets), ahead, list(checked), step, gravity_step, still, patience, settles
         )
         self.events: list[TrackerEvent] = []
-        """What happened during the samples of the last call of `run`."""
+        """Steps and motions during the samples of the last call of `run`."""
 
     def run(self, y: ArrayLike, accel: ArrayLike | None = None, rest: Rest = Rest.UNKNOWN) -> Tracks:
-        """Take n samples of every axis, (n, axes); the results do not depend on the blocks, to the bit.
+        """Process n samples of every axis, (n, axes); grouping into blocks changes no bit of the results.
 
         `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²], which help to detect motion.
+        `rest`: what the caller knows about the motion.
 
         Raises ValueError, and changes nothing, for a wrong shape, and for numbers that are not finite or far
         too large.
@@ -210,16 +213,16 @@ class Tracker:
         return Tracks._make((*out, moving.view(np.bool_)))
 
     def take(self, y: Array) -> None:
-        """Take samples of one axis, (n,), if only the state after the last one is wanted."""
+        """Process samples (n,) of one axis, if only the state after the last sample is wanted."""
         for begin in range(0, len(y), AT_ONCE):
             self.run(y[begin : begin + AT_ONCE, None])
 
     def skip(self, count: int) -> None:
-        """Predict over lost samples of all axes."""
+        """Predict over `count` lost samples of all axes."""
         self.native.skip(count)
 
     def set(self, lane: int, system: System, rival: System | None = None, likely: float = 1.0) -> None:
-        """Make a model as `TrackerModel` does, and use it for an axis.
+        """Make a `TrackerModel`, and use it for the axis with index `lane`.
 
         Raises ValueError, and changes nothing, if no filter works with it.
         """

@@ -1,1 +1,1 @@
-"""The running program: ports, pipelines, outputs, and an orderly end."""
+"""Run the program: read ports, feed pipelines, write outputs, and end in order."""

@@ -47,9 +47,9 @@ def run(configs: Sequence[Config]) -> None:
     with StopOnSignal() as stop:
         try:
             failure, done = _Run(configs, stop).run()
-        except KeyboardInterrupt:  # the signal came before anything had started
+        except KeyboardInterrupt:  # a signal arrived before a source or output had started
             return
-    if not done:  # a thread hangs in an output without a reader; Python would wait for that thread
+    if not done:  # Python would wait for the thread that hangs in an output
         if failure is not None:
             _last_words(f"error: {failure}")
         os._exit(failure.exit_code if failure else 0)
@@ -58,17 +58,17 @@ def run(configs: Sequence[Config]) -> None:
 
 
 LOOK_S = 1.0
-"""Time between two checks for the service manager that all sources still move [s]."""
+"""Time between two checks that all sources still handle events, for the service manager [s]."""
 
 STUCK_S = 20.0
-"""A device stream that handles no event for this long hangs: a live source gives two a second [s]."""
+"""Time without an event after which a device stream hangs [s]; a live source gives two events a second."""
 
 
 class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
     """Lets SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
 
-    `count`: number of signals. `wake_up`: rung when the end is asked for; a `threading.Event` would not do,
-    since a second signal within the first would wait for its lock forever.
+    `count`: number of signals. `wake_up`: set when the end is asked for. A `threading.Event` could hang here:
+    a second signal during the handler of the first would wait for its lock forever.
     """
 
     def __init__(self) -> None:
@@ -101,7 +101,7 @@ class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
 
 
 class _Run:
-    """The threads of one run, and what they share."""
+    """The threads of one run of the program, and the state that these threads share."""
 
     def __init__(self, configs: Sequence[Config], stop: StopOnSignal) -> None:
         self._configs = configs
@@ -118,7 +118,7 @@ class _Run:
         self._ingests: list[Ingest] = []
 
     def run(self) -> tuple[FlteaError | None, bool]:
-        """Run to the end; return the failure, if any, and whether every output could be closed."""
+        """Run to the end; return the failure or None, and whether every output could be closed."""
         configs = [config for config in self._configs if not is_shared(config.source)]
         shared = [config for config in self._configs if is_shared(config.source)]
         sources: list[Source] = []
@@ -127,7 +127,7 @@ class _Run:
         for config in self._configs:
             _check_filters(config)
         try:
-            for config in configs:  # sources before outputs: a wrong source leaves no half-open outputs
+            for config in configs:  # before the outputs, so that a wrong source leaves no open outputs
                 sources.append(open_source(config))
                 check_recordable(config, sources[-1])
             check_descriptors(sources, configs)
@@ -193,7 +193,7 @@ class _Run:
         return failure, not ending.left
 
     def _is_asked(self) -> bool:
-        """Whether a user or a failure asks for the end."""
+        """Whether a user or a failure has asked for the end."""
         return self._stop.asked or self._failure is not None
 
     def _wait(self, done: Callable[[], bool]) -> None:
@@ -206,13 +206,13 @@ class _Run:
                 self._manager.alive()
 
     def _stay(self) -> None:
-        """Without `--once`, keep the recording's last state on view until a user ends the program."""
+        """Without `--once`, keep showing the last state of a recording until a user ends the program."""
         text = "fltea: the recording is at its end; Ctrl-C ends the program (--once does so automatically)."
         print(text, file=sys.stderr, flush=True)
         self._wait(lambda: False)
 
     def _pump(self, stream: DeviceStream) -> None:
-        """Take all events of one source, in a thread of its own."""
+        """Handle all events of one source; runs in a separate thread for each source."""
         try:
             for event in stream.source.events():
                 stream.take(event)
@@ -233,7 +233,7 @@ class _Run:
         return Ingest(config, self._hub, receiver_of(config), self._end, self._fit_worker)
 
     def _end(self, stream: "DeviceStream | Ingest", error: Exception | None) -> None:
-        """Note that a source has ended; a fault ends the program, so that it does not look alive."""
+        """Note that a source has ended. An error ends the program, which would seem to work otherwise."""
         failure: FlteaError | None = None
         if isinstance(error, FlteaError):
             failure = error
@@ -256,7 +256,7 @@ class _Run:
 
 
 def _begun(close: Callable[[], object], name: str, *, kept: bool = False) -> Awaited:
-    """Begin to close something slow, in a thread of its own."""
+    """Begin to call `close`, which may be slow, in a separate thread; return what to wait for."""
     thread = threading.Thread(target=close, daemon=True)
     thread.start()
     return Awaited(name, _has_ended(thread), kept)
@@ -285,7 +285,7 @@ def _check_filters(config: Config) -> None:
 
 
 def _last_words(text: str) -> None:
-    """Write to stderr unless it is blocked; a hanging thread may hold the lock of `sys.stderr`."""
+    """Write to stderr unless it is blocked. Not by `sys.stderr`, whose lock a hanging thread may hold."""
     with contextlib.suppress(OSError):
         if select.select([], [2], [], 0)[1]:
             os.write(2, visible_lines(f"fltea: {text}\n").encode())

@@ -5,7 +5,7 @@ from fltea.records.ports import Report
 
 
 class DateWatch:
-    """Reports an impossible date, each time it becomes impossible. `report`: takes kind and text."""
+    """Reports when the date becomes impossible. `report`: function that takes kind and text of the report."""
 
     def __init__(self, report: Report) -> None:
         self._report = report

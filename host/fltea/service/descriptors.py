@@ -12,17 +12,19 @@ from fltea.settings.config import Config
 from fltea.sources.serial import SerialSource
 
 RESERVE = 64
-"""Descriptors for outputs, their clients, the state, a recording's new file, and ports while they open."""
+"""Number of descriptors for outputs and their clients, the state, a new file of a recording, and ports that
+open.
+"""
 
 OF_OTHERS = 4
-"""Most descriptors that a source uses, except a port with a descriptor, which uses one."""
+"""Most descriptors that a source uses, unless it is a port with a single descriptor."""
 
 MOST = 1 << 16
-"""Largest limit to ask for: a system may allow a thousand million."""
+"""Largest limit to ask the system for, since a system may allow a thousand million descriptors."""
 
 
 def check_descriptors(sources: Sequence[Source], configs: Sequence[Config]) -> None:
-    """Raise this process's limit of descriptors, and check that it is enough for all devices.
+    """Raise this process's limit of descriptors, and check that the limit is enough for all devices.
 
     Raises:
         UsageError: the limit is too low.

@@ -24,14 +24,14 @@ from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
 
 CHANGES_TEXT = {Stop.EPOCH, Stop.FIT_COUNTS}
-"""Stops after which the values that all records of samples share may differ."""
+"""Stops of the native device that may change the values that all records of samples share."""
 
 
 class DeviceStream:
     """Moves everything from a source through its pipeline to the outputs, in the thread that calls it.
 
-    `failure`: the trouble that ends the stream under `--once`. `moved_s`: monotonic time of the last event
-    [s]; infinity once the stream has ended.
+    `failure`: error that ends the stream if `--once` is set. `moved_s`: monotonic time of the last event [s];
+    infinity once the stream has ended.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class DeviceStream:
         """Handle one event.
 
         Raises:
-            UsageError: the settings do not fit the samples, or these cannot be recorded.
+            UsageError: the settings do not fit the samples, or the samples cannot be recorded.
         """
         self.moved_s = time.monotonic()
         if not self._has_wire:
@@ -86,7 +86,7 @@ class DeviceStream:
         self.look()
 
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
-        """Publish samples that the native device took. `unprinted`: they are not printed as text yet."""
+        """Publish samples that the native device has processed. `unprinted`: the text is not printed yet."""
         found = list(self._pipeline.took(rows, arrived_ns))
         is_printed = not (unprinted or self._pipeline.has_board)
         texts: ByText = dict.fromkeys(self._hub.printing(self.name), ()) if is_printed else NOTHING_PRINTED
@@ -95,7 +95,7 @@ class DeviceStream:
             self._print_as(next(one for one in found if isinstance(one, Block)))
 
     def stopped(self, stop: Stop, now_ns: int, details: Any) -> None:
-        """Do what a stop of the native device leads to. `now_ns`: arrival time of the sample at the stop."""
+        """Handle a stop of the native device. `now_ns`: arrival time of the sample at the stop [ns]."""
         self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
         if stop in CHANGES_TEXT:
             self._look_at_words()
@@ -107,18 +107,18 @@ class DeviceStream:
             self._deposit(self._state)
 
     def wants(self) -> tuple[bool, bool, bool]:
-        """Return whether any output takes the samples in blocks, as printed text, and as bytes."""
+        """Return three answers: whether any output takes blocks, printed text, or bytes."""
         has_board, texts = self._pipeline.has_board, self._hub.printing(self.name)
         takes_blocks = has_board or self._hub.takes_blocks(self.name)
         return takes_blocks, bool(texts) and not has_board, self._tap.wanted
 
     @property
     def device(self) -> Device:
-        """The native device, for callers that give it the samples natively."""
+        """The native device, for callers whose native code feeds the samples."""
         return self._pipeline.device
 
     def _printed(self, items: Iterable[AnyRecord | Block]) -> tuple[list[AnyRecord | Block], ByText]:
-        """Return the items, and the same items for each kind of printed output, with samples as text."""
+        """Return the items, and for each kind of printed text the items with the samples as text."""
         texts = () if self._pipeline.has_board else self._hub.printing(self.name)
         found: list[AnyRecord | Block] = []
         printed: dict[Wanted | None, list[AnyRecord | Block | Printed]] = {text: [] for text in texts}
@@ -141,7 +141,7 @@ class DeviceStream:
         return found, printed
 
     def _lines_of(self, block: Block, text: Wanted | None) -> tuple[list[Block | Printed], int]:
-        """Return the rows as printed by the device, and the number of rows that are not printed."""
+        """Return a block's rows as the native device printed them, and the number of rows not printed."""
         printer = self._printers.get(text)
         if printer is None:
             return [block], len(block)
@@ -150,12 +150,12 @@ class DeviceStream:
         return lines + ([block.rows(len(block) - missed, len(block))] if missed else []), missed
 
     def _print_as(self, block: Block) -> None:
-        """Let the device print later samples with the shared values of this block."""
+        """Let the native device print later samples with the shared values of this block."""
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
 
     def _look_at_words(self) -> None:
-        """Stop printing with shared values that have changed."""
+        """Stop the native printing of samples if the values that all samples share have changed."""
         if (words := self._pipeline.words) != self._words:
             self._words = words
             self._printers = {}
@@ -180,9 +180,9 @@ class DeviceStream:
         return self._pipeline.save()
 
     def finish(self, *, whole: bool = False, now_ns: int = 0) -> None:
-        """End the stream: its source has ended (`whole`), or no more samples are wanted.
+        """End the stream, since its source has ended (`whole`), or since no more samples are wanted.
 
-        `now_ns`: arrival time of the newest sample that was taken natively.
+        `now_ns`: arrival time of the newest sample that native code has processed [ns]; 0 if there is none.
         """
         self.moved_s = math.inf
         self._pipeline.came_to(now_ns)
@@ -193,7 +193,7 @@ class DeviceStream:
             self._deposit(self._state)
 
     def _make_wire(self, event: Event) -> None:
-        """Encode the events of a source without a wire protocol while an output records its bytes."""
+        """Encode an event for outputs that record bytes, if its source has no wire protocol."""
         if not self._tap.wanted:
             self._as_wire = None
             return
@@ -209,5 +209,5 @@ class DeviceStream:
 
 
 def _is_vain(record: AnyRecord | Block) -> TypeGuard[Error]:
-    """Whether a record says that this device will not give what was asked for."""
+    """Return whether a record reports that this device cannot give the wanted samples."""
     return isinstance(record, Error) and record.kind == "no_device_estimates"

@@ -1,25 +1,25 @@
-"""Wait at the end of the program for all that has to end, with a time limit and messages."""
+"""Wait at the end of the program for sources, streams and outputs, with a time limit and messages."""
 
 import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 KEEP_S = 40.0
-"""Time after a signal to write snapshots and recordings, which exist nowhere else [s]."""
+"""Time limit after a signal for writing snapshots and recordings, whose data exist nowhere else [s]."""
 
 OTHER_S = 10.0
-"""Time after a signal for sources, device streams and other outputs, which may hang [s].
+"""Time limit after a signal for sources, device streams and other outputs, which may hang [s].
 
-The sum of both is less than the 90 s after which a service manager kills the program.
+`KEEP_S` and `OTHER_S` together are less than the 90 s after which a service manager kills the program.
 """
 
 SAY_S, LOOK_S = 3.0, 0.05
 
 
 class Awaited(NamedTuple):
-    """Something that has to end. `name`: for messages. `done`: waits a time [s]; returns whether it ended.
+    """A task that has to end. `name`: in messages. `done`: waits up to a time [s], returns if it ended.
 
-    `kept`: it writes data that exist nowhere else.
+    `kept`: True if the task writes data that exist nowhere else.
     """
 
     name: str
@@ -28,11 +28,12 @@ class Awaited(NamedTuple):
 
 
 class Ending:
-    """Waits for things to end: without a limit first, and up to a limit once the end was asked for.
+    """Waits for tasks to end: without a time limit at first, with a limit once the end is asked for.
 
     `asked`: returns whether a signal or a failure has asked for the end. `signals`: returns the number of
     signals; a further signal after the message about waiting ends the waiting. `say`: writes a message.
-    `left`: names of what did not end in time. `lost`: the names of these whose data exist nowhere else.
+    `left`: names of the tasks that did not end in time. `lost`: names of the tasks in `left` whose data exist
+    nowhere else.
     """
 
     def __init__(
@@ -44,7 +45,7 @@ class Ending:
         self.lost: list[str] = []
 
     def wait(self, awaited: Sequence[Awaited]) -> None:
-        """Wait for all of these, at the same time."""
+        """Wait for all tasks of `awaited` at the same time."""
         began_s: float | None = None
         for name, done, kept in awaited:
             most_s = KEEP_S if kept else OTHER_S

@@ -13,10 +13,10 @@ from fltea.service.ending import Awaited
 from fltea.service.sink_queue import SinkQueue, SinkThread
 
 ESSENTIAL = "stdout"
-"""Name of the output whose end ends a program without other outputs; its failure fails the program."""
+"""Name of the output whose failure fails the program, and whose end ends a program without other outputs."""
 
 ByText = Mapping[Wanted | None, Sequence[AnyRecord | Block | Printed]]
-"""A device's records for each kind of printed text, with its samples as text where they were printed."""
+"""For each kind of printed text, the records of a device, with samples as text if they are printed."""
 
 NOTHING_PRINTED: ByText = MappingProxyType({})
 
@@ -24,13 +24,13 @@ NOTHING_PRINTED: ByText = MappingProxyType({})
 class Hub:
     """Takes records from the pipelines' threads and queues them for every sink.
 
-    `on_stop`: called, from any thread, when the last output with a reader is gone: with the exception if that
-    output failed, with None if its reader left.
+    `on_stop`: called, from any thread, when no output has a reader any more. Its argument is the exception if
+    the last output failed, and None if the reader of that output left.
     """
 
     def __init__(self, on_stop: Callable[[Exception | None], None]) -> None:
         self._on_stop = on_stop
-        # Replaced as a whole, never changed in place, since other threads iterate over them.
+        # These lists are replaced, never changed in place, since other threads iterate over them.
         self._shared: list[SinkQueue] = []
         self._of: dict[str, list[SinkQueue]] = {}
         self.changes = 0
@@ -60,7 +60,7 @@ class Hub:
         sink_queue.close()
 
     def add_log(self, sink: Sink) -> None:
-        """Add the log. It is no output, so nothing of it is counted."""
+        """Add the log. The log is no output, so its records are not counted."""
         self._log = SinkQueue(sink, lambda sink_queue, error: None)
         self._log.start()
 
@@ -76,8 +76,8 @@ class Hub:
     ) -> None:
         """Queue a device's records.
 
-        `printed`: the same records for outputs of printed text (`printing`). `wait`: wait while an output
-        that must not lose records has no room.
+        `printed`: the same records for outputs of printed text (`printing`). `wait`: whether to wait while an
+        output that must not lose records has no room.
         """
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             own = printed.get(sink_queue.sink.prints, records)
@@ -88,7 +88,7 @@ class Hub:
                 self._log.put(errors)
 
     def printing(self, device: str) -> dict[Wanted, list[SinkQueue]]:
-        """Return a device's outputs that take its samples printed, by the text that they print."""
+        """Return for each kind of printed text the outputs that take the device's samples as that text."""
         found: dict[Wanted, list[SinkQueue]] = {}
         for sink_queue in (*self._shared, *self._of.get(device, ())):
             if sink_queue.sink.prints is not None:
@@ -112,7 +112,7 @@ class Hub:
         return all(sink_queue.wait_for_room(timeout_s) for sink_queue in self._shared)
 
     def written(self) -> Callable[[], bool]:
-        """Return a function that says whether the shared outputs have written all that is queued now."""
+        """Return a function that returns whether the shared outputs have written all records queued now."""
         queued = [(sink_queue, sink_queue.progress()[0]) for sink_queue in self._shared]
         return lambda: all(sink_queue.progress()[1] >= count for sink_queue, count in queued)
 
@@ -121,16 +121,16 @@ class Hub:
         return [sink_queue.name for sink_queue in self._shared if not sink_queue.wait_for_room(0)]
 
     def depart(self, device: str, *, moved: bool) -> None:
-        """Tell the shared outputs that a device is gone. `moved`: another program goes on with it."""
+        """Notify the shared outputs that a device is gone. `moved`: another program now serves the device."""
         for sink_queue in self._shared:
             sink_queue.put((Departed(device, moved),))
 
     def tap(self, device: str, *, wait: bool) -> "Tap":
-        """Return the function that takes all that arrives over the wire of a device."""
+        """Return the function that accepts all that arrives over the wire of a device."""
         return Tap(lambda: self._of.get(device, []), wait)
 
     def report(self, device: str | None = None) -> Callable[[str, str], None]:
-        """Return the function with which an output reports a trouble as an `error` record to all outputs."""
+        """Return the function with which an output sends an `error` record to all outputs."""
 
         def report(kind: str, message: str) -> None:
             error = Error(kind, message, unix_ns(), device=device)
@@ -160,12 +160,12 @@ class Hub:
         }
 
     def release(self) -> None:
-        """Make no caller wait any more: an output without room drops records from now on."""
+        """Let no caller wait any more: from now on, an output without room drops records."""
         for _, sink_queue in self.sink_queues():
             sink_queue.release()
 
     def close(self) -> list[Awaited]:
-        """Close every output after it has written what is queued; return what to wait for."""
+        """Close every output once it has written its queued records; return the tasks to wait for."""
         sink_queues = self.sink_queues()
         for _, sink_queue in sink_queues:
             sink_queue.close()
@@ -179,7 +179,7 @@ class Hub:
         ]
 
     def close_log(self) -> list[Awaited]:
-        """Close the log, after the outputs, which may have reported something."""
+        """Close the log. Call this after `close`, since outputs that close may write to the log."""
         if self._log is None:
             return []
         self._log.close()
@@ -199,14 +199,14 @@ class Hub:
 
 
 class Tap:
-    """Passes on what arrives over the wire of one device to the outputs that want it at that time."""
+    """Passes on what arrives over the wire of one device to the outputs that record the wire's bytes."""
 
     def __init__(self, sink_queues: Callable[[], Sequence[SinkQueue]], wait: bool) -> None:
         self._sink_queues, self._wait = sink_queues, wait
 
     @property
     def wanted(self) -> bool:
-        """Whether any output wants it."""
+        """Whether any output wants the events or bytes of the wire."""
         return any(sink_queue.sink.takes_wire for sink_queue in self._sink_queues())
 
     def __call__(self, event: TransportEvent | Reads) -> None:

@@ -1,4 +1,4 @@
-"""Open the outputs that the configuration asks for; an output's libraries are loaded only then."""
+"""Open the outputs in the configuration; the libraries of an output are loaded only for an output in use."""
 
 import sys
 from collections.abc import Collection, Sequence
@@ -20,7 +20,7 @@ def open_outputs(configs: Sequence[Config], hub: Hub, replays: Collection[str] =
     """Add all outputs to the hub. `replays`: names of the devices that are recordings.
 
     Raises:
-        UsageError: settings are wrong, or a library is not installed.
+        UsageError: a setting is wrong, or a library is not installed.
         FlteaError: an output cannot be opened, for example because its port is taken.
     """
     program = _with_format(configs[0])

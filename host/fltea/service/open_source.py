@@ -23,7 +23,7 @@ SAMPLES_ONLY = ("i2c", "iio", "synthetic", *TEXT)
 
 
 def find_board() -> str:
-    """Return the URL of the Arduino Due that is plugged in, or will be: it is waited for like any port.
+    """Return the URL of the Arduino Due. A board that is not plugged in yet is waited for, like any port.
 
     Raises:
         UsageError: more than one board is plugged in.
@@ -74,7 +74,7 @@ def open_source(config: Config) -> Source:
 
             return SerialText(rest, replay.how)
         case "i2c":
-            from fltea.sources.i2c.source import I2cSource  # smbus2 loads on Linux only
+            from fltea.sources.i2c.source import I2cSource  # not at the top, since smbus2 loads on Linux only
 
             return I2cSource(rest)
         case "iio":
@@ -122,12 +122,12 @@ def check_shared(configs: Sequence[Config]) -> None:
 
 
 def _flag(output: Output) -> str:
-    """Return the flag that switches an output on."""
+    """Return the command-line flag that switches an output on."""
     return SETTINGS[output.on].setting.flags[0]
 
 
 def check_recordable(config: Config, source: Source) -> None:
-    """Refuse `--record` and `--state` for a recording, and `--state` for estimates by a device.
+    """Refuse `--record` and `--state` for a recording, and `--state` if only the device estimates.
 
     Raises:
         UsageError: a setting does not fit the source.
@@ -154,5 +154,5 @@ def _need_wire(config: Config, url: str) -> None:
 
 
 def _startup(config: EstimatorConfig) -> int:
-    """Return the fewest samples that a recording needs, as far as they are known without its rate."""
+    """Return the smallest number of samples that a recording needs, as far as known without its rate."""
     return config.startup_needed if isinstance(config.startup, int) else 0

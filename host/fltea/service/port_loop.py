@@ -21,25 +21,26 @@ from fltea.wire.transport import QUEUE_BYTES
 
 WAIT_S = 0.5
 PATIENCE_NS = 1_000_000
-"""Time that samples in blocks, and bytes, of each of many devices wait for more [ns]. Outputs that take these
-handle them device by device, and at most a thousand times a second."""
+"""Time for which samples in blocks, and bytes, wait for more of the same device [ns]. So an output that takes
+blocks or bytes handles each device at most a thousand times a second.
+"""
 
 
 class PortStop(IntEnum):
     """Events of a port that Python handles, as in host/native/port_stream.hpp."""
 
     ITEM = 1
-    """An item of the wire protocol."""
+    """An item of the wire protocol has arrived that native code does not handle."""
     STOP = 2
-    """A stop of the native device."""
+    """The native device has stopped."""
     ROWS = 3
-    """Samples that an output takes in blocks."""
+    """Samples are ready for an output that takes them in blocks."""
     READS = 4
-    """Bytes that an output takes as they came."""
+    """Bytes are ready for an output that takes the received bytes."""
     LOST = 5
     """The port is gone."""
     FAULT = 6
-    """Data cannot be used, and nothing more is read."""
+    """The data cannot be used, and nothing more is read from the port."""
 
 
 def has_port(stream: DeviceStream) -> bool:
@@ -48,10 +49,10 @@ def has_port(stream: DeviceStream) -> bool:
 
 
 class PortLoop:
-    """Lets each device stream take what came from its port.
+    """Hands the data of each port to the device stream of that port.
 
     `on_end`: called, from the loop's thread, with a device stream that has ended and the exception that ended
-    it, or None. `pressure`: learns how long samples wait.
+    it, or None. `pressure`: is notified how long samples wait.
     """
 
     def __init__(
@@ -76,14 +77,14 @@ class PortLoop:
         self._openings = Openings(ports, self._round.open, self._round.wake)
 
     def run(self) -> None:
-        """Run until `close`, or until each device stream has failed."""
+        """Run until `close`, or until every device stream has failed."""
         try:
             while self._going and not self._closed:
                 self._take_round()
             self._hand_on(self._going)
             for index in list(self._going):
                 self._finish(index)
-        except Exception as error:  # of the loop itself: the program must not look alive then
+        except Exception as error:  # an error of the loop itself ends all streams
             for index in self._going:
                 self._on_end(self.walks[index], error)
             raise
@@ -122,7 +123,7 @@ class PortLoop:
             self._happened(index, HANDLERS[kind], details)
 
     def _hand_on(self, indices: Iterable[int]) -> None:
-        """Take all that has come from these ports without waiting for more, since their streams end."""
+        """Hand on all data received from these ports, without waiting for more, since the streams end."""
         waiting = set(indices)
         for index in waiting:
             self._round.wants(index, *self.walks[index].wants(), 0)
@@ -215,4 +216,4 @@ HANDLERS: dict[int, Callable[[PortLoop, int, Any], None]] = {
     PortStop.LOST: PortLoop._on_lost,
     PortStop.FAULT: PortLoop._on_fault,
 }
-"""What handles each event that is Python's."""
+"""Method that handles each kind of event of `PortStop`."""

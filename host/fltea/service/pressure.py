@@ -4,13 +4,15 @@ from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
 LOOK_NS = 10**9
-"""Time between two checks of the devices and of the pressure [ns]."""
+"""Time between two checks of the devices and of their waiting times [ns]."""
 
 LATE_NS = 10**9
-"""Waiting time of samples which shows that the refits take too much of the processor [ns]."""
+"""Waiting time of samples from which on refits take too much of the processor's time [ns]."""
 
 LOOKS = 3
-"""Number of late checks in a row that are needed, since many devices that begin together are late once."""
+"""Number of successive checks with late samples before refits become less frequent: many devices that begin
+together are late once.
+"""
 
 CALM_NS = LATE_NS // 4
 STEP_NS = 10 * 10**9
@@ -34,7 +36,7 @@ class Pressure:
         self._longest_ns = max(self._longest_ns, ns)
 
     def look(self, now_ns: int) -> None:
-        """Judge the waiting times since the last call."""
+        """Change how often refits are made, by the waiting times since the last call."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         fit_worker = self._fit_worker
         if longest_ns > CALM_NS:

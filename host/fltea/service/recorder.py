@@ -1,4 +1,4 @@
-"""Begin and end recordings while the program runs, like the recordings of `--record`."""
+"""Begin and end recordings while the program runs; they are made like those of the flag `--record`."""
 
 import shutil
 import threading
@@ -28,7 +28,7 @@ FAULT = "The recording stopped because of a fault: see the list of events."
 class RecorderOfHub:
     """Adds recordings to the hub and removes them again.
 
-    `settings`: as of `--record`; if they have no folder, `folder` is used.
+    `settings`: settings of `--record`; `folder` is used if they name no folder.
     `replays`: names of the devices that are recordings.
     """
 
@@ -44,7 +44,7 @@ class RecorderOfHub:
         self._free: tuple[float, int | None] = (-FREE_EVERY_S, None)
 
     def adopt(self, device: str, sink_queue: SinkQueue) -> None:
-        """Note a recording that runs as long as the program."""
+        """Note a recording that cannot be stopped, since it runs as long as the program."""
         self._fixed[device] = sink_queue
         self._began_s[device] = time.monotonic()
 
@@ -70,7 +70,7 @@ class RecorderOfHub:
         )
 
     def start(self, device: str, hello: Hello | None) -> None:
-        """Begin to record, unless a recording runs already.
+        """Begin to record a device, unless a recording of the device is already running.
 
         Raises:
             UsageError: the device cannot be recorded, the folder cannot be written, or a library is missing.
@@ -111,7 +111,7 @@ class RecorderOfHub:
                 )
 
     def _free_bytes(self) -> int | None:
-        """Return the free space at the folder, or at its nearest parent that exists."""
+        """Return the free space [bytes] of the disk with the folder; None if it is unknown."""
         asked_s, free = self._free
         if time.monotonic() - asked_s < FREE_EVERY_S:
             return free

@@ -1,4 +1,4 @@
-"""Put a bounded queue and a writing thread before a sink: a slow or broken one loses only its own records."""
+"""Put a bounded queue and a thread before a sink: a slow or broken sink loses only its own records."""
 
 import threading
 import time
@@ -15,11 +15,13 @@ from fltea.service.wake_up import WakeUp
 IDLE_S = 0.5
 
 MOST_WAITING = 1_000_000
-"""Most records that may wait for one thread: with many devices each queue has less room than alone."""
+"""Most records that may wait for one thread, in all its queues; so with many devices each queue has less
+room.
+"""
 
 
 def weight(item: Item | Departed) -> int:
-    """Return how many records an item counts as."""
+    """Return the number of records in an item."""
     if isinstance(item, Departed):
         return 0
     if isinstance(item, Reads):
@@ -30,9 +32,9 @@ def weight(item: Item | Departed) -> int:
 
 
 class SinkThread:
-    """Writes to sink queues, one after the other, as long as it has any.
+    """Writes the items of sink queues to their sinks, one queue after the other, while it has any queue.
 
-    `wake_up`: rung when a queue has an item. `hurry`: set when a queue closes.
+    `wake_up`: set when a queue receives an item. `hurry`: set when a queue closes.
     """
 
     def __init__(self, name: str) -> None:
@@ -43,11 +45,11 @@ class SinkThread:
         self._sink_queues: list[SinkQueue] = []
 
     def room(self, capacity: int) -> int:
-        """Return the most records that may wait in one queue, which would have room for `capacity` alone."""
+        """Return the most records that may wait in each queue; `capacity`: the most for a single queue."""
         return min(capacity, MOST_WAITING // max(1, len(self._sink_queues)))
 
     def add(self, sink_queue: "SinkQueue") -> None:
-        """Begin to write to a sink queue."""
+        """Begin to write the items of a sink queue."""
         with self.changed:
             self._sink_queues.append(sink_queue)
             first = len(self._sink_queues) == 1
@@ -58,7 +60,7 @@ class SinkThread:
         going, rested_s = True, 0.0
         while going:
             self.wake_up.wait(IDLE_S)
-            # Rest after each writing, since a wake-up for each of many items that come together costs more.
+            # Pause after each writing, since a wake-up for each of many items that come together costs more.
             self.hurry.wait(max(0.0, rested_s - time.monotonic()))
             with self.changed:
                 self.wake_up.clear()
@@ -78,9 +80,9 @@ class SinkThread:
 class SinkQueue:
     """Feeds one sink from a queue.
 
-    `on_end`: called once, from the writing thread, when the sink can take no more: with None if its reader
-    left, else with the exception. `thread`: a thread shared by several queues; by default the queue has its
-    own.
+    `on_end`: called once, from the writing thread, when the sink can take no more: with None if the sink's
+    reader left, otherwise with the exception. `thread`: a thread shared by several queues; by default the
+    queue has a thread for itself.
     """
 
     def __init__(
@@ -95,7 +97,7 @@ class SinkQueue:
         self.done = threading.Event()
         self._on_end = on_end
         self._queue: deque[tuple[Item | Departed, int | None]] = deque()
-        self._queued = self._waiting = 0  # records that were ever queued, and records that wait now
+        self._queued = self._waiting = 0  # numbers of records ever queued, and of records that wait now
         self.thread = thread or SinkThread(f"sink {sink.name}")
         self._changed = self.thread.changed
         self._ended = self._released = False
@@ -120,10 +122,10 @@ class SinkQueue:
         *,
         wait: bool = False,
     ) -> None:
-        """Queue items; items beyond the sink's capacity are dropped and counted.
+        """Queue items; items beyond the queue's capacity are dropped and counted.
 
-        `wait`: wait for room if the sink is lossless.
-        `arrived_ns`: monotonic arrival time of the data, for the latency; None if it has no such time.
+        `wait`: whether to wait for room if the sink must not lose records. `arrived_ns`: monotonic arrival
+        time of the data, from which the latency is computed [ns]; None for data without an arrival time.
         """
         with self._changed:
             room = self.thread.room(self.sink.capacity)
@@ -143,25 +145,25 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def wait_for_room(self, timeout_s: float) -> bool:
-        """Wait until the queue is less than half full, or has ended; return False if it is not in time."""
+        """Wait until the queue is less than half full, or has ended; return False if the time runs out."""
         with self._changed:
             return self._changed.wait_for(
                 lambda: self._waiting < self.sink.capacity // 2 or self._ended or self.closing, timeout_s
             )
 
     def progress(self) -> tuple[int, int]:
-        """Return how many records were queued so far, and how many of these no longer wait."""
+        """Return the number of records queued so far, and how many of these records no longer wait."""
         with self._changed:
             return self._queued, self._queued - self._waiting - self._in_hand
 
     def stats(self) -> OutputStats:
-        """Return the counts of written, lost and waiting records; records being written still wait."""
+        """Return the numbers of written, lost and waiting records; until it is written, a record waits."""
         with self._changed:
             lost = self.sink.lost if self._lost_before is None else self._lost_before
             return OutputStats(self._written - lost, self._dropped + lost, self._waiting + self._in_hand)
 
     def close(self) -> None:
-        """Take no more items; queued ones are still written (see `join`)."""
+        """Accept no more items. Queued items are still written (see `join`)."""
         with self._changed:
             self.closing = self._released = True
             self.thread.hurry.set()
@@ -169,17 +171,17 @@ class SinkQueue:
         self.thread.wake_up.ring()
 
     def release(self) -> None:
-        """Make no caller wait for room any more."""
+        """Let no caller wait for room any more."""
         with self._changed:
             self._released = True
             self._changed.notify_all()
 
     def join(self, timeout_s: float) -> bool:
-        """Wait until the sink has written everything and is closed; return False if it has not in time."""
+        """Wait until the sink has written everything and is closed; return False if the time runs out."""
         return self.done.wait(timeout_s)
 
     def write(self) -> bool:
-        """Write what is queued; return False once the queue is closed and empty, or the sink has ended."""
+        """Write the queued items; return False once the queue is closed and empty, or the sink has ended."""
         if not (self._queue or self.closing or time.monotonic() >= self._idle_s):
             return True
         try:

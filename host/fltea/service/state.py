@@ -19,13 +19,13 @@ from fltea.settings.outputs import StateConfig
 from fltea.stream.snapshot import DeviceState
 
 MOST_BYTES = 1 << 30
-"""Largest size of the file, for many devices with every sample of a direct memory."""
+"""Largest size of the file [bytes]: enough for many devices whose filters keep every sample."""
 
 VERSION = 5
-"""Version of the file and of the native states in it; up to version 4 these had a header of their own."""
+"""Version of the file and of the native states in it; up to version 4, each native state had a header."""
 
 LOOK_S = 1.0
-"""Longest time until a new snapshot is written; `period_s` sets how often there is one [s]."""
+"""Longest time until a new snapshot is written [s]. The setting `period_s` is the time between snapshots."""
 
 
 class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -39,7 +39,7 @@ class _Header(msgspec.Struct, frozen=True):
 
 
 class StateFile:
-    """Keeps the latest snapshot of every device, and writes all of them in a thread of its own.
+    """Keeps the latest snapshot of every device, and writes all snapshots in a separate thread.
 
     Raises:
         UsageError: the file cannot be read or written, is not fltea's, or another program uses it.
@@ -104,7 +104,7 @@ class StateFile:
         refused = self._path.with_name(self._path.name + ".refused")
         try:
             self._path.replace(refused)
-        except FileNotFoundError:  # another device's estimator has set the file aside already
+        except FileNotFoundError:  # the file was set aside for another device
             return
         except OSError as error:
             self._report("state_failed", f"{why}; the file cannot be kept as {refused} ({error}).")
@@ -112,13 +112,13 @@ class StateFile:
             self._report("state_refused", f"{why}; the file is kept as {refused}.")
 
     def put(self, name: str, state: DeviceState) -> None:
-        """Replace a device's snapshot; it is written soon."""
+        """Replace a device's snapshot; the new one is written within `LOOK_S`."""
         with self._lock:
             self._devices[name] = state
             self._changed = True
 
     def close(self) -> None:
-        """Write new snapshots, and end."""
+        """Write snapshots that are not written yet, and end the thread."""
         self._stop.set()
         self._thread.join()
         self._write()
@@ -157,8 +157,8 @@ def _check_writable(path: Path) -> None:
 def _hold(path: Path) -> int:
     """Lock .FILE.lock, so that no second program uses the file, and return the lock's descriptor.
 
-    The lock's file contains the number of this process. The state file itself cannot be locked, since each
-    writing replaces it by a new file.
+    The lock file contains the number of this process. The state file itself cannot be locked, since it is
+    replaced by a new file each time.
     """
     lock = path.with_name(f".{path.name}.lock")
     try:

@@ -1,4 +1,4 @@
-"""Notify systemd about a service of Type=notify (sd_notify(3): a datagram to $NOTIFY_SOCKET)."""
+"""Notify systemd of the state of a service of Type=notify, by a datagram to $NOTIFY_SOCKET (sd_notify(3))."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ PERIOD_S = 5.0
 
 
 class ServiceManager:
-    """Reports that the program is ready, that it still moves, and that it ends, where systemd asks for it."""
+    """Reports to systemd that the program is ready, that it works, and that it ends, if systemd runs it."""
 
     def __init__(self) -> None:
         name = os.environ.get("NOTIFY_SOCKET", "")
@@ -21,13 +21,13 @@ class ServiceManager:
         self._say("READY=1")
 
     def alive(self) -> None:
-        """Report that every device stream has moved recently; otherwise systemd restarts the service."""
+        """Report that every device stream works. Without this report, systemd restarts the service."""
         if time.monotonic() - self._said_s >= PERIOD_S:
             self._said_s = time.monotonic()
             self._say("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """Report that the program ends because it was asked to."""
+        """Report that the program ends as requested."""
         self._say("STOPPING=1")
 
     def _say(self, state: str) -> None:

@@ -6,7 +6,7 @@ from fltea import _native
 
 
 class WakeUp(_native.WakeUp):
-    """A wake-up that stays rung until it is cleared; one thread waits for it.
+    """A flag that stays set until it is cleared; one thread waits for it.
 
     Raises:
         OSError: no file descriptor is left.
@@ -18,5 +18,5 @@ class WakeUp(_native.WakeUp):
         self._poll.register(self, select.POLLIN)
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until it is rung; return whether it was rung within `timeout_s`."""
+        """Wait until the flag is set; return whether it was set within `timeout_s`."""
         return bool(self._poll.poll(timeout_s * 1e3))
