@@ -1,4 +1,4 @@
-"""Configuration from defaults, a TOML file and flags; every error names the path of the wrong setting."""
+"""Read the configuration from defaults, a TOML file and flags; errors name the path of the wrong setting."""
 
 import re
 import tomllib
@@ -24,13 +24,15 @@ from fltea.settings.setting import Setting, Table, all_declared, joined, of_sens
 from fltea.wire import layout as wire
 
 MOST_BYTES = 250_000
-"""Largest size of a settings file; a thousand devices fit in it."""
+"""Largest size of a settings file [bytes], enough for the tables of a thousand devices."""
 
 DOT, MOST_DOTS = re.compile(r"\.[^.]"), 50
-"""Most dots in a line of settings: tomllib's time and memory grow with the square of the parts of a key."""
+"""Most dots in a line of settings: tomllib's time and memory grow with the square of a key's number of
+parts.
+"""
 
 MOST_MB = 1e9
-"""Largest limit of memory that can be set, a thousand TB."""
+"""Largest limit of memory that can be set [MB]: a thousand TB."""
 
 
 class LinkConfig(Table, frozen=True):
@@ -79,7 +81,7 @@ class LinkConfig(Table, frozen=True):
     def latency_s(self) -> float:
         """The latency in seconds."""
         seconds = in_seconds(self.latency)
-        assert seconds is not None  # Setting.accepts has checked it
+        assert seconds is not None  # Setting.accepts has checked the text
         return seconds
 
 
@@ -110,12 +112,12 @@ class ReplayConfig(How, frozen=True):
 
     @property
     def limits(self) -> Limits:
-        """How much memory a recording may take."""
+        """The limits of memory for reading a recording."""
         return Limits(self.max_chunk_mb, self.max_mb)
 
     @property
     def how(self) -> How:
-        """The settings that say how to read the recording."""
+        """The settings about columns, units and rate of the recording."""
         return How(**{name: getattr(self, name) for name in How.__struct_fields__})
 
 
@@ -195,11 +197,11 @@ SETTINGS = all_declared(Config())
 """Every setting by its path."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
-"""Settings and tables that a table [device.NAME] may hold; all others apply to the whole program."""
+"""Settings and tables that a table [device.NAME] may hold; all other settings apply to the whole program."""
 
 
 def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
-    """Return the configuration of the only device; see `load_configs`."""
+    """Return the configuration of a program with one device; arguments as for `load_configs`."""
     (config,) = load_configs(file, overrides)
     return config
 
@@ -209,7 +211,7 @@ def load_configs(
 ) -> list[Config]:
     """Merge defaults, a TOML file, its tables of devices, and flags; return one `Config` for each device.
 
-    `file`: the TOML file; None: there is none.
+    `file`: the TOML file, or None for no file.
     `overrides`: values of flags by the dotted path of their setting, such as {"estimator.window": 1500}.
     `sources`: URLs given as flags, which replace the file's devices.
 
@@ -337,10 +339,11 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    if setting is not None:  # the value has another type, or is none of the setting's words
+    if setting is not None:  # wrong type, or none of the setting's words
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:
-        # A table's own check begins with the setting's name, since a table does not know its own path.
+        # The message of a table's own check begins with the setting's name, since a table does not know its
+        # path.
         return f"{of_sensor(path + '.', joined(path, reason))}."
     return f"{path}: {reason[:1].lower()}{reason[1:]}."
 

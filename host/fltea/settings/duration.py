@@ -1,19 +1,19 @@
-"""Durations in samples, or as a time such as "30 s", which is converted to samples by the rate."""
+"""Convert durations in samples, or as a time such as "30 s", to samples by the sampling rate."""
 
 import math
 import re
 
 Duration = int | str
-"""A number of samples, or a time: a number followed by a unit of `SECONDS`."""
+"""A number of samples, or a time as text: a number followed by a unit in `SECONDS`."""
 
 SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0}
 EXAMPLE = "30 s"
 MOST_S = 1e9
-"""Longest time that is accepted, about thirty years."""
+"""Longest time that is accepted [s], about thirty years."""
 
 
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
-    """Return a duration in samples at `rate_hz`; a time above 0 gives at least `least` samples."""
+    """Return a duration in samples at `rate_hz`; a time above 0 s gives at least `least` samples."""
     if not isinstance(value, str):
         return value
     seconds = in_seconds(value)
@@ -22,7 +22,7 @@ def in_samples(value: Duration, rate_hz: float, least: int) -> int:
 
 
 def known(name: str, value: Duration) -> int:
-    """Return a duration that is in samples already; raise ValueError for a time."""
+    """Return a duration that is already a number of samples; raise ValueError for a time."""
     if isinstance(value, str):
         raise ValueError(f"{name} is a time, {value}: `at` converts it to samples once the rate is known")
     return value

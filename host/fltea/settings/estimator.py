@@ -8,13 +8,15 @@ from fltea.settings.duration import Duration, in_samples, known
 from fltea.settings.setting import Setting, Table
 
 LARGEST = 1e100
-"""Largest number or variance of a filter; the smallest measurement variance is 1 / LARGEST."""
+"""Largest number or variance that a filter may be given; the smallest measurement variance is 1 / LARGEST."""
 
 LONGEST_WINDOW = 10_000_000
-"""Longest window in samples: more than a day at 100 Hz. It fits into the memory of a small computer."""
+"""Longest window [samples]: more than a day at 100 Hz. It fits into the memory of a small computer."""
 
 LONGEST_GAP = 1_000_000
-"""Longest gap in samples that is bridged, step by step: three hours at 100 Hz, seconds of computing."""
+"""Longest gap that is bridged [samples]: three hours at 100 Hz. Each sample is a step, so this takes
+seconds.
+"""
 
 SQUARED = "(deg/s)²"
 DELTA = Setting(
@@ -77,8 +79,9 @@ Tuning = Literal["live", "startup"]
 """Source of the filters' Q and R while they run: the live fit, or the start-up window."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""Default, since live tuning errs less on most noises, and its σ covers the errors
-(host/docs/evaluation/live.md, Tuned live)."""
+"""Default value of `tuning`. With "live", errors are smaller for most noises, and σ is true to the errors
+(host/docs/evaluation/live.md, Tuned live).
+"""
 
 BY_DEVICE = ("device", "both")
 """Values of `EstimateOn` for which the device runs its own estimator."""

@@ -8,11 +8,11 @@ from types import ModuleType
 from fltea.records.errors import UsageError
 
 _ROOT = Path(__file__).resolve().parents[3]
-"""Folder of the clone, if the program runs from a clone."""
+"""Folder of the repository's clone, if the program runs from a clone."""
 
 
 def how_to_install(*extras: str) -> str:
-    """Return the command that installs extras, from a clone, since fltea is on no package index."""
+    """Return the command that installs extras from a clone, since fltea is on no package index."""
     wanted = f"'.[{','.join(extras)}]'"
     if (_ROOT / "pyproject.toml").is_file():
         return f"cd {_ROOT} && {sys.executable} -m pip install -e {wanted}"
@@ -20,7 +20,7 @@ def how_to_install(*extras: str) -> str:
 
 
 def load(module: str, library: str, extra: str, who_needs: str, otherwise: str = "") -> ModuleType:
-    """Import and return `module`, a module of fltea that needs `library`, or the library itself.
+    """Import and return `module`: a module of fltea that needs `library`, or the library itself.
 
     `extra`: name of the extra that installs the library.
     `who_needs`: beginning of the error message, such as "MCAP files need".

@@ -1,4 +1,4 @@
-"""Settings of shared sources, each with many devices: the table `ingest` of the TOML file."""
+"""Settings of shared sources, which have many devices each: the table `ingest` of the TOML file."""
 
 import re
 from typing import Annotated, Literal

@@ -6,10 +6,11 @@ from fltea.settings.duration import in_seconds
 from fltea.settings.setting import Setting, Table
 
 TUNED_WITHIN = 0.3
-"""Half-width of α's 95 % interval from which on the fit tunes the filters.
+"""Largest half-width of α's 95 % interval with which a fit tunes the filters.
 
-With a wider interval, the filters' neutral start is often nearer to the truth. A stricter limit would first
-pass fits whose interval is too narrow by chance (host/docs/evaluation/live.md).
+With a wider interval, the values with which the filters start are often nearer to the truth than the fit.
+With a smaller limit, the first fits that pass would be fits whose interval is too narrow by chance
+(host/docs/evaluation/live.md).
 """
 
 

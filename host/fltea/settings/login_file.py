@@ -1,4 +1,4 @@
-"""Read a user and a password from a file that is not readable by everybody."""
+"""Read a user name and a password from a file that other users cannot read."""
 
 from pathlib import Path
 
@@ -7,9 +7,9 @@ from fltea.records.small_file import read_small
 
 
 def read_login(setting: str, file: str | Path) -> tuple[str, str]:
-    """Return user and password.
+    """Return user name and password from a file.
 
-    `setting`: name of the setting, for messages, which quote nothing from the file.
+    `setting`: name of the setting, for messages. Messages quote nothing from the file.
 
     Raises:
         UsageError: the file cannot be read, everybody may read it, or it is not one line USER:PASSWORD.

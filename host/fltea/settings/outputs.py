@@ -2,7 +2,7 @@
 
 A new output needs its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with
 its `open_output`, and a check in `machine/doctor/checks_outputs.py`. `tests/service/test_output_table.py`
-names what is missing. The guide for users is host/docs/guide/outputs.md.
+names the pieces that are missing. The guide for users is host/docs/guide/outputs.md.
 """
 
 import ipaddress
@@ -29,22 +29,22 @@ Recorded = Literal[
     "stats",
     "error",
 ]
-"""Classes of the records that can be written to a recording together with the bytes."""
+"""Names of the kinds of records that can be written to a recording, in addition to the bytes."""
 
 RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
 EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_estimate")
 FEW_DEVICES = 32
-"""With more devices, recordings omit the records of `EACH_SAMPLE`.
+"""Largest number of devices with which recordings hold the records of `EACH_SAMPLE` by default.
 
-They would be most of a file, and a replay makes them again from the recorded bytes.
+With many devices these records would be most of a file. A replay makes them again from the recorded bytes.
 """
 
 LOOPBACK = "127.0.0.1"
 
 
 def listen_address(text: str) -> tuple[str, int]:
-    """Return host and port; without a host, the loopback, so that nobody else on the network can connect.
+    """Return host and port. The default host is the loopback, to which no other machine can connect.
 
     Raises:
         ValueError: `text` is no address.
@@ -152,7 +152,7 @@ def _address(what: str, flag: str, port: int) -> Setting:
 
 
 class Listening(Table, frozen=True):
-    """Base of the settings of a server that listens at an address; off without an address."""
+    """Base of the settings of a server that listens at an address; there is no server without an address."""
 
     address: str | int | None = None
     names: Annotated[
@@ -237,7 +237,7 @@ class StateConfig(Table, frozen=True):
 
 
 class Outputs(Table, frozen=True, kw_only=True):
-    """The tables of the outputs; keyword-only, so that they come after the own fields of `Config`."""
+    """The tables of settings of all outputs; keyword-only, so that they follow the fields of `Config`."""
 
     output: OutputConfig = OutputConfig()
     record: RecordConfig = RecordConfig()
@@ -250,13 +250,12 @@ class Outputs(Table, frozen=True, kw_only=True):
 class Output(NamedTuple):
     """One output, a row of `OUTPUTS`.
 
-    `name`: key of the output's counts in `stats.outputs`.
-    `on`: path of the setting that switches it on, by any value or by one of `when`.
-    `module`: name of the module in `fltea.sinks` that has its `open_output`.
-    `each`: whether it is opened once for the program, for each device, or for all shared sources.
-    `section`: its heading in the guide to outputs. `what`: what it writes, for the guide's table.
-    `extra`, `library`: the extra of the package and the module that it needs.
-    `of_many`: whether it takes the records of shared sources (with many devices each).
+    `name`: key of the output's counts in `stats.outputs`. `on`: path of the setting that switches the output
+    on, by any value or by one of `when`. `module`: name of the module in `fltea.sinks` that has its
+    `open_output`. `each`: whether the output is opened once for the program, for each device, or for all
+    shared sources. `section`: the output's heading in the guide to outputs. `what`: what the output writes,
+    for the guide's table. `extra`, `library`: the extra of the package, and the module, that the output
+    needs. `of_many`: whether the output takes the records of shared sources (with many devices each).
     """
 
     name: str
@@ -299,6 +298,7 @@ OUTPUTS = (
     ),
     Output("stdout", "format", "table", "program", *_TABLE, when=("table",)),
 )
-"""All outputs in the order in which they are opened. Standard output as NDJSON is first, so that it gets
-the errors that other outputs report. The table is last, since it takes over the terminal. The log on stderr
-is not in the list, since it has no counts in `stats.outputs`."""
+"""All outputs in the order in which they are opened. Standard output as NDJSON is first, so that it receives
+the errors that other outputs report. The table is last, since it draws over the whole terminal. The log on
+stderr is not in the list, since it has no counts in `stats.outputs`.
+"""

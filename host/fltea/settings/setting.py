@@ -1,12 +1,12 @@
-"""Settings are declared once, each as a field of the struct for its table in the TOML file.
+"""Declare each setting once, as a field of the struct for its table in the TOML file.
 
     target: Annotated[float, Setting("Half the width of α's interval.", least=0.001, most=1)] = 0.05
 
-Name, type and default are those of the field. Its meaning, unit, range and flag are in a `Setting` that
+The field gives the setting's name, type and default. Meaning, unit, range and flag are in a `Setting` that
 annotates the type. The reader of TOML, `--set`, the flags of `fltea run`, the checks, the tables of the
-documentation and the board's header all come from these declarations. The range is not checked by msgspec's
-`Meta`: it is ignored when a struct is made in Python, it accepts NaN, and its message gives neither unit nor
-value.
+documentation and the board's header all come from these declarations. The range is not declared by msgspec's
+`Meta`, for three reasons: `Meta` is ignored when a struct is made in Python, it accepts NaN, and its message
+states neither unit nor value.
 """
 
 import math
@@ -21,10 +21,10 @@ from msgspec import inspect as types
 from fltea.settings.duration import EXAMPLE, in_seconds
 
 END = 2.0**63
-"""Limit of numbers whose setting states none; larger whole numbers do not fit into 64 bits."""
+"""Limit of numbers whose setting states no limit; larger whole numbers do not fit into 64 bits."""
 
 MOST_SHOWN = 200
-"""Number of characters that a message quotes at most from a wrong value."""
+"""Largest number of characters that a message quotes from a wrong value."""
 
 
 @dataclass(frozen=True)
@@ -42,19 +42,21 @@ class Setting:
     above: float = -math.inf
     most: float = END
     text: str = ""
-    """what a text must be, such as "the name of a folder"; if this is given, the text must not be empty"""
+    """description of a valid text, such as "the name of a folder"; if it is given, the text must not be
+    empty
+    """
     time: bool = False
     """whether a text is a time such as "30 s"; if `unit` is "s", the range applies to the time in seconds"""
     flags: tuple[str, ...] = ()
-    """flags of `fltea run` that set it"""
+    """flags of `fltea run` that set the setting"""
     metavar: str = ""
     example: Any = None
-    """a value for the documentation, where there is no default"""
+    """a value for the documentation if there is no default"""
     board: bool = False
     """whether the default is also written to the board's header"""
 
     def contains(self, number: Any) -> Any:
-        """Return whether a number is in range, and thus finite; for an array, an array of answers."""
+        """Return whether a number is in range, and so finite; for an array, one answer per element."""
         return (number >= self.least) & (number > self.above) & (number <= self.most)
 
     def accepts(self, value: Any) -> bool:
@@ -70,7 +72,7 @@ class Setting:
 
     @property
     def range(self) -> str:
-        """The range in words, with a leading blank; empty where there is no range."""
+        """The range in words, with a leading blank; empty for a setting without a range."""
         if self.least != -END:
             low = f"{self.least:.15g}"
             return f" from {low} to {self.most:.15g}" if self.most != END else f" of at least {low}"
@@ -152,7 +154,7 @@ class Declared(NamedTuple):
         return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
-        """Return the text of a flag as a number or list where the setting takes one, else as the text."""
+        """Convert the text of a flag to a number or list if the setting takes one; else return the text."""
         lists = [kind for kind in self.kinds if isinstance(kind, types.ListType | types.VarTupleType)]
         scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
@@ -162,7 +164,7 @@ class Declared(NamedTuple):
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of tables of settings. It raises ValueError that names the setting if a value is not allowed."""
+    """Base of tables of settings. It raises ValueError, with the setting's name, for a value not allowed."""
 
     def __post_init__(self) -> None:
         for name, kind, setting in _declared_in(type(self)):
@@ -172,7 +174,7 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def tables(table: Table, path: str = "") -> dict[str, Table]:
-    """Return `table`, which lies at `path`, and all tables in it, by path."""
+    """Return `table`, whose path is `path`, and all tables inside it, by path."""
     by_path = {path: table}
     for name in table.__struct_fields__:
         below = getattr(table, name)
@@ -182,13 +184,13 @@ def tables(table: Table, path: str = "") -> dict[str, Table]:
 
 
 def declared(table: Table, path: str = "") -> Iterator[Declared]:
-    """Yield the settings of a table that lies at `path`, without those of tables in it."""
+    """Yield the settings of the table at `path`, without the settings of tables inside it."""
     for name, kind, setting in _declared_in(type(table)):
         yield Declared(joined(path, name), kind, getattr(table, name), setting)
 
 
 def all_declared(table: Table) -> dict[str, Declared]:
-    """Return all settings of a table and of the tables in it, by path."""
+    """Return all settings of a table and of the tables inside it, by path."""
     parts = tables(table).items()
     return {setting.path: setting for path, part in parts for setting in declared(part, path)}
 

@@ -1,1 +1,1 @@
-"""The outputs that records go to."""
+"""The outputs to which the program writes its records."""

@@ -1,4 +1,4 @@
-"""Describe steps of a bias and motions of the sensor in words, for page, table and log alike."""
+"""Describe steps of a bias and motions of the sensor in words, for the page, the table and the log."""
 
 from datetime import UTC, datetime, timedelta
 
@@ -9,11 +9,11 @@ from fltea.sinks.words import figure
 MOVES = "the sensor moves"
 MINUS = "\u2212"
 UNIX_FROM_NS = 366 * 86400 * 10**9
-"""Times before this one count from the beginning of a recording that has no date."""
+"""Unix time [ns]. An earlier time means the time since the beginning of a recording without a date."""
 
 
 def sentence(record: Step | Motion, at: str = "") -> str:
-    """Return what happened, without a full stop. `at`: the time as text for the reader."""
+    """Return a description of the step or motion, without a full stop. `at`: text for its time."""
     if isinstance(record, Step):
         return f"{record.axis}: {step_words(record.size, record.size_std, record.unit, at)}"
     since = f" since {at}" if at else ""
@@ -24,28 +24,28 @@ def sentence(record: Step | Motion, at: str = "") -> str:
 
 
 def step_words(size: float, size_std: float, unit: str, at: str = "") -> str:
-    """Return the description of a step of a bias; `at`: the time as text for the reader."""
+    """Return the description of a step of a bias. `at`: text for the time of the step."""
     return f"step of {signed_size(size, size_std, unit)}" + (f" at {at}" if at else "")
 
 
 def size(step: Step) -> str:
-    """Return by how much a bias stepped, with sign, standard deviation and unit."""
+    """Return the size of a step of a bias, with sign, standard deviation and unit."""
     return signed_size(step.size, step.size_std, step.unit)
 
 
 def signed_size(size: float, size_std: float, unit: str) -> str:
-    """Return a step's size with sign, standard deviation and unit, from its numbers."""
+    """Return the text for a step of `size` ± `size_std` in `unit`, with a sign."""
     sign = MINUS if size < 0 else "+"
     return f"{sign}{plus_minus(abs(size), size_std)} {unit.replace('^2', '²')}"
 
 
 def short_size(step: Step) -> str:
-    """Return only the size, to two digits, for a mark in a diagram."""
+    """Return the size of a step to two digits, without its deviation, for a mark in a diagram."""
     return f"{step.size:+#.2g}".rstrip(".").replace("-", MINUS)
 
 
 def moved(samples: int | None, largest: float | None) -> str:
-    """Return how long and how fast the sensor moved, as far as that is known."""
+    """Return duration and largest rate of a motion as text, as far as they are known."""
     known = [] if samples is None else [f"it moved for {samples:,} samples"]
     known += [] if largest is None else [f"at most by {figure(largest, 3, significant=True)} deg/s"]
     return f": {', '.join(known)}" if known else ""

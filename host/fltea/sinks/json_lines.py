@@ -1,7 +1,7 @@
 """Print records of blocks as JSON lines from their columns, byte for byte as msgspec encodes the records.
 
-One record is encoded with a hole in place of each number. The text between the holes is then reused for all
-blocks whose other values are the same.
+One record is encoded with a hole in place of each number. The text between the holes is reused for all blocks
+that differ only in these numbers.
 """
 
 import re
@@ -18,7 +18,7 @@ from fltea.records.ports import Wanted
 from fltea.records.records import ACCEL_UNIT
 
 MOST = 4096
-"""Most texts that are kept; with thousands of changing devices they are made again."""
+"""Most texts that are kept, one for each device; beyond this number all texts are made again."""
 
 HOLE = re.compile(rb"\0(\d+) (\d+)\0")
 _encode = msgspec.json.Encoder().encode
@@ -31,13 +31,13 @@ class BlockLines:
         self._known: dict[tuple[str | None, Wanted], tuple[object, Lines]] = {}
 
     def of(self, block: Block, wanted: Wanted, rows: range) -> bytes:
-        """Return the records of some rows as JSON lines."""
+        """Return the records of `rows` as JSON lines."""
         found = bytearray()
         self.add(found, block, wanted, rows)
         return bytes(found)
 
     def add(self, into: bytearray, block: Block, wanted: Wanted, rows: range) -> None:
-        """Append the records of some rows as JSON lines to `into`."""
+        """Append the records of `rows` as JSON lines to `into`."""
         place, said = (block.device, wanted), _said(block)
         known = self._known.get(place)
         if known is None or known[0] != said:
@@ -48,15 +48,15 @@ class BlockLines:
 
 
 def run_printer(block: Block, wanted: Wanted) -> RunPrinter:
-    """Return a printer of rows that the native device takes, while all but the columns stays the same.
+    """Return a native printer of samples. It may be used while all values outside the columns stay equal.
 
-    `block`: rows as the device has taken them.
+    `block`: example of a block that the native device has processed.
     """
     return RunPrinter(_lines(block, wanted), block.every, block.weight_of_row, _shape(block))
 
 
 def _shape(block: Block) -> list[int]:
-    """Return which columns the block has, as `_native.RunPrinter` takes them."""
+    """Return the numbers of columns of the block, as `_native.RunPrinter` needs them."""
     accel_axes = 0 if block.accel_ms2 is None else block.accel_ms2.shape[1]
     shape = [block.gyro_dps.shape[1], accel_axes, block.temperature_c is not None, block.flags is not None]
     estimated = [one.unit for one in block.estimates]
@@ -88,7 +88,7 @@ def _columns(block: Block) -> list[Any]:
 
 
 class _Holes(Values):
-    """Stands for the numbers of a row: gives holes with the index of the column and the index in its row."""
+    """Replaces the numbers of a row by holes, each with the index of its column and its index in the row."""
 
     def __init__(self, columns: Sequence[Any]) -> None:
         self._columns = columns

@@ -1,8 +1,8 @@
-"""Decide where servers listen, and which requests they answer: those that name this machine or its own page.
+"""Decide where servers listen, and which requests they answer, by the `Host` in a request.
 
-A page of another site could let its own name resolve to this machine (DNS rebinding), and then read our
-answers as its own; but its requests still name that site as their `Host`. Bare addresses are no names, so
-requests with an address pass.
+The page of another site could let the site's name resolve to this machine (DNS rebinding), and then read the
+answers of this server. The requests of such a page name the site as their `Host`, so they are refused. An IP
+address cannot be made to resolve to another machine, so requests with an address are answered.
 """
 
 import errno
@@ -15,7 +15,7 @@ from fltea.records.errors import FlteaError, UsageError
 
 
 def own_names(host: str, others: Collection[str]) -> set[str]:
-    """Return the names under which a server at `host` may be asked, in lower case."""
+    """Return the names, in lower case, by which requests may address a server that listens at `host`."""
     machine = socket.gethostname()
     names = {"localhost", host, machine, machine.partition(".")[0] + ".local", *others}
     return {name.lower() for name in names}
@@ -44,7 +44,7 @@ def url_of(host: str, port: int) -> str:
 
 
 def cannot_listen(option: str, host: str, port: int, error: Exception) -> FlteaError:
-    """Return the error to raise, which says what to do. `option`: the setting that gave the address."""
+    """Return the error for a server that cannot listen. `option`: the setting with the address."""
     if isinstance(error, PermissionError):
         return UsageError(
             f"{option}: ports below 1024 need the rights of root: give a port above, not {port}."

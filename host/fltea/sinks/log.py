@@ -10,7 +10,9 @@ from fltea.sinks.changes import sentence, time_of
 
 BURST = 5
 PERIOD_NS = 60 * 10**9
-"""Time in which at most `BURST` messages of one kind and device are written; more are counted [ns]."""
+"""Time in which at most `BURST` messages of one kind and device are written [ns]; further messages are only
+counted.
+"""
 
 
 class LogSink(Sink):
@@ -27,7 +29,7 @@ class LogSink(Sink):
         self._lines: dict[tuple[str | None, str], tuple[int, int, int]] = {}
 
     def write(self, item: Item) -> None:
-        """Write an error, a step or a motion, unless there were too many of its kind."""
+        """Write an error, a step or a motion, unless too many messages of the same kind came before."""
         if isinstance(item, Error):
             kind, text = item.kind, f"{item.kind}: {' '.join(item.message.split(chr(10)))}"
         elif isinstance(item, Step | Motion):
@@ -44,7 +46,7 @@ class LogSink(Sink):
         self._lines[key] = (since_ns, count + 1, silenced + (count >= BURST))
 
     def flush(self) -> None:
-        """Report how many messages were left out more than a minute ago."""
+        """Report how many messages were left out in periods that have ended."""
         now_ns = host_ns()
         for key, (since_ns, _, silenced) in list(self._lines.items()):
             if now_ns - since_ns >= PERIOD_NS:
@@ -52,7 +54,7 @@ class LogSink(Sink):
                 del self._lines[key]
 
     def close(self) -> None:
-        """Report how many messages were left out."""
+        """Report how many messages were left out and not yet reported."""
         for key, (_, _, silenced) in self._lines.items():
             self._report_silenced(key, silenced)
 

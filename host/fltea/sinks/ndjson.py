@@ -16,7 +16,7 @@ FULL_S = 0.005
 
 
 class NdjsonSink(Sink):
-    """Writes records as JSON lines; samples only if asked for.
+    """Writes records as JSON lines; samples are written only with the setting for them.
 
     `stream`: unbuffered, so that no data stays in a buffer when the reader stops reading.
     """
@@ -45,18 +45,18 @@ class NdjsonSink(Sink):
             self.flush()
 
     def flush(self) -> None:
-        """Write the added lines."""
+        """Write the JSON lines that `write` has added."""
         try:
             while self._pending:
                 written = self._stream.write(self._pending)
-                if written is None:  # another process made the stream non-blocking, and it is full
+                if written is None:  # the stream is full, and another process made it non-blocking
                     time.sleep(FULL_S)
                 del self._pending[: written or 0]
         except (BrokenPipeError, ValueError) as error:  # ValueError: the stream was closed
             raise SinkClosed from error
 
     def close(self) -> None:
-        """Write the added lines; the stream stays open."""
+        """Write the JSON lines that `write` has added; the stream stays open."""
         self.flush()
 
 

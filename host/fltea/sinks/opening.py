@@ -1,4 +1,4 @@
-"""Define what the `open_output` of an output's module gets to know about the program."""
+"""Define what the function `open_output` of an output's module receives about the program."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -10,11 +10,11 @@ from fltea.settings.config import Config
 class Opening(NamedTuple):
     """The program that opens an output.
 
-    `configs`: settings of all devices; the first one also has the program's settings.
-    `device`: name of the device that the output is for; "" if it is for all.
-    `apart`: names of sources of one device. `shared`: names of sources of many devices.
-    `report`: reports a trouble to all outputs. `sink_queues`: returns all outputs, each with its device or
-    None. `recorder`: begins and ends recordings. `say`: writes to the terminal.
+    `configs`: settings of all devices; the first one also has the program's settings. `device`: name of the
+    device whose records the output gets; "" for an output of all devices. `apart`: names of sources with one
+    device. `shared`: names of sources with many devices. `report`: sends an `error` record to all outputs.
+    `sink_queues`: returns all outputs, each with its device or None. `recorder`: begins and ends recordings.
+    `say`: writes to the terminal.
     """
 
     configs: Sequence[Config]

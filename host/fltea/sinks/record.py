@@ -1,4 +1,4 @@
-"""Record what arrives over the wire, and the records made of it, in MCAP files."""
+"""Record the bytes from the wire, and the records that the program makes of them, in MCAP files."""
 
 import errno
 from pathlib import Path
@@ -33,7 +33,7 @@ REFUSED = ("version", "bad_hello")
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
 DELETED = "record_deleted"
-"""Kind of the gap after another program has deleted the file, when the next file begins without waiting."""
+"""Kind of the error after another program has deleted the file. Then the next file begins at once."""
 
 KINDS: dict[str, type[AnyRecord]] = {str(kind.__struct_config__.tag): kind for kind in get_args(AnyRecord)}
 """Types of records by the names of their channels."""
@@ -43,17 +43,17 @@ OF_BLOCKS = {
     "estimate": Wanted(estimates=True, nulls=False),
     "corrected": Wanted(corrected=True, nulls=False),
 }
-"""What is written to the channels that have one message per sample."""
+"""Names of the channels that have one message per sample, with the records written to each."""
 
 
 class RecordSink(Sink):
-    """Records one device's session: files one after the other, in a folder that may hold other files.
+    """Records the session of one device in successive files, in a folder that may hold other files.
 
-    A disk that is full or fails stops the recording, not the program. What is not recorded is counted, and a
-    new file begins when there is room again, or at once if another program took the file away.
+    A disk that is full or fails stops the recording, not the program. Items that are not recorded are
+    counted. A new file begins when there is room again, or at once if another program has removed the file.
 
-    `hello`: the HELLO of a device that is running already. `path`: the newest file. `trouble`: why nothing is
-    recorded at the moment.
+    `hello`: the HELLO of a device that is already running. `path`: the newest file. `trouble`: reason why
+    nothing is recorded at the moment.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -94,12 +94,12 @@ class RecordSink(Sink):
 
     @property
     def size_bytes(self) -> int:
-        """Number of bytes written to all files so far; may be asked from any thread."""
+        """Number of bytes written to all files so far; may be read in any thread."""
         part = self._part
         return self._finished_bytes + (part.writer.size_bytes if part is not None else 0)
 
     def write(self, item: Item) -> None:
-        """Take one item; a new file begins only before an item from the wire."""
+        """Record one item; a new file begins only before an item from the wire."""
         match item:
             case Reads():
                 self._on_reads(item)
@@ -109,13 +109,13 @@ class RecordSink(Sink):
                 self._on_link(item)
             case Block():
                 self._on_block(item)
-            case Printed():  # never given to a sink that takes no printed text
+            case Printed():  # a sink without `prints` never receives printed text
                 pass
             case _:
                 self._on_record(item)
 
     def flush(self) -> None:
-        """Write what was gathered to the file, if the last time was long enough ago."""
+        """Write buffered data to the file, if the last flush was more than `FLUSH_NS` ago."""
         now_ns = clock.host_ns()
         if self._part is None or now_ns - self._part.flushed_ns < FLUSH_NS:
             return
@@ -123,7 +123,7 @@ class RecordSink(Sink):
             self._part.flush(now_ns)
         except Meddled as error:
             self._stop(error)
-            self._begin()  # at once, since the device may be silent for long
+            self._begin()  # at once, since the device may stay silent
         except OSError as error:
             self._stop(error)
 
@@ -159,7 +159,7 @@ class RecordSink(Sink):
             self._part.add_link(message, self._log_ns, item.host_ns + item.unix_offset_ns)
 
     def _come(self, host_ns: int, unix_offset_ns: int) -> None:
-        """Prepare for data from the wire, with a new file if it is time."""
+        """Prepare to record data from the wire; begin a new file if one is due."""
         self._now_ns = host_ns
         if self._offset_ns is None:
             self._offset_ns = unix_offset_ns
@@ -194,18 +194,18 @@ class RecordSink(Sink):
             self._lose()
 
     def _file(self) -> OpenPart | None:
-        """Return the open file, if any; it may be begun by an error that precedes all data of the device."""
+        """Return the open file, or None. An error record before any data of the device begins a file."""
         if self._offset_ns is None:
             self._come(clock.host_ns(), clock.unix_offset_ns())
         return self._part
 
     @property
     def _log_ns(self) -> int:
-        """Time of the newest item, as in the file."""
+        """Time of the newest item as the file states it [ns]."""
         return self._now_ns + (self._offset_ns or 0)
 
     def _lose(self, items: int = 1, size_bytes: int = 0, chunks: int = 0) -> None:
-        """Count items that no file takes."""
+        """Count items that are written to no file."""
         self.lost += items
         if self._gap is not None:
             self._gap = longer(self._gap, items, size_bytes, chunks)
@@ -278,7 +278,7 @@ class RecordSink(Sink):
         self._report(kind, text)
 
     def _lose_file(self, part: OpenPart, error: Meddled) -> None:
-        """Give up a file that another program took away, report it, and let the next file begin at once."""
+        """Close a file that another program removed, report the loss, and let the next file begin at once."""
         lost = lost_of(part, error)
         if error.what == "moved":
             try:
@@ -315,6 +315,6 @@ def _explain(folder: Path, error: OSError, resume_mb: float) -> tuple[str, str]:
 
 
 def open_output(opening: Opening) -> RecordSink:
-    """Open the recording of one device, for as long as the program runs."""
+    """Open a recording of one device that runs as long as the program."""
     settings = opening.program.record.for_devices(len(opening.configs))
     return RecordSink(settings, opening.device, opening.report)

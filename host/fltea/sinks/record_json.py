@@ -9,13 +9,14 @@ OBJECTS = (
     *("estimator", "accel_estimator"),
     *("board", "device_estimator", "tracker"),
 )
-"""Objects that a record may lack. They are left out, since Arrow fails on a field that is null for the first
-megabyte and an object later."""
+"""Fields with objects that a record may lack. A field without an object is left out, since Arrow fails on a
+field that is null for the first megabyte and an object later.
+"""
 ABSENT = re.compile(rb',"(?:%b)":null|"(?:%b)":null,' % (("|".join(OBJECTS).encode(),) * 2))
 
 _encode = msgspec.json.Encoder().encode
 
 
 def record_json(record: object) -> bytes:
-    """Return a record as JSON, without the objects that it lacks."""
+    """Return a record as JSON, without the fields whose objects the record lacks."""
     return ABSENT.sub(b"", _encode(record))

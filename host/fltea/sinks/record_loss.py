@@ -1,4 +1,4 @@
-"""Find what is lost of a file that another program deleted, moved or truncated while it was written."""
+"""Find which items are lost when another program deletes, moves or truncates a file being written."""
 
 import contextlib
 from pathlib import Path
@@ -14,14 +14,14 @@ from fltea.sinks.record_session import NOTHING, OpenPart, longer, summed
 
 
 class Held(NamedTuple):
-    """What a file contains: its items, and the gaps that it states."""
+    """Content of a file: its number of items, and the gaps that the file states."""
 
     items: LinkMessage
     gaps: LinkMessage
 
 
 def lost_of(part: OpenPart, error: Meddled) -> Held:
-    """Return what was written to a file and is gone: everything, or what followed the cut."""
+    """Return the lost content of a file: the whole content, or the content after a cut."""
     written = summed(part.flushed, part.unflushed)
     if error.what == "moved":
         return Held(NOTHING, NOTHING)
@@ -47,9 +47,9 @@ def told(path: Path, error: Meddled, lost: LinkMessage) -> tuple[str, str]:
 
 
 def _held_by(path: Path) -> Held:
-    """Return what a file still contains."""
+    """Return the content that a file still has."""
     items = gaps = NOTHING
-    with contextlib.suppress(OSError, ValueError, UsageError):  # what cannot be read counts as lost
+    with contextlib.suppress(OSError, ValueError, UsageError):  # an unreadable part counts as lost
         for found in Scan(path):
             if not isinstance(found, Messages):
                 continue

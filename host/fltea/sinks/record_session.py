@@ -1,4 +1,4 @@
-"""Write the files of one recorded session, one after the other, in a folder that may hold other files."""
+"""Write the successive files of one recorded session, in a folder that may hold other files."""
 
 import errno
 import os
@@ -19,33 +19,36 @@ from fltea.records.records import AnyRecord, Hello
 from fltea.records.version import __version__
 
 MOST_NOTES = 100
-"""Most HELLOs of a file that are noted as metadata, whose index stays in memory; the wire bytes hold all."""
+"""Most HELLOs that a file notes as metadata, since their index stays in memory. The recorded bytes hold all
+HELLOs.
+"""
 
 NOTHING = LinkMessage("gap")
-"""A gap of no items."""
+"""A gap in which nothing is lost."""
 
 
 NO_DISK = "the folder is gone, and what is left of its path is on another disk"
 
 
 def longer(gap: LinkMessage, items: int, size_bytes: int = 0, chunks: int = 0) -> LinkMessage:
-    """Return the gap with its counts increased."""
+    """Return the gap with its counts increased by these numbers."""
     return msgspec.structs.replace(
         gap, bytes=gap.bytes + size_bytes, chunks=gap.chunks + chunks, items=gap.items + items
     )
 
 
 def summed(gap: LinkMessage, other: LinkMessage) -> LinkMessage:
-    """Return the first of two gaps with the counts of the second added."""
+    """Return `gap` with the counts of `other` added."""
     return longer(gap, other.items, other.bytes, other.chunks)
 
 
 class OpenPart:
     """A file that is being written.
 
-    `began_ns`: when it was begun, on the source's clock. `flushed_ns`: when it was flushed, on the host's
-    clock. `unflushed`: what is lost if the file fails now. `flushed`: what is lost in addition if the file is
-    deleted. `gaps`: the gaps that the file states.
+    `began_ns`: time of the file's beginning, on the source's clock. `flushed_ns`: time of the last flush, on
+    the host's clock. `unflushed`: counts of items not flushed, which are lost if the file fails now.
+    `flushed`: counts of flushed items, which are lost as well if the file is deleted. `gaps`: the gaps that
+    the file states.
     """
 
     def __init__(self, writer: PartWriter, hello: Hello | None, began_ns: int, now_ns: int) -> None:
@@ -59,16 +62,16 @@ class OpenPart:
         self.unflushed = longer(self.unflushed, 1)
 
     def add_link(self, message: LinkMessage, log_ns: int, publish_ns: int | None = None) -> None:
-        """Write what happened to the connection; `publish_ns`: None if both times are the same."""
+        """Write an event of the connection. `publish_ns`: None if it is equal to `log_ns`."""
         self.add(LINK, log_ns, log_ns if publish_ns is None else publish_ns, encode_message(message))
 
     def add_gap(self, gap: LinkMessage, log_ns: int) -> None:
-        """Write a gap, which is no item of the recording itself."""
+        """Write a gap, which does not count as a recorded item."""
         self.writer.add(LINK, log_ns, log_ns, encode_message(gap))
         self.gaps = summed(self.gaps, gap)
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Write what arrived over the wire, as `PartWriter.add_reads`."""
+        """Write bytes that arrived over the wire; arguments as for `PartWriter.add_reads`."""
         self.writer.add_reads(reads, offset_ns, sequence)
         count = len(reads.end)
         self.unflushed = longer(self.unflushed, count, len(reads.data), chunks=count)
@@ -98,7 +101,7 @@ class OpenPart:
 
 
 class Session:
-    """Names the files and begins them. `parts`: number of files so far.
+    """Names and begins the files of a session. `parts`: number of files so far.
 
     Raises:
         UsageError: the folder cannot be made or written to.
@@ -125,7 +128,7 @@ class Session:
         return self.folder / f"{self._device}_{self._started}_{self._name}_{self.parts:03d}.mcap"
 
     def begin(self, offset_ns: int, hello: Hello | None, reserve_bytes: int) -> PartWriter:
-        """Begin the next file; the caller adds it to `parts` once it works.
+        """Begin the next file. The caller increases `parts` once the file works.
 
         Raises:
             OSError: the disk is full, fails, or is gone.
@@ -143,7 +146,7 @@ class Session:
         return PartWriter(self.next_path, info, self._kinds, reserve_bytes)
 
     def _find_folder(self) -> None:
-        """Make a deleted folder again, but not on the disk below if the folder's own disk is gone."""
+        """Make a deleted folder again, unless its disk is gone: then the folder would be on another disk."""
         place = self.folder.absolute()
         while not place.exists():
             place = place.parent

@@ -1,4 +1,4 @@
-"""Show the live table: every axis's noise, FLTEA's α and f with small trends, health, and last errors."""
+"""Show the live table: noise of each axis, FLTEA's α and f with small diagrams, health, and last errors."""
 
 import time
 from collections import deque
@@ -41,7 +41,9 @@ REFRESH_S = 0.2
 TREND_WIDTH = 24
 TREND_STEP_NS = 10**9
 WIDE_COLUMNS = 135
-"""Width from which trends are shown next to the numbers, otherwise below [columns]."""
+"""Width [columns] from which the diagrams of trends are next to the numbers; with less width they are
+below.
+"""
 
 BARS = "▁▂▃▄▅▆▇█"
 WHITE_NOTES = {
@@ -57,15 +59,15 @@ def sparkline(values: Sequence[float]) -> str:
     if not values:
         return ""
     low, high = min(values), max(values)
-    span = (high / 2 - low / 2) or 1.0  # halved, since the difference of two huge numbers may be infinite
+    span = (high / 2 - low / 2) or 1.0  # halves, since the difference of huge numbers may be infinite
     return "".join(BARS[min(len(BARS) - 1, int((v / 2 - low / 2) / span * len(BARS)))] for v in values)
 
 
 class PipedConsole(Console):
-    """A console that raises an error when its reader is gone, where rich's would exit with code 1."""
+    """A console that raises an error when its reader is gone; rich's own console would exit with code 1."""
 
     def on_broken_pipe(self) -> None:
-        """Raise `SinkClosed`, with which the program ends quietly."""
+        """Raise `SinkClosed`, after which the program ends without a message."""
         raise SinkClosed
 
 
@@ -89,7 +91,7 @@ class TableSink(Sink):
             self._live.start()
 
     def write(self, item: Item) -> None:
-        """Remember the record, and redraw a few times a second."""
+        """Remember the record, and redraw the table at most a few times a second."""
         if isinstance(item, Printed | TransportEvent | Reads):
             return
         if isinstance(item, Block) and not (item.estimates and item.due_rows):
@@ -104,7 +106,7 @@ class TableSink(Sink):
             self._live.update(self.render(), refresh=True)
 
     def close(self) -> None:
-        """Leave the last state on the screen."""
+        """Draw the table for the last time; it stays on the screen."""
         if self._live:
             self._live.update(self.render(), refresh=True)
             self._live.stop()
@@ -136,13 +138,13 @@ class DeviceView:
 
     @property
     def _estimate(self) -> Estimate | None:
-        """The newest estimate; that of a block is made when it is shown."""
+        """The newest estimate. For a block, the estimate is made only when the table shows it."""
         if isinstance(self._newest, Block):
             self._newest = self._newest.last_estimate()
         return self._newest
 
     def add(self, record: AnyRecord | Block) -> None:
-        """Remember a record, or a block with estimates that are due."""
+        """Remember a record, or a block that has estimates to be shown."""
         match record:
             case Hello():
                 self._hello = record
@@ -165,7 +167,7 @@ class DeviceView:
             case Step() | Motion():
                 text = sentence(record, time_of(record))
                 if isinstance(record, Motion) and self._events and self._events[-1].startswith(MOVES):
-                    self._events.pop()  # the new entry about the motion contains it
+                    self._events.pop()  # the new entry replaces it: it tells the whole motion
                 self._events.append(visible(text))
             case Error():
                 message = " ".join(record.message.split("\n"))
@@ -201,11 +203,11 @@ class DeviceView:
         return [*lines, Text(self._health()), *self.events()]
 
     def events(self) -> list[RenderableType]:
-        """Return the last events."""
+        """Return the lines of text about the last events."""
         return [Text("\n".join(self._events), style="yellow")] if self._events else []
 
     def note(self) -> str:
-        """Return how far these figures can be trusted."""
+        """Return the text on how far the estimates can be trusted."""
         info = self._epoch and (self._epoch.estimator or self._epoch.accel_estimator)
         marked = any(map(self._mark, self._stats.axes)) if self._stats else False
         return (NOT_DESCRIBED if marked else "") + WHITE_NOTES[info.variant if info else "joint"] + ADVICE
@@ -226,7 +228,7 @@ class DeviceView:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
         unit = f"[{', '.join(dict.fromkeys(_unit(axis) for axis in self._estimate.axes.values()))}]"
-        # Text objects, so that rich does not take [deg/s] for markup.
+        # Titles are `Text` objects, since rich would read [deg/s] in a plain string as markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
         for name, axis in self._estimate.axes.items():
@@ -247,7 +249,7 @@ class DeviceView:
         return table
 
     def _answers(self) -> Table:
-        """Return the description of each axis, in the same sentence as on the page."""
+        """Return the description of each axis's noise, in the same words as on the page."""
         known = self._estimate.axes if self._estimate else {}
         rows = Table.grid(padding=(0, 2))
         rows.add_column(no_wrap=True)

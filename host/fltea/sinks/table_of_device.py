@@ -1,4 +1,4 @@
-"""Make the rows that the live table shows about a device that estimates itself."""
+"""Make the rows of the live table about the estimates that a device makes itself."""
 
 from collections.abc import Mapping
 
@@ -21,12 +21,12 @@ def grid(*titles: RenderableType) -> Table:
 
 
 def estimates(record: DeviceEstimates) -> list[RenderableType]:
-    """Return the device's estimates and biases next to the host's, or why they cannot be compared."""
+    """Return the device's estimates and biases with their differences from the host's, if comparable."""
     return [_orders(record), *_not_compared(record), *_biases(record)]
 
 
 def _orders(record: DeviceEstimates) -> Table:
-    """Return the device's own α and f, and their differences from the host's after the same sample."""
+    """Return the device's α and f, and their differences from the host's α and f after the same sample."""
     rows = grid("", "device's α", "minus the host's", "device's f", "minus the host's")
     for name, axis in record.axes.items():
         if not axis.fltea.valid:
@@ -38,7 +38,7 @@ def _orders(record: DeviceEstimates) -> Table:
 
 
 def _biases(record: DeviceEstimates) -> list[RenderableType]:
-    """Return the biases by the device's own fit, and their differences from the host's."""
+    """Return the biases by the device's own fit, and their differences from the host's biases."""
     rows = grid("", "device's bias", "minus the host's", "")
     for name, axis in record.axes.items():
         if axis.tracker_bias is not None:
@@ -62,7 +62,7 @@ def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
 
 
 def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
-    """Return why there are no differences, one line of text for each reason with its axes."""
+    """Return a line of text for each reason why there are no differences, with the reason's axes."""
     axes: dict[WhyNot, list[str]] = {}
     for name, axis in record.axes.items():
         if axis.fltea.valid and axis.why_not is not None:

@@ -1,4 +1,4 @@
-"""Format numbers for page, table and log."""
+"""Format numbers for the page, the table and the log."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ Level = Literal["good", "wait", "bad", "plain"]
 
 
 def figure(value: float, digits: int, *, significant: bool = False) -> str:
-    """Return a number in fixed point, or with a power of ten if a diverging filter made it huge."""
+    """Return a number in fixed point; with a power of ten if it is huge, as from a diverging filter."""
     if significant:
         return f"{value:.{digits}g}"
     return fixed(value, digits)
@@ -23,7 +23,7 @@ def quantity(value: float | None, unit: str, digits: int, *, significant: bool =
 
 
 def signed(value: float) -> str:
-    """Return a number with three decimals, its sign, and a true minus."""
+    """Return a number with its sign and three decimals, with the character − (U+2212) as minus."""
     return f"{value:+.3f}".replace("-", "\u2212")
 
 
@@ -36,23 +36,23 @@ def apart(value: float) -> str:
 
 
 def in_deviations(value: float | None, std: float | None) -> str:
-    """Return a value in units of its standard deviation; empty if it is not known."""
+    """Return a value in units of its standard deviation; empty if either is unknown."""
     return f"{value / std:+.1f} σ" if value is not None and std else ""
 
 
 def guard_words(interventions: Mapping[str, int]) -> list[list[str]]:
-    """Return why the guard of an axis stepped in, and how often."""
+    """Return the causes for which the guard of an axis intervened, each with its count."""
     return [[CAUSE_WORDS.get(cause, cause), str(count)] for cause, count in interventions.items()]
 
 
 def counted(label: str, count: int, remark: str = "") -> list[str]:
-    """Return a count of unwanted events as label, value, level."""
+    """Return a count of unwanted events as a row: label, value, and level of severity."""
     value = f"{count:,}" + (f" ({remark})" if remark else "")
     return [label, value, "bad" if count else "plain"]
 
 
 def duration(seconds: float) -> str:
-    """Return a length of time as text for people."""
+    """Return a duration as text for people. `seconds`: duration [s]."""
     s = int(max(seconds, 0))
     if s < 120:
         return f"{s} s"
@@ -71,7 +71,7 @@ ABOUT_S = (
 
 
 def about(seconds: float) -> str:
-    """Return a length of time that is only roughly known, as text."""
+    """Return a roughly known duration as text. `seconds`: duration [s]."""
     if seconds > 1.5 * ABOUT_S[-1]:
         return f"about {round(seconds / 86400)} days"
     return f"about {duration(min(ABOUT_S, key=lambda one: abs(math.log(one / max(seconds, 1.0)))))}"
