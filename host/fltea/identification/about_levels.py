@@ -1,8 +1,7 @@
 """Analyse one axis with its levels and its motion taken out first.
 
 Some sensors step between a few fixed levels (telegraph noise). These levels are subtracted before the
-spectrum
-is analysed.
+spectrum is analysed.
 """
 
 from typing import NamedTuple

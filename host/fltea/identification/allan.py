@@ -120,8 +120,7 @@ def overlapping(stretches: Sequence[Array], factors: NDArray[np.int64]) -> Array
     """Return the overlapping Allan deviation for each factor, equal to `oadev` of allantools.
 
     Stretches are weighted by their numbers of terms. The work is done in blocks that fit the cache, so that
-    memory
-    holds one more array only, also for a day at 100 Hz.
+    memory holds one more array only, also for a day at 100 Hz.
     """
     squares, terms = np.zeros(len(factors)), np.zeros(len(factors))
     for y in stretches:

@@ -1,10 +1,9 @@
 """Find what a comb of lines repeats in each period, and take it out of the samples.
 
 The record is folded at the period. The mean at each phase is what repeats itself. If that is a short glitch,
-its
-samples tell nothing of the noise. They are drawn anew, as lost samples are (`gaps`), so that it does not
-matter
-whether all glitches are alike. If it fills much of the period, it is a wave, whose harmonics are subtracted.
+its samples tell nothing of the noise. They are drawn anew, as lost samples are (`gaps`), so that it does not
+matter whether all glitches are alike. If it fills much of the period, it is a wave, whose harmonics are
+subtracted.
 """
 
 import math

@@ -112,10 +112,8 @@ def rows(reports: Sequence[FileReport]) -> Iterator[tuple[str, list[str], list[l
     """Yield the name, the headings and the rows of each axis.
 
     For two recordings, a row holds one figure of both recordings with its intervals, and the second relative
-    to the
-    first. For more recordings, a row holds all figures of one recording, with a star where a figure differs
-    from
-    that of the first recording.
+    to the first. For more recordings, a row holds all figures of one recording, with a star where a figure
+    differs from that of the first recording.
     """
     pairs = {(one.axis, one.file, one.figure): one for one in compared(reports)}
     labels = _labels(reports)

@@ -135,8 +135,7 @@ def _connected(address: str) -> Any:
     """Return a client of the scheduler at `address`.
 
     When Dask's client fails during construction, it may take 20 s and print a traceback. So everything that
-    can be
-    checked before is checked here.
+    can be checked before is checked here.
 
     Raises:
         UsageError: no scheduler answers there, or certificates are missing or wrong.

@@ -76,8 +76,7 @@ class FlteaAxis(NamedTuple):
     """An axis over which FLTEA is to be run.
 
     As in live use, lost samples are predicted, and everything restarts after a long gap. So FLTEA runs over
-    the
-    longest part between two such gaps.
+    the longest part between two such gaps.
     """
 
     y: Array

@@ -1,10 +1,9 @@
 """Find a line that wanders about a multiple of the sample rate, and is therefore seen near frequency 0.
 
 Mains of 50 Hz sampled at 50 Hz or 25 Hz is an example. Its spectrum looks like noise behind a low-pass far
-below
-half the sample rate, plus white noise of the sensor. But the line oscillates with one amplitude. Averaged
-over
-far less than a period, its samples have a fourth moment of 1.5 times the squared second moment; noise has 3.
+below half the sample rate, plus white noise of the sensor. But the line oscillates with one amplitude.
+Averaged over far less than a period, its samples have a fourth moment of 1.5 times the squared second moment;
+noise has 3.
 """
 
 import math

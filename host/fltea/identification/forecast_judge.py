@@ -2,8 +2,7 @@
 
 Two things are predicted for the next T seconds. The first is the heading, the integral of the rate less its
 prediction. The second is Bias(T), the constant to subtract meanwhile. The mean of the rate less Bias(T) has
-the
-variance σ² + N²/T, where σ is that of the bias and N²/T is what the noise leaves in a mean.
+the variance σ² + N²/T, where σ is that of the bias and N²/T is what the noise leaves in a mean.
 """
 
 import math
@@ -163,8 +162,8 @@ def judged(model: Learned, y: Array, begin: int, h: float) -> Judgement:
     """Judge the forecasts of a system from sample `begin` of y on; the samples before teach its filter.
 
     A filter's errors of successive pieces are independent, but one model predicts all pieces. So their mean
-    square
-    may be off by chance, by the uncertainty of the model, and by heavy tails as seen in the first half.
+    square may be off by chance, by the uncertainty of the model, and by heavy tails as seen in the first
+    half.
     """
     m = max(round(1 / h), 1)
     begin -= begin % m
@@ -255,8 +254,7 @@ class Doubt(NamedTuple):
         """Return by how many normal deviations the mean of `squares` is off; a positive number is too much.
 
         Heavier tails make the mean as uncertain as that of fewer squares. They make the model's variance more
-        uncertain
-        by the same factor.
+        uncertain by the same factor.
         """
         heavy = (tails - 1) / (NORMAL_TAILS - 1)
         count = len(squares) / heavy
@@ -277,8 +275,7 @@ def left_open(model: Learned, h: float, times_s: Sequence[float]) -> list[Doubt]
     """Return the uncertainty of the heading's variance at each time, as the record of the model leaves it.
 
     Errors in the parts' figures change the logarithm of the variance, which is taken as normal. The offset
-    follows
-    one of several models, each with its probability.
+    follows one of several models, each with its probability.
     """
     n = model.samples
 

@@ -3,8 +3,8 @@
 The samples lost in a short gap are drawn with the mean and the variance that follow from their neighbours and
 from the autocovariance of the record, so that the spectrum stays what it is. A straight line between the
 neighbours is not good enough: with 1 % of the samples of white noise lost it tilts the spectrum by 4 %, which
-a
-null test sees after ten minutes. Nothing is drawn for a longer gap: the samples after it are another stretch.
+a null test sees after ten minutes. Nothing is drawn for a longer gap: the samples after it are another
+stretch.
 """
 
 from collections.abc import Sequence

@@ -1,12 +1,10 @@
 """Compute the factor by which the figures of an axis must grow to cover what its recording shows.
 
 The model of the first half predicts how far the heading drifts in the second half (`forecast_judge`). Where
-the
-heading drifts further, by more than chance, the figures of the whole recording get a factor. A factor on
-white
-noise and random walks alike is the same factor on the heading's standard deviation. So it is the least factor
-with which a 95 % band holds what was observed, read from the pieces of the second half at each time that has
-enough of them.
+the heading drifts further, by more than chance, the figures of the whole recording get a factor. A factor on
+white noise and random walks alike is the same factor on the heading's standard deviation. So it is the least
+factor with which a 95 % band holds what was observed, read from the pieces of the second half at each time
+that has enough of them.
 """
 
 import math

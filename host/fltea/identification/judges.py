@@ -1,9 +1,8 @@
 """Check the physics of a reading over all its axes before any figure: can the data be what they claim?
 
 A file may hold other data than its reading assumes: rows of two sensors in turns, old values repeated in
-place
-of new ones, bytes that were never a measurement, another unit. Each check has a threshold that clean noise,
-white or coloured, hardly ever exceeds.
+place of new ones, bytes that were never a measurement, another unit. Each check has a threshold that clean
+noise, white or coloured, hardly ever exceeds.
 """
 
 import math

@@ -21,10 +21,8 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
     """Return N and K of an axis.
 
     Where the offset follows a random walk, K is that of the walk; if a slope makes the K of the
-    `--gauss-markov`
-    filter larger, K is that. N is that of the white noise. Where white noise cannot be told from other fast
-    noise,
-    N is that of the filter.
+    `--gauss-markov` filter larger, K is that. N is that of the white noise. Where white noise cannot be told
+    from other fast noise, N is that of the filter.
     """
     level, plain, tracked = axis.result.level, axis.filter, axis.tracked
     if plain is None or axis.walk is None or tracked is None:

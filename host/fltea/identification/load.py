@@ -1,8 +1,7 @@
 """Load recordings as axes: all samples of one rate and scale, and the gaps between them.
 
 The user of the samples decides how to treat a gap (`identification.gaps`). If a recording has several rates
-or
-scales, the one with the most samples is loaded. Samples that are left out are counted.
+or scales, the one with the most samples is loaded. Samples that are left out are counted.
 """
 
 from collections.abc import Collection, Sequence

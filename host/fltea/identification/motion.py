@@ -2,13 +2,10 @@
 
 Later the tracker detects motion (`identification.sensor_events`) by the noise of the sensor at rest. To find
 that noise takes samples at rest, so the first analysis needs a guess, which uses no model. Samples are judged
-as
-in the live fit (firmware/core/engine/gate.hpp), in chunks of 128. A chunk is a knock if its power about its
-own
-mean, without its largest sample, is sixteen times the usual power. Eight such chunks in a row are motion if
-their samples follow each other smoothly, which samples of increased noise do not. A chunk whose mean is as
-far
-from the usual offset as the limit for single samples of the live fit counts like a knock.
+as in the live fit (firmware/core/engine/gate.hpp), in chunks of 128. A chunk is a knock if its power about
+its own mean, without its largest sample, is sixteen times the usual power. Eight such chunks in a row are
+motion if their samples follow each other smoothly, which samples of increased noise do not. A chunk whose
+mean is as far from the usual offset as the limit for single samples of the live fit counts like a knock.
 """
 
 import math

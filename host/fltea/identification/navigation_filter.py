@@ -7,13 +7,10 @@ The filter has white noise, a random walk of the bias, and Gauss-Markov states:
     a state: x_k = exp(-h/τ) x_k-1 + noise with variance σ² (1 - exp(-2 h/τ)); σ at first
 
 One least-squares fit finds N, K, the σ of each τ, and `bias_std`, so that two curves equal those of the
-tracked
-system. The first is the spectrum, by which a filter learns from further samples. The second is the heading's
-variance over time if only `bias` is subtracted after the end of the record. Such a filter has no slope: a
-slope
-that was found becomes a random walk of the same reach. Nor has it a high-pass: it takes the noise as if it
-went
-on below the corner, so that its heading is less certain than that of the samples.
+tracked system. The first is the spectrum, by which a filter learns from further samples. The second is the
+heading's variance over time if only `bias` is subtracted after the end of the record. Such a filter has no
+slope: a slope that was found becomes a random walk of the same reach. Nor has it a high-pass: it takes the
+noise as if it went on below the corner, so that its heading is less certain than that of the samples.
 """
 
 import math
@@ -202,8 +199,7 @@ def _heading_variance(model: System, part: Array, always: Array, P: Array, h: fl
     """Return the mean square of a heading after `part` of the tracked x is subtracted, at each time.
 
     The angle is row @ x plus noise. The subtracted angle is t part @ E x. So (row - t part) @ x remains, as
-    large as
-    in the stationary state, and t part @ (x - E x), whose covariance with x is P.
+    large as in the stationary state, and t part @ (x - E x), whose covariance with x is P.
     """
     moving = model.a < 1.0
     found = []

@@ -1,17 +1,15 @@
 """Find samples that were delivered twice, as opposed to neighbours that rounding makes equal.
 
 Rounding makes neighbours equal on each axis independently, the more often the coarser the counts and the
-slower
-the noise. A sample that is delivered twice equals the sample before on all axes at once. With m_i the share
-of
-equal neighbours on axis i, and J the share that is equal on all axes, the share q of repeats is the root of
+slower the noise. A sample that is delivered twice equals the sample before on all axes at once. With m_i the
+share of equal neighbours on axis i, and J the share that is equal on all axes, the share q of repeats is the
+root of
 
     J = q + (1 - q) Π (m_i - q) / (1 - q)
 
 This needs no assumption on distribution or autocorrelation. Two things make axes agree without a repeat:
-noise
-whose power changes, and correlated steps (vibration). Then samples two apart agree, too, and the excess of J
-over Π m_i, scaled by what the correlation allows, is small within each part of the record.
+noise whose power changes, and correlated steps (vibration). Then samples two apart agree, too, and the excess
+of J over Π m_i, scaled by what the correlation allows, is small within each part of the record.
 
 With a single axis, the shares of steps of one and two counts give the expected share of zero steps.
 """

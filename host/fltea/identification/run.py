@@ -1,10 +1,8 @@
 """Identify many recordings; results come in the order of the recordings, and one failure affects no other.
 
 Each axis is a task. Each group of its shuffled copies is another task, since copies take most of the time,
-and
-three axes alone would keep two cores busy for as long as four. The results do not depend on which process
-does
-which task.
+and three axes alone would keep two cores busy for as long as four. The results do not depend on which process
+does which task.
 """
 
 from collections import deque

@@ -1,8 +1,7 @@
 """Find the events of a sensor during a recording: steps of its biases, motion, and the biases at the end.
 
 The tracker of live use runs over all axes of a sensor together, and over its accelerometer if there is one.
-It
-uses the noise model that was found for each axis.
+It uses the noise model that was found for each axis.
 """
 
 import contextlib
@@ -132,10 +131,9 @@ def _staying(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Syste
     """Return a model whose bias is constant between steps, for each axis whose model has a moving bias.
 
     A bias that steps to and fro has the spectrum of a relaxation, and one that steps now and then looks like
-    a
-    random walk. So both models are tried, and the one that predicts the samples better is used. Each step
-    costs the
-    second model the samples until the step is detected, so a bias that walks is not taken for one that steps.
+    a random walk. So both models are tried, and the one that predicts the samples better is used. Each step
+    costs the second model the samples until the step is detected, so a bias that walks is not taken for one
+    that steps.
     """
     found = {}
     for name, one in tracked.items():

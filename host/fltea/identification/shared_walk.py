@@ -1,10 +1,9 @@
 """Estimate one random walk of the offset for all axes of a sensor, where the axes agree.
 
 The axes of a sensor are built alike. Each axis alone hardly shows how its offset walks, or within which
-bounds.
-So the likelihoods of the axes are multiplied, if one walk for all axes explains the samples at least as well
-as
-separate walks. Each axis keeps its own slope, since axes that warm up drift in different directions.
+bounds. So the likelihoods of the axes are multiplied, if one walk for all axes explains the samples at least
+as well as separate walks. Each axis keeps its own slope, since axes that warm up drift in different
+directions.
 """
 
 import math
@@ -25,10 +24,8 @@ def shared_walk(tracked: Mapping[str, Learned], h: float) -> dict[str, Learned]:
     """Return the tracked systems of a sensor's axes by name, with what their offsets have in common.
 
     That is the random walk, or its bounds alone where the spectrum shows a separate walk of each axis. The
-    systems
-    are unchanged if the axes do not agree, or if fewer than two are alike. Axes for which different bounds
-    were
-    tried are not alike (noise with an order has no bounds).
+    systems are unchanged if the axes do not agree, or if fewer than two are alike. Axes for which different
+    bounds were tried are not alike (noise with an order has no bounds).
     """
     alike: dict[tuple[bool, tuple[float, ...]], list[str]] = {}
     for name, one in tracked.items():

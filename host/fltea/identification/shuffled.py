@@ -29,8 +29,7 @@ LONGEST = 1 << 17
 
 Copies for the joint filter end at this length. This filter forgets, and the quantiles of its last α change by
 0.003 up to a million samples. Those of the triple filter keep falling (from 0.13 to 0.11), so its copies are
-as
-long as the record.
+as long as the record.
 """
 DRAWN = 1 << 13
 """Number of samples in such a block."""
@@ -84,8 +83,7 @@ def estimate(
     """Estimate shuffled copies of one axis with the settings of `config`.
 
     Each copy is shuffled by the seed (seed, number), so that it is the same in any group. Copies of records
-    longer
-    than LONGEST are drawn instead. Memory is compressed whatever `config.memory` says.
+    longer than LONGEST are drawn instead. Memory is compressed whatever `config.memory` says.
 
     Args:
         y: samples of the axis, (n,).

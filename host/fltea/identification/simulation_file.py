@@ -23,8 +23,7 @@ def write_simulation(out: Path, settings: NoiseSettings, alpha_end: float, axes:
     """Write simulated noise; its order changes from that of `settings` to `alpha_end` at the last sample.
 
     Samples are counts unless `settings.lsb_per_dps` is 0. The file appears whole or not at all. `axes`:
-    number of
-    axes.
+    number of axes.
 
     Raises:
         UsageError: the parameters are impossible, the noise diverges, or the name ends neither in .csv nor
@@ -52,9 +51,8 @@ def write_model_simulation(out: Path, model: Path, settings: NoiseSettings) -> N
     """Write simulated noise of the axes in `model`, a file of `fltea identify --export-model`.
 
     Of the settings, only number of samples, seed and the effects of the sensor count; rate and noise are
-    those of
-    the model. The true state next to the samples is all noise that is not white. The order is in the model
-    file.
+    those of the model. The true state next to the samples is all noise that is not white. The order is in the
+    model file.
 
     Raises:
         UsageError: the model cannot be read, settings are impossible, or the name ends neither in .csv nor

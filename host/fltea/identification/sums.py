@@ -59,8 +59,7 @@ def lines_of_stretches(
     """Return the spectrum and the drift of stretches. `sums`: the sums of all stretches.
 
     The sums of a long record have as many octaves as fit its length. The lower octaves of short stretches
-    within it
-    stay empty, so each stretch gets sums of its own here.
+    within it stay empty, so each stretch gets sums of its own here.
 
     Raises:
         ValueError: the stretches are constant, or too short.

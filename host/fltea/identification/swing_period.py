@@ -1,8 +1,7 @@
 """Estimate the period with which the power of an octave rises and falls, from samples of a recording.
 
 The sums that detect such a change keep no time course. The samples do: take the logarithm of the octave's
-power
-in short blocks. Its autocorrelation recurs after one, two and three periods.
+power in short blocks. Its autocorrelation recurs after one, two and three periods.
 """
 
 import math

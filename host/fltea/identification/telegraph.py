@@ -1,11 +1,9 @@
 """Detect telegraph noise: samples that step to and fro between a few levels, with little noise about them.
 
 This is popcorn noise whose steps are far above the other noise. The tracker would take the steps for motion,
-and
-they would hide all else in the spectrum. So the levels are subtracted, and the rest is analysed like any
-other
-noise. Bias and heading then include the levels as a relaxation, which has their spectrum (Machlup, J. Appl.
-Phys. 25, 1954).
+and they would hide all else in the spectrum. So the levels are subtracted, and the rest is analysed like any
+other noise. Bias and heading then include the levels as a relaxation, which has their spectrum (Machlup, J.
+Appl. Phys. 25, 1954).
 """
 
 import math

@@ -108,8 +108,7 @@ def _safe_path() -> Iterator[None]:
     """Keep processes that start now from importing modules in the current folder.
 
     The fork server is started by `python -c`, which would import a random.py of that folder in place of
-    Python's
-    own. The setting is reset afterwards, since our caller starts other programs, too.
+    Python's own. The setting is reset afterwards, since our caller starts other programs, too.
     """
     before = os.environ.get(SAFE_PATH)
     os.environ[SAFE_PATH] = "1"

@@ -76,8 +76,7 @@ def _quadrature(
     """Return nodes λ (n,) and weights (k, n) of the integrals at these factors.
 
     They are cached, since all axes and devices with records of the same length share them, and computing them
-    takes
-    longer than everything else.
+    takes longer than everything else.
     """
     edges = _edges(int(np.ceil(np.log2(max(factors, default=1.0)))) + BELOW, around)
     width = edges[:-1] - edges[1:]

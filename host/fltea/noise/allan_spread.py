@@ -1,14 +1,12 @@
 """Compute how the Allan variance of one record spreads about that of its noise, from the noise's spectrum.
 
 The variance of an average of squares follows from the covariance r(k) of the averaged terms. Over M
-differences of
-neighbouring means
+differences of neighbouring means
 
     Var σ²(m) = 2 / M Σ (1 - |k| / M) r(k)²,    r(k) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) cos kλ dλ
 
 (C. A. Greenhall and W. J. Riley, PTTI 2003, equations 7 and 8, there for powers of the frequency). A
-chi-squared
-variable with ν degrees of freedom and mean σ² has the variance 2 σ⁴ / ν.
+chi-squared variable with ν degrees of freedom and mean σ² has the variance 2 σ⁴ / ν.
 """
 
 import math

@@ -97,8 +97,7 @@ def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
     """Return the standard normal deviate that is exceeded with the same probability as F exceeds each ratio.
 
     The approximation by Peizer and Pratt (*J. Am. Stat. Assoc.* 63, 1968) is quick for many ratios at once.
-    Down to
-    probabilities of 1e-9 it is within 0.02 of the true deviate.
+    Down to probabilities of 1e-9 it is within 0.02 of the true deviate.
 
     Args:
         ratio: ratios, 0 or more.

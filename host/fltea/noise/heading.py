@@ -1,8 +1,8 @@
 """Predict from the samples at rest: the error of a heading, and the mean of the bias.
 
 Both follow from the system of a rate's noise. A heading is the integral of the rate minus its prediction,
-which uses
-only the samples at rest. Times are stepped over by repeated squaring, so an hour costs as little as a second.
+which uses only the samples at rest. Times are stepped over by repeated squaring, so an hour costs as little
+as a second.
 """
 
 import math
@@ -135,8 +135,7 @@ def drive_for(system: System, h: float, rest_s: float, within: float) -> float |
     """Return the time [s] after a rest up to which the heading's standard deviation stays at most `within`.
 
     This is the inverse of `rest_for`, and likewise errs on the safe side. 0: the first sample exceeds
-    `within`. None: an
-    hour does not.
+    `within`. None: an hour does not.
     """
     P = rested(system, max(round(rest_s / h), 1))
     steps = math.ceil(math.log(max(LONGEST_DRIVE_S / h, 1.0)) / math.log(NEAR))

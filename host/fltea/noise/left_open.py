@@ -43,14 +43,12 @@ def mean_order(
     """Return the mean variance of the white noise, and the mean spectrum at λ of the order.
 
     Next to white noise, a nearly white order is hardly known: the most likely order may leave nothing of the
-    white noise,
-    or all of it. The filter for the mean of the spectra has the least mean square error of all linear
-    filters, and it
-    predicts this error. The filter for the most likely order has a larger error, but predicts a smaller one.
+    white noise, or all of it. The filter for the mean of the spectra has the least mean square error of all
+    linear filters, and it predicts this error. The filter for the most likely order has a larger error, but
+    predicts a smaller one.
 
     For each trial α, order and white noise are fitted to what both have together, and weighted by their
-    likelihood. The
-    other parts are taken as known.
+    likelihood. The other parts are taken as known.
 
     Args:
         parts: the parts of the noise, including `order`.

@@ -9,8 +9,7 @@ class NewestFirst:
     """The last `window` arrays of one shape, newest first, contiguous.
 
     The buffer is twice as long as the window and is filled downwards. When it is full, the window moves to
-    its upper end.
-    So a push costs O(1) on average, and the content is always one slice.
+    its upper end. So a push costs O(1) on average, and the content is always one slice.
     """
 
     def __init__(self, window: int, shape: tuple[int, ...] = ()) -> None:

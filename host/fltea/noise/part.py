@@ -1,7 +1,7 @@
-"""What every part of a noise has, and what the native table says of it (pure).
+"""The base class of the parts of a noise, and the native table of the parts' properties.
 
-The table is `kTable` in host/native/sentence_parts.hpp: the number of each part, its coordinates, and what
-it is like. Whatever is done with parts by what they are like asks here for the traits of the table.
+The table is `kTable` in host/native/sentence_parts.hpp. It holds the number of each part, its free
+parameters, and its traits. Code that treats parts differently by their properties asks for these traits.
 """
 
 import math
@@ -18,28 +18,28 @@ SIGNED = ("f", "s", "d")
 
 
 class Coordinate(NamedTuple):
-    """A coordinate of a part in the native fits."""
+    """A free (transformed) parameter of a part in the native fits."""
 
     kind: str
-    """What it is, as the enum `Value` of the table says."""
+    """Kind of the parameter: a name of the enum `Value` of the table."""
     low: float
     high: float
-    """The bounds of an order or of a number."""
+    """`low` and `high` are the bounds of an order or of a number."""
 
 
 class Row(NamedTuple):
-    """What the native table says of a part."""
+    """A row of the native table, which describes one part."""
 
     code: int
-    """Its number there."""
+    """The number of the part in the table."""
     name: str
     coordinates: tuple[Coordinate, ...]
     traits: frozenset[str]
-    """What it is like, as the enum `Trait` of the table says."""
+    """Traits of the part: names of the enum `Trait` of the table."""
     says: str
-    """To which question of the verdict it is the answer, as the enum `Says` of the table says."""
+    """The question of the verdict that the part answers: a name of the enum `Says` of the table."""
     sought: int
-    """How many parameters BIC counts beside the coordinates."""
+    """Number of parameters that BIC counts in addition to the free ones."""
 
 
 def _row(code: int, name: str, coordinates: list[tuple[str, float, float]], *rest: object) -> Row:
@@ -51,12 +51,12 @@ def _row(code: int, name: str, coordinates: list[tuple[str, float, float]], *res
 
 
 ROWS: tuple[Row, ...] = tuple(_row(code, *one) for code, one in enumerate(_native.noise_parts()))
-"""All rows by the numbers of their parts; those with the trait "other" are parts by other coordinates."""
+"""All rows, by the numbers of their parts. Rows with the trait "other" give a part other parameters."""
 BY_NAME = {row.name: row for row in ROWS}
 
 
 class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="part"):
-    """The base of all parts."""
+    """The base class of all parts."""
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:
@@ -73,12 +73,12 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
 
     @classmethod
     def row(cls) -> Row:
-        """Return what the native table says of the part."""
+        """Return the row of the part in the native table."""
         return BY_NAME[cls.tag()]
 
     @classmethod
     def has(cls, trait: str) -> bool:
-        """Return whether the part is like this, by a name of the enum `Trait` of the table."""
+        """Return whether the part has this trait, a name of the enum `Trait` of the table."""
         return trait in cls.row().traits
 
     @property
@@ -87,22 +87,22 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         return self.row().code
 
     def eta(self, h: float) -> list[float]:
-        """Return the coordinates of the native fits.
+        """Return the transformed free parameters of the native fits; `h`: sampling period [s].
 
         Raises:
-            ValueError: an order that is not stationary.
+            ValueError: the part is an order that is not stationary.
         """
         raise NotImplementedError(f"the part {self.tag()} has no coordinates")
 
     @classmethod
     def of_eta(cls, eta: Sequence[float], h: float) -> Self:
-        """Return the part that has these coordinates."""
+        """Return the part with these transformed parameters; `h`: sampling period [s]."""
         raise NotImplementedError(f"the part {cls.tag()} is of no coordinates")
 
     def words(self, rate_hz: float) -> str:
-        """Return what the part is called in a sentence; nothing if that is said elsewhere in it.
+        """Return the words for the part in a sentence; empty if other words of the sentence name it.
 
-        rate_hz: sample rate, beside which a corner may be far away.
+        `rate_hz`: sample rate, as a corner may be far above it.
         """
         raise NotImplementedError(f"the part {self.tag()} has no words")
 
@@ -111,12 +111,13 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {self.tag()} has no response")
 
     def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
-        """Return the poles of a part that is no filter, or the ones that stand for it.
+        """Return the poles of a part that is no filter, or poles that approximate the part.
 
-        lam: at which λ it matters; room: the number of coordinates that there may be.
+        `lam`: frequencies λ [rad per sample] at which the poles have to fit. `room`: largest number of
+        states.
         """
         raise NotImplementedError(f"the part {self.tag()} has no poles")
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        """Return the poles of a filter, the upper ones of pairs, and the number of its taps beside them."""
+        """Return a filter's poles (of each pair the upper one), and the number of its further taps."""
         raise NotImplementedError(f"the filter {self.tag()} has no poles")

@@ -3,10 +3,11 @@
     S(λ) = L(λ) (sum of the parts' spectra) + floor,    λ in rad per sample; white noise of variance R has S =
         R
 
-L is a chain of filters that the sensor has behind its noise. A part has its parameters in physical units
-here, and in the coordinates of the native fits (host/native/sentence_parts.hpp), where powers and rates are
-logarithms, as `eta`. The fields of a part are in the order of its coordinates, and each goes up or down with
-the one coordinate of its place. What a part is called and what poles it has is said here, too.
+L is the chain of the sensor's filters, which act on the noise. A part has its parameters in physical units
+here. As `eta`, it has them as the transformed free parameters of the native fits
+(host/native/sentence_parts.hpp), where powers and rates are logarithms. The fields of a part have the order
+of its free parameters, and each field is a monotonic function of the free parameter with the same index. The
+words for a part and its poles are defined here, too.
 
 Variances are in the square of the unit of y, deg/s for a gyroscope; h is the sampling period in s.
 """
@@ -27,9 +28,9 @@ from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_var
 from fltea.records.arrays import Array, Complex
 
 MEAN_FROM = _native.MEAN_FROM
-"""Code of the mean of so many samples, less their number."""
+"""Codes of `Mean`: MEAN_FROM plus the number of averaged samples."""
 ONE_POLE = 1.5
-"""Poles of a filter that looks like a relaxation."""
+"""A filter with fewer poles than this looks like a relaxation."""
 
 
 def in_hz(value: float) -> str:
@@ -57,11 +58,11 @@ class _Level(Part, frozen=True):
 
 
 class White(_Level, frozen=True, tag="white"):
-    """White noise of variance R: the angle walks at random, by N = √(R h) a root second."""
+    """White noise of variance R; the angle is a random walk with N = √(R h)."""
 
 
 class _Decaying(Part, frozen=True):
-    """AR(1) of standard deviation σ, which forgets itself within the correlation time τ."""
+    """An AR(1) process with standard deviation σ and correlation time τ."""
 
     sigma: float
     tau_s: float
@@ -75,7 +76,7 @@ class _Decaying(Part, frozen=True):
 
 
 class Relaxation(_Decaying, frozen=True, tag="relaxation"):
-    """A Gauss–Markov process of standard deviation σ, which forgets itself within the correlation time τ."""
+    """A Gauss–Markov process with standard deviation σ and correlation time τ."""
 
     def words(self, rate_hz: float) -> str:
         return ""
@@ -89,7 +90,7 @@ class Relaxation(_Decaying, frozen=True, tag="relaxation"):
 
 
 class Alternating(_Decaying, frozen=True, tag="alternating"):
-    """The same of which every second sample has its sign changed: AR(1) of a negative coefficient."""
+    """A relaxation with the sign of every second sample changed: AR(1) with a negative coefficient."""
 
     def words(self, rate_hz: float) -> str:
         return "noise that alternates in sign"
@@ -139,7 +140,7 @@ class Order(Part, frozen=True, tag="order"):
         return cls(alpha, f_of(alpha, g_of_eta(eta), h), noise_variance(alpha, s2, h))
 
     def words(self, rate_hz: float) -> str:
-        return ""  # said with its interval
+        return ""  # the text states the order separately, with its interval
 
     def response(self, lam: Array, h: float) -> Complex:
         turn = np.exp(-1j * lam)
@@ -170,7 +171,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
         return cls(eta[0], phi, math.exp(eta[2]) * (1 - phi) ** 2)
 
     def words(self, rate_hz: float) -> str:
-        return ""  # said with its interval
+        return ""  # the text states the order separately, with its interval
 
     def response(self, lam: Array, h: float) -> Complex:
         turn = np.exp(-1j * lam)
@@ -181,7 +182,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
 
 
 class Resonance(Part, frozen=True, tag="resonance"):
-    """A pair of poles: the height of its spectrum at its frequency, and the width at half this height."""
+    """A pair of poles: the height of the spectrum at its frequency, and the width at half this height."""
 
     height: float
     frequency_hz: float
@@ -246,7 +247,7 @@ class Rise(Part, frozen=True, tag="rise"):
 
 
 class Floor(_Level, frozen=True, tag="floor"):
-    """White noise of variance R that no filter has changed, as that of rounding."""
+    """White noise of variance R that is added behind all filters, such as rounding noise."""
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
@@ -277,8 +278,7 @@ class HighPass(Part, frozen=True, tag="high-pass"):
     """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), that blocks slow signals, as AC coupling does.
 
     With one pole it subtracts the exponentially fading average from the samples. The corner is at most a
-    tenth of the
-    sample rate; a higher corner would be a rise.
+    tenth of the sample rate; a higher corner would be a rise.
     """
 
     corner_hz: float
@@ -342,7 +342,7 @@ class Notch(Part, frozen=True, tag="notch"):
         return f"a notch at {in_hz(self.frequency_hz)}"
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        # The analog one's, by the bilinear transform.
+        # The poles of the analog notch, by the bilinear transform.
         centre = math.tan(math.pi * self.frequency_hz * h)
         s = np.roots([1.0, centre * self.width_hz / self.frequency_hz, centre**2])
         return list((1 + s) / (1 - s)), 0
@@ -395,7 +395,7 @@ def _by_number() -> tuple[type[Part], ...]:
     """Return the parts by their numbers in the native table.
 
     Raises:
-        LookupError: one is in the table or here, and not in the other place.
+        LookupError: a part is missing in the native table or in this module.
     """
     here: dict[str, type[Part]] = {kind.tag(): kind for kind in get_args(AnyPart)}
     native = [row.name for row in ROWS if "other" not in row.traits]

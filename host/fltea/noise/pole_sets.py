@@ -1,4 +1,4 @@
-"""Poles of a linear system that stand for the parts of a noise, by numbers alone (pure)."""
+"""Poles of a linear system that approximate the parts of a noise, from numbers alone."""
 
 import math
 from collections.abc import Sequence
@@ -8,29 +8,29 @@ import numpy as np
 from fltea.records.arrays import Complex
 
 A_DECADE = 2
-"""Poles that stand for an order."""
+"""Number of poles per decade that approximate an order."""
 FASTEST = 3.0
-"""Rate of a pole, in 1 a sample."""
+"""Largest rate of a pole, per sample."""
 MOST_POLES = 6
-"""Of a low-pass; more of them look the same below its corner."""
+"""Largest number of poles of a low-pass; more of them look the same below its corner."""
 MOST_TAPS = 10
-"""Of a short filter."""
+"""Largest number of taps of a short filter."""
 SMALL = 0.005
-"""What is wrong with a short filter, which needs no poles, because it has some: their size is its root."""
+"""Error of a short filter that is approximated by poles, though it has none: the poles' size is its root."""
 
 
 def size(poles: Sequence[complex]) -> int:
-    """Return the number of coordinates."""
+    """Return the number of states that these poles take."""
     return sum(1 if is_real(one) else 2 for one in poles)
 
 
 def is_real(pole: complex) -> bool:
-    """Return whether a pole takes one coordinate, and not two."""
+    """Return whether a pole is real, and so takes one state instead of two."""
     return abs(complex(pole).imag) < 1e-9
 
 
 def short(taps: int) -> list[complex]:
-    """Return poles that can be any filter of so many taps, or nearly."""
+    """Return poles that can approximate any filter with this number of taps."""
     if taps < 2:
         return [0.0] * taps
     n = (taps + 2) // 2 * 2
@@ -40,13 +40,13 @@ def short(taps: int) -> list[complex]:
 
 
 def spread(low: float, room: int) -> list[complex]:
-    """Return poles of rates from `low` on, in 1 a sample, evenly by their logarithms."""
+    """Return real poles with rates from `low` up, per sample, evenly spaced in their logarithms."""
     count = 1 + math.ceil(A_DECADE * math.log10(FASTEST / low))
     return list(np.exp(-np.geomspace(low, FASTEST, max(min(count, room), 1))))
 
 
 def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
-    """Return the poles z of (1 - 1/z)^α = g / z, or one that is nearly one; none slower than this."""
+    """Return the exact or nearly exact poles z of (1 - 1/z)^α = g / z; none slower than `slowest`."""
     rate = (-g) ** (1 / alpha) if g < 0 < alpha else 0.0
     if alpha > 1:
         w = 1 - rate * complex(np.exp(1j * math.pi / alpha))
@@ -61,17 +61,17 @@ def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
 
 
 def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
-    """Return the upper poles of a low-pass with its corner at λ, and the taps of what its poles are not."""
+    """Return the upper poles of a low-pass with its corner at λ, and the number of taps for the remainder."""
     n = math.ceil(min(max(poles, 1.0), MOST_POLES))
     angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)
     return list(np.exp(lam * np.exp(1j * angles))), 2 if poles != n else 0
 
 
 def of_high_pass(lam: float, poles: float) -> Complex:
-    """Return all poles of a high-pass with its corner at λ, of which there are a whole number here.
+    """Return all poles of a high-pass with its corner at λ; the number of poles is rounded.
 
-    Its zeros are as many at 1. The poles are where |1 - 1/z|² = -(1 - z)²/z is one of the roots s² of
-    1 + (c/s²)^n, with |z| < 1.
+    The filter has the same number of zeros, at 1. The poles are where |1 - 1/z|² = -(1 - z)²/z is one of the
+    roots s² of 1 + (c/s²)^n, with |z| < 1.
     """
     n = min(max(round(poles), 1), MOST_POLES)
     c = (2 * math.sin(min(lam / 2, math.pi / 2))) ** 2
@@ -81,7 +81,7 @@ def of_high_pass(lam: float, poles: float) -> Complex:
 
 
 def of_notch(lam: float, width: float) -> list[complex]:
-    """Return the poles of a notch at λ, those of the analog one by the bilinear transform; width: over λ."""
+    """Return the poles of a notch at λ: the bilinear transform of an analog notch; `width`: relative to λ."""
     centre = math.tan(lam / 2)
     s = np.roots([1.0, centre * width, centre**2])
     return list((1 + s) / (1 - s))

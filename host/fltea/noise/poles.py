@@ -1,8 +1,7 @@
 """Approximate parts of a noise by poles that one white noise drives.
 
 A part or a chain of filters has poles of its own, or real poles approximate it: two per decade for an order.
-The
-contribution of each pole is found by least squares, from magnitude and phase of the part's response.
+The contribution of each pole is found by least squares, from magnitude and phase of the part's response.
 """
 
 import math
@@ -52,8 +51,7 @@ def least_phase(power: Array) -> Callable[[Array], Complex]:
     """Return the minimum-phase response that has this spectrum, given at equidistant λ up to π.
 
     It is causal, with a causal inverse. The cepstrum of its logarithm is that of the spectrum's, folded
-    (Oppenheim &
-    Schafer, Digital Signal Processing, 1975, section 10.5).
+    (Oppenheim & Schafer, Digital Signal Processing, 1975, section 10.5).
     """
     logs = 0.5 * np.log(np.maximum(power, DEEPEST * power.mean()))
     cepstrum = np.fft.irfft(np.concatenate([logs[:1], logs]))

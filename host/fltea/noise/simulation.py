@@ -6,9 +6,8 @@ The model (Macias & Sierociuk 2023, sections 3, 4 and 6) has one state and the t
     y_k = x_k + v_k,    var ω = Q,    var v = R
 
 y and x are in deg/s, f in s^-α, Q in (deg/s)² s^-2α, R in (deg/s)². White noise is Q = 0. Note that Q here is
-the
-variance of ω, before the factor h^α, while the Q of the paper's state filter is the variance of a whole step,
-h^2α Q.
+the variance of ω, before the factor h^α, while the Q of the paper's state filter is the variance of a whole
+step, h^2α Q.
 """
 
 import math

@@ -7,10 +7,8 @@ g = h^α f and s2 = h^2α Q (`fltea.noise.simulation`). With unlimited memory it
     S_x(λ) = s2 / |(1 - e^{-iλ})^α - g e^{-iλ}|²,    λ in rad per sample
 
 The measurement y = x + v has S_x + R. Spectra here are normalised like `periodogram`: white noise of variance
-R has
-the spectrum R. The functions below return S_x / s2, whose geometric mean is 1 wherever x is stationary: s2 is
-the
-variance of x's innovations.
+R has the spectrum R. The functions below return S_x / s2, whose geometric mean is 1 wherever x is stationary:
+s2 is the variance of x's innovations.
 
 Two pairs of parameters are exact aliases: (α = 0, g = φ) and (α = 1, g = φ - 1) both are AR(1) with the
 coefficient φ.

@@ -4,16 +4,12 @@
     y_k   = offset + c x_k + v_k,   var v = R
 
 A is diagonal, except for pairs of states of a complex pole, so that a filter needs only a few products per
-state and
-sample. Relaxations, the random walk and resonances are exact; all other parts are fitted
-(`fltea.noise.poles`). A state
-is either signal, which belongs to the bias, or coloured noise, which does not.
+state and sample. Relaxations, the random walk and resonances are exact; all other parts are fitted
+(`fltea.noise.poles`). A state is either signal, which belongs to the bias, or coloured noise, which does not.
 
 Every sensor has white noise ahead of its filter. So where a noise has hardly any white noise, its fastest
-relaxation is
-that white noise after filtering, and no signal (`filtered_noise`). So is an equally fast order near 1. Other
-orders,
-and 1/f noise, stay signals, since they have a memory that no filter of a sensor has.
+relaxation is that white noise after filtering, and no signal (`filtered_noise`). So is an equally fast order
+near 1. Other orders, and 1/f noise, stay signals, since they have a memory that no filter of a sensor has.
 """
 
 import functools
@@ -160,9 +156,8 @@ class System(NamedTuple):
         """Return the system with a slope of the offset as its last state: the offset is a straight line.
 
         The last state so far has to be the constant offset. The straight line is the beginning of a
-        relaxation without noise.
-        It decays so slowly that it is straight to 1 / `STRAIGHT` of its rise (the form of A allows no exact
-        slope).
+        relaxation without noise. It decays so slowly that it is straight to 1 / `STRAIGHT` of its rise (the
+        form of A allows no exact slope).
 
         Args:
             slope: standard deviation of the slope before the first sample, per sample.
@@ -271,8 +266,7 @@ def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None
     It is a relaxation, or an order that can hardly be told from one. At half the sample rate, where filters
     pass least, it
     has more power than all white noise, and more than other parts of this kind: so white noise is visible
-    nowhere. And it is
-    as fast as the filter of a sensor may be.
+    nowhere. And it is as fast as the filter of a sensor may be.
     """
     at = np.array([math.pi])
     slowest = max(SLOWEST_FILTER_S, SLOWEST_FILTER * h)
