@@ -13,7 +13,7 @@ EXPECT_STEPS = "A filter needs its density N, and has to expect further steps of
 
 
 def doubted(result: AxisResult) -> AxisResult:
-    """Return the result for bad data: its verdict gives no advice that builds on its figures."""
+    """Return the result with a verdict whose advice does not rely on the figures, since the data are bad."""
     return replace(result, verdict=result.verdict.saying(next=CURE_FIRST))
 
 

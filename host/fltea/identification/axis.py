@@ -68,7 +68,7 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     level: float
     """The p-value below which the test rejects white noise."""
     shuffled: ShuffledBand | None
-    """The estimates of the shuffled copies, made by the same variant as `AxisResult.fltea`."""
+    """FLTEA's estimates for the shuffled copies, by the same variant as `AxisResult.fltea`."""
 
 
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -200,7 +200,7 @@ def fltea_axis(looked: Looked, lsb: float | None, options: IdentifyOptions) -> F
 
 
 def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
-    """Identify an analysed axis with these options; FLTEA runs over the longest epoch.
+    """Identify an analysed axis with these options; FLTEA runs over its longest part without a restart.
 
     The shuffled copies are left to `with_copies`. They take most of the time, so another process may compute
     them.

@@ -1,8 +1,8 @@
-"""Find what a comb of lines repeats in each period, and take it out of the samples.
+"""Find the pattern behind a comb of lines, which each period repeats, and remove it from the samples.
 
-The record is folded at the period. The mean at each phase is what repeats itself. If that is a short glitch,
-its samples tell nothing of the noise. They are drawn anew, as lost samples are (`gaps`), so that it does not
-matter whether all glitches are alike. If it fills much of the period, it is a wave, whose harmonics are
+The record is folded at the period. The pattern is the mean at each phase. If the pattern is a short glitch,
+its samples tell nothing about the noise. They are drawn anew, as lost samples are (`gaps`), so that the
+glitches need not be alike. If the pattern fills much of the period, it is a wave, whose harmonics are
 subtracted.
 """
 
@@ -65,7 +65,7 @@ class _Folded(NamedTuple):
 
 
 def without_comb(stretches: Sequence[Stretch], comb: Comb) -> WithoutComb | None:
-    """Return the stretches without what repeats itself in each period.
+    """Return the stretches without the pattern that each period repeats.
 
     Returns None if the average pattern comes from a few periods only.
     """

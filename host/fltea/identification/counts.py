@@ -10,7 +10,7 @@ class Counts(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         samples: all samples that arrived.
         used: samples that have the rate and the scale of most samples.
         used_from: index of the first used sample among all samples.
-        stretches: pieces between breaks, among all samples.
+        stretches: number of parts without a break, among all samples.
         bridged: lost samples, within the used ones, that drawn samples stand in for.
         lost, gaps, duplicates, before_hello, rate_differs: as in `stats`.
         late, retried, saturated: used samples that the device flagged so.

@@ -48,7 +48,7 @@ def _wrong_with(address: str) -> str:
 def trust_warning(address: str) -> str | None:
     """Return the warning to print before a cluster at `address` is used.
 
-    None if no one else can be on the way to the cluster.
+    None if the connection is encrypted, or stays on this machine.
     """
     try:
         url = urlsplit(address if "://" in address else f"tcp://{address}")

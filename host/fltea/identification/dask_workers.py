@@ -186,10 +186,10 @@ def _version() -> str:
 
 
 def _of_version(version: str, task: Callable[..., T], *arguments: Any) -> T:
-    """Do a task on a worker, which may have come long after the others were looked at.
+    """Do a task on a worker, after a check of its version: it may have joined after the first check.
 
     Raises:
-        UnfitWorker: it has another version than who asks: its answer would stand beside those of that one.
+        UnfitWorker: this worker's version is not `version`; its results must not be mixed with others.
     """
     if version != __version__:
         raise UnfitWorker(

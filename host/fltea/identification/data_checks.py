@@ -185,7 +185,7 @@ def _offset_and_drift(y: Array, h: float, unit: str) -> Iterator[DataCheck]:
     k = np.arange(BLOCKS) - (BLOCKS - 1) / 2
     slope = float(k @ means / (k @ k))
     left = means - means.mean() - slope * k
-    # At least that of white noise, since twenty means may lie on a straight line by luck.
+    # The error is at least that of white noise, since twenty means may lie on a line by chance.
     residual = max(math.sqrt(float(left @ left) / (BLOCKS - 2)), noise / math.sqrt(block))
     t = slope * math.sqrt(float(k @ k)) / residual
     change = slope * BLOCKS

@@ -50,9 +50,9 @@ class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R_from: Literal["start-up window", "setting"]
     startup_samples: int
     samples: int
-    """Number of samples that FLTEA was run over, with the start-up window: those of the longest epoch."""
+    """Number of samples that FLTEA was run over: the longest part without a restart, with its start-up."""
     predicted: int
-    """Number of lost samples between them, at which FLTEA only predicted."""
+    """Number of lost samples within this part, at which FLTEA only predicted."""
     restarts: int
     interventions: dict[str, int]
     """Number of interventions of the guard since the last start, for each cause that occurred."""
@@ -227,7 +227,7 @@ def _fit(lane: _Lane, ran: "_Ran", config: EstimatorConfig, order: Interval | No
 
 
 def after_startup(y: Array, gaps: Gaps, config: EstimatorConfig) -> tuple[Array, Mask | None]:
-    """Return the samples after the start-up window of an epoch, and a mask of the lost samples among them."""
+    """Return the samples after the start-up window of an unbroken part, and a mask of the lost samples."""
     return spread(y[config.startup_needed :], gaps.within(config.startup_needed, len(y)))
 
 

@@ -154,7 +154,7 @@ class Forecast(msgspec.Struct, frozen=True):
     made_of: str
     """What the forecast is made of: the parts of the whole recording's noise, and the model of its offset."""
     judged_made_of: str
-    """The same for the first half's model, which the second half judges; empty if there is none."""
+    """What the first half's model is made of, which the second half judges; empty without such a model."""
     text: str
     goal: Goal | None = None
     rest_s: float | None = None

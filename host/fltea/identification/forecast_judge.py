@@ -1,4 +1,4 @@
-"""Judge a forecast by the recording itself: the model of its first half predicts its second half in pieces.
+"""Judge a forecast by the recording itself: the first half's model predicts time spans of the second half.
 
 Two things are predicted for the next T seconds. The first is the heading, the integral of the rate less its
 prediction. The second is Bias(T), the constant to subtract meanwhile. The mean of the rate less Bias(T) has
@@ -25,7 +25,7 @@ from fltea.records.plus_minus import NORMAL_95
 
 TIMES_S = (1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 3600.0)
 FEWEST = 5
-"""Least number of pieces with which a time is judged."""
+"""Least number of pieces (time spans of the forecast's length) with which a time is judged."""
 WRONG = 0.01
 """Probability that a right model fails at any of the times."""
 UNLIKELY = 0.005
@@ -47,7 +47,7 @@ TINY = 1e-300
 
 
 class Piece(msgspec.Struct, frozen=True):
-    """The judgement of heading forecasts over pieces of one length."""
+    """The judgement of heading forecasts over pieces (time spans) of one length."""
 
     t_s: float
     pieces: int
@@ -159,7 +159,7 @@ class Errors(NamedTuple):
 
 
 def judged(model: Learned, y: Array, begin: int, h: float) -> Judgement:
-    """Judge the forecasts of a system from sample `begin` of y on; the samples before teach its filter.
+    """Judge a system's forecasts from sample `begin` of y on; its filter first runs over all earlier samples.
 
     A filter's errors of successive pieces are independent, but one model predicts all pieces. So their mean
     square may be off by chance, by the uncertainty of the model, and by heavy tails as seen in the first

@@ -89,7 +89,7 @@ class HandOut(Generic[T]):
             return False
         except UnfitWorker:
             raise
-        except CancelledError as error:  # Dask does so when it has lost its scheduler
+        except CancelledError as error:  # Dask raises it when it has lost its scheduler
             self._workers.check()
             result = error
         except Exception as error:

@@ -75,7 +75,7 @@ class Turns(NamedTuple):
 
     sensors: int
     severe: bool
-    """Whether the pattern is a good part of the noise."""
+    """Whether the pattern is a large part of the noise."""
     what: str
 
 

@@ -20,9 +20,9 @@ MATTERS, MOST = 1.1, 3
 def axis_noise(axis: AxisReport) -> AxisNoise:
     """Return N and K of an axis.
 
-    Where the offset follows a random walk, K is that of the walk; if a slope makes the K of the
-    `--gauss-markov` filter larger, K is that. N is that of the white noise. Where white noise cannot be told
-    from other fast noise, N is that of the filter.
+    Where the offset follows a random walk, K is that of the walk. If the offset also has a slope, K is at
+    least that of the `--gauss-markov` filter, which has a random walk in place of the slope. N is that of
+    the white noise, or that of the filter where white noise cannot be told from other fast noise.
     """
     level, plain, tracked = axis.result.level, axis.filter, axis.tracked
     if plain is None or axis.walk is None or tracked is None:
@@ -36,7 +36,7 @@ def axis_noise(axis: AxisReport) -> AxisNoise:
 
 def _walk(walk: OffsetWalkFound, plain: NavigationFilter, tracked: System) -> Shown:
     if walk.said == "walks":
-        # The filter has a bounded walk as a state, which imu.yaml lacks. It has a slope as a random walk.
+        # The filter represents a bounded walk by a state, which imu.yaml lacks, and a slope by a random walk.
         K = walk.K.value or 0.0
         return Shown(max(plain.K, K) if slope_of(tracked).any() else K)
     if walk.said == "likely constant":

@@ -352,7 +352,7 @@ class _Group:
         self._spool.remove()
 
     def _ask(self, decoder: Decoder, samples: int) -> None:
-        """Update the rate of the device's clock against the host's; that of the longest epoch counts."""
+        """Update the device's clock rate against the host's; the longest part without a restart counts."""
         self._of_epoch = self._of_epoch + samples if decoder.epoch == self._epoch else samples
         self._epoch = decoder.epoch
         if self._of_epoch > self._most_of_epoch:

@@ -9,8 +9,9 @@ The filter has white noise, a random walk of the bias, and Gauss-Markov states:
 One least-squares fit finds N, K, the σ of each τ, and `bias_std`, so that two curves equal those of the
 tracked system. The first is the spectrum, by which a filter learns from further samples. The second is the
 heading's variance over time if only `bias` is subtracted after the end of the record. Such a filter has no
-slope: a slope that was found becomes a random walk of the same reach. Nor has it a high-pass: it takes the
-noise as if it went on below the corner, so that its heading is less certain than that of the samples.
+slope: a slope that was found becomes a random walk that gets as far within the record. The filter has no
+high-pass either: it assumes that the noise continues below the corner, so that it predicts a larger heading
+error than the samples have.
 """
 
 import math
@@ -71,9 +72,9 @@ class HeadingStd(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     t_s: float
     filter: float
-    """As this filter predicts it without further samples."""
+    """The standard deviation that this filter predicts without further samples."""
     forecast: float
-    """As `--forecast` predicts it, which also knows the values of the states at the end of the record."""
+    """The standard deviation by `--forecast`, which also knows the states' values at the record's end."""
 
 
 class NavigationFilter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -125,7 +125,7 @@ def examine(
         options: how to identify.
         figures: whether to compute the curves that figures show.
         known: data checks of the recording as a whole that concern the axis.
-        left_out: steps and motion to leave out; None: what seems to be motion, as no model is known yet.
+        left_out: steps and motion to leave out; None: leave out apparent motion, as no model is known yet.
         details: whether to find out where the model reproduces the Allan deviation.
 
     Raises:

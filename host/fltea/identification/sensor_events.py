@@ -38,7 +38,7 @@ Otherwise it is noise whose power has grown, which the verdict reports.
 FAST_S = 1.0
 """Longest correlation time of noise that is not taken for steps [s]."""
 BETTER = 10.0
-"""Log likelihood by which a bias that is constant between steps has to be better."""
+"""Lead in log likelihood that the model with a constant bias between steps needs to be used."""
 COURSE_POINTS = 500
 
 
@@ -250,7 +250,7 @@ class _SensorRun:
         """Whether this run's model predicts the samples of an axis better than the model of another run."""
         lane = self._names.index(name)
         if self._counts[lane] < other._counts[lane] - LONG:
-            return False  # samples that it cannot predict, it took for motion
+            return False  # this run took samples that it cannot predict for motion
         mine, its = (one._squares[lane] / max(one._counts[lane], 1) for one in (self, other))
         return bool(0 < mine < its and self._counts[lane] * math.log(its / mine) > 2 * BETTER)
 

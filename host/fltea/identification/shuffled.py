@@ -32,7 +32,7 @@ Copies for the joint filter end at this length. This filter forgets, and the qua
 as long as the record.
 """
 DRAWN = 1 << 13
-"""Number of samples in such a block."""
+"""Number of samples in a block that is drawn from the record."""
 ACCURACY = 3
 """Digits of the compressed memory: costs 1e-6 in α, where copies differ by 1e-2; a sixth of the time."""
 

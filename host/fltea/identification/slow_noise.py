@@ -1,7 +1,7 @@
 """Add what the tracker knows to the figures of an axis: K, drift rate, and advice.
 
 The figures come from the spectrum, which leaves out noise slower than ten periods of the record. The tracker
-does not.
+includes this noise.
 """
 
 import math

@@ -24,13 +24,13 @@ Bands = tuple[tuple[float, float], ...]
 AT_ONCE = 1 << 18
 """Number of samples processed at once, so that little of a long file is in memory."""
 LEAST_SHARE = 0.5
-"""Least share of samples in the longest stretch; with less, lines are searched for in the sums of all."""
+"""Least share of samples in the longest stretch for a search for lines in it; else all sums are searched."""
 NOTHING = 1e-20
 """Density that rounding errors of floating-point numbers leave, over the variance."""
 
 
 def octaves_of(y: Array) -> Octaves:
-    """Sum up y (n,) by octaves.
+    """Return the running sums of y (n,) from which its octave spectrum is computed.
 
     Raises:
         ValueError: y is not finite.
@@ -39,7 +39,7 @@ def octaves_of(y: Array) -> Octaves:
 
 
 def octaves_of_stretches(stretches: Sequence[Stretch]) -> Octaves:
-    """Sum up stretches by octaves; nothing is computed across the gap between two stretches.
+    """Return the sums of all stretches for one octave spectrum; no block of samples crosses a gap.
 
     Raises:
         ValueError: a sample is not finite.
@@ -72,7 +72,7 @@ def lines_of_stretches(
 
 
 def parts_of(stretches: Sequence[Stretch]) -> list[Parts]:
-    """Return the sums for the spectra of all stretches that are long enough for a spectrum."""
+    """Return the sums of each stretch that is long enough for a spectrum."""
     return [octaves_of(one.y).parts(0) for one in stretches if len(one.y) >= SHORTEST]
 
 
@@ -119,7 +119,7 @@ def one_a_depth(found: Sequence[Parts]) -> list[Parts]:
 
 
 def on_one_grid(parts: Sequence[Lines]) -> Lines:
-    """Merge the ordinates of all stretches, and average those closer together than the longest stretch's."""
+    """Merge the ordinates of all stretches; average those that share an ordinate of the longest stretch."""
     lam, power, weight = (np.concatenate(part) for part in zip(*parts, strict=True))
     step = min(float(np.diff(one[0]).min(initial=math.inf)) for one in parts)
     cell = np.rint(lam / step).astype(np.int64) if math.isfinite(step) else np.arange(len(lam))

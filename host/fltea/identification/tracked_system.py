@@ -31,13 +31,13 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the offset of an axis walks; figures per √s, in the unit of the axis."""
 
     said: Said
-    """`not told`: the record is too short to tell. `taken out`: a high-pass has removed any walk."""
+    """`not told`: the record is too short to decide. `taken out`: a high-pass has removed any walk."""
     K: Interval
     """K of the random walk; null unless the offset walks."""
     at_most: float | None
     """Upper bound of K with 95 % probability; null if the offset walks."""
     tells_s: float | None
-    """Record length that would be enough to tell [s], for `not told`; null if that is not known either."""
+    """Record length [s] that would be enough to decide, for `not told`; null if not known."""
 
 
 def tracked_system(parts: Sequence[Part], y: Array, h: float) -> Learned | None:

@@ -135,7 +135,7 @@ def _common(part: Array, of: _Values) -> _Common | None:
 
 
 def _came(is_it: NDArray[np.bool_]) -> int:
-    """Return how often samples reach a value. `is_it`: mask of the samples that have it."""
+    """Return how often samples reach a value from another one; `is_it`: mask of samples with the value."""
     return int(np.count_nonzero(is_it[1:] & ~is_it[:-1]))
 
 

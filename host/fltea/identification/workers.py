@@ -24,7 +24,7 @@ SMALL = 6_000_000
 
 
 class UnfitWorker(FlteaError):
-    """One of the workers must be given nothing. That ends all the work: it would fail each task it gets."""
+    """A worker must not get any task. The error ends the run, since this worker would fail every task."""
 
 
 class Workers:
