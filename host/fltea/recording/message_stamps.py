@@ -1,8 +1,8 @@
-"""Measures rate and lost samples from the times of messages, and how reliable these times are.
+"""Measures sampling rate and lost samples from the time stamps of messages, and how reliable these are.
 
-A driver stamps samples with its computer's clock, milliseconds late, or with the sensor's clock. In both
-cases the sensor samples evenly. So messages are numbered in order of arrival, and a sample counts as lost
-only where the stamps are late and stay late.
+A driver stamps samples with its computer's clock, which may be milliseconds late, or with the sensor's clock.
+In both cases the sensor samples evenly. So messages are numbered in the order of arrival, and a sample counts
+as lost only where the stamps become late and stay late.
 """
 
 from typing import NamedTuple
@@ -15,46 +15,50 @@ from fltea.recording.sample_times import EVEN_SHARE, EVENNESS
 Times = NDArray[np.int64]
 
 AROUND = 64
-"""Samples before and after a gap that determine its length: as many as a driver delivers at once."""
+"""Samples before and after a gap that determine its length; a driver delivers up to this many at once."""
 
 LATE = 1.5
 """Steps longer than this many periods are examined as gaps."""
 
 ALIKE = 0.1
-"""A stamp within this many periods after the one before repeats it, and may be too early."""
+"""Largest step, in periods, at which a stamp repeats the previous stamp; such a stamp may be too early."""
 
 SET_BACK = 10
-"""A clock that jumps back by at most this many periods leaves the number of samples certain."""
+"""Largest jump backwards, in periods, after which the number of samples is still certain."""
 
 SET_FORWARD_NS = 1_000_000_000
-"""A larger jump of the stamps that the arrivals do not show is a change of the clock, not a gap."""
+"""Forward jump of the stamps above which the clock counts as changed if arrival times show no gap [ns]."""
 
 STEPS, MORE = 1000, 1.05
-"""Steps over which the rate of batches is measured, and a factor so that batches are no gaps."""
+"""Number of steps over which the rate of batches is measured, and a factor so that batches are no gaps."""
 
 MOST_PASSES, SAME = 5, 1e-6
 """Most iterations, and the relative change of the period at which they end."""
 
 LEAST_IN_BATCHES = 3
-"""Fewest lost samples that can be detected where samples come in batches."""
+"""Smallest number of lost samples that can be detected if samples come in batches."""
 
 SURE = 100
-"""Most lost samples whose number is certain even if the period is not known exactly."""
+"""Largest number of lost samples that is certain although the period is not known exactly."""
 
 MANY = 1 << 20
-"""Enough steps for a median."""
+"""Number of steps that is enough for a median."""
 
 WILD_NS = 60_000_000_000
-"""Arrivals whose steps differ by more than this from those of the stamps are no times of arrival."""
+"""Largest difference between a step of the arrival times and that of the stamps [ns].
+
+If it is larger, the arrival times are not believed.
+"""
 
 
 class Stamps(NamedTuple):
-    """What the stamps of n samples show.
+    """What the time stamps of n samples show.
 
-    `period_ns`: sampling period [ns]. `gap_row`, `missing`: rows before which samples were lost, and how
-    many.
-    `epoch_row`: rows before which the clock was set, so the number of lost samples is unknown.
-    `uneven`, `alike`, `backward`: number of steps that are off by more than a fifth, are 0, or run backwards.
+    `period_ns`: sampling period [ns]. `gap_row`, `missing`: rows before which samples were lost, and the
+    number of samples lost there.
+    `epoch_row`: rows before which the clock was set, so that the number of lost samples there is unknown.
+    `uneven`, `alike`, `backward`: numbers of steps that deviate by over a fifth of the period, are 0, or run
+    backwards.
     `spread_ns`: root mean square deviation of the steps without gaps from the period [ns].
     """
 
@@ -68,24 +72,27 @@ class Stamps(NamedTuple):
     spread_ns: float
 
     def sequence(self, begin: int, end: int) -> Times:
-        """Return the sequence numbers of rows, with lost samples counted."""
+        """Return the sequence numbers of the rows from `begin` to `end`; lost samples take numbers too."""
         lost = np.concatenate([[0], np.cumsum(self.missing)])
         rows = np.arange(begin, end)
         return np.asarray(rows + lost[np.searchsorted(self.gap_row, rows, "right")])
 
     def epoch(self, begin: int, end: int) -> Times:
-        """Return the epoch numbers of rows."""
+        """Return the epoch number of each row from `begin` to `end`.
+
+        The number rises where the clock was set.
+        """
         return np.searchsorted(self.epoch_row, np.arange(begin, end), "right").astype(np.int64)
 
 
 def even(period_ns: float) -> Stamps:
-    """Return stamps of samples if only the sampling period is known."""
+    """Return the stamps of samples of which only the sampling period is known."""
     none = np.empty(0, np.int64)
     return Stamps(period_ns, none, none, none, 0, 0, 0, 0.0)
 
 
 def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
-    """Analyse stamps (n,), n > 1, and the arrival times of the same messages, if known.
+    """Analyse the stamps (n,), n > 1, of messages, and their arrival times if these are known.
 
     Raises:
         ValueError: the stamps do not advance.
@@ -115,7 +122,7 @@ def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
 
 
 def is_uneven(stamps: Stamps, samples: int) -> bool:
-    """Return whether the stamps are less even than a device's clock."""
+    """Return whether the stamps are less even than those of a device's clock."""
     return stamps.uneven > (1 - EVEN_SHARE) * max(samples - 1, 1)
 
 
@@ -126,7 +133,7 @@ def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
 
 
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
-    """Return the usual step, or for batches the mean of many; and whether samples come in batches."""
+    """Return the usual step (for batches, the mean step), and whether samples come in batches."""
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
     far = min(STEPS, max(1, len(steps) // 4))
@@ -139,7 +146,7 @@ def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
 
 
 def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> Times:
-    """Return rows before which the clock jumped: back, or forward without a gap of the arrival times."""
+    """Return rows before which the clock jumped: back, or forward while arrival times show no gap."""
     was_set = steps < -SET_BACK * period_ns
     if arrival_ns is not None:
         arrivals = np.diff(arrival_ns)
@@ -151,10 +158,10 @@ def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> 
 def _gaps(
     times_ns: Times, steps: Times, period_ns: float, epoch_row: Times, in_batches: bool
 ) -> tuple[Times, Times]:
-    """Return rows before which samples were lost, and how many.
+    """Return rows before which samples were lost, and the number of samples lost before each.
 
-    The least late samples before and after a late step give its true length. A stamp that repeats the one
-    before is ignored, except in batches, where most stamps do.
+    The true length of a gap follows from the least late samples before and after it. A stamp that repeats the
+    previous stamp is ignored, except in batches, where most stamps repeat.
     """
     rows, missing = [], []
     of_epochs = [0, *epoch_row.tolist(), len(times_ns)]
@@ -168,7 +175,7 @@ def _gaps(
         tells[1:] = steps > ALIKE * period_ns
     for row, epoch in zip(late.tolist(), epochs.tolist(), strict=True):
         begin = max(begin, of_epochs[epoch], row - AROUND)
-        if row == of_epochs[epoch]:  # no gap, since the clock was set
+        if row == of_epochs[epoch]:  # no sample is lost here, since the clock was set
             continue
         end = min(row + AROUND, of_epochs[epoch + 1])
         after = times_ns[row:end] - times_ns[row - 1] - ahead[: end - row]

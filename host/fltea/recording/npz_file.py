@@ -1,4 +1,4 @@
-"""Reads and checks .npz recordings in fltea's own form."""
+"""Reads and checks .npz recordings in the form that `fltea export` writes."""
 
 import math
 from collections.abc import Collection, Iterator
@@ -28,21 +28,22 @@ from fltea.records.records import AXES
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
-"""Optional arrays with a row for each sample."""
+"""Optional arrays that have a row for each sample."""
 
 NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g", *BESIDE)
 """All arrays that are read; other arrays in a file are ignored."""
 
 
 def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Check and open `gyro_raw` with `lsb_per_dps`, or `gyro_dps`; `fs_hz`; and optional arrays.
+    """Open and check a recording with `fs_hz`, and with `gyro_raw` and `lsb_per_dps`, or with `gyro_dps`.
 
-    Optional are `t_host_s`, and `accel_raw` with `accel_lsb_per_g`, or `accel_ms2`. A recording with gaps
-    also has
-    `time_s` (of the device), `seq` and `epoch`, as `fltea export` writes them.
+    The following arrays are optional: `t_host_s`; `accel_raw` with `accel_lsb_per_g`; or `accel_ms2`. A
+    recording with gaps also has `time_s` (times by the device's clock), `seq` and `epoch`, as `fltea export`
+    writes them.
 
     Raises:
-        UsageError: the file is no such recording, holds values that are not finite, or exceeds the limits.
+        UsageError: the file is not such a recording, holds numbers that are not finite, or exceeds the
+            limits.
     """
     arrays = NpzArrays(path, NPZ_ARRAYS, limits)
     key = next((k for k in ("gyro_raw", "gyro_dps") if k in arrays), None)
@@ -79,7 +80,7 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
 
 
 def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answer, ...]:
-    """Return the answers that the names of the arrays give; each name has one meaning."""
+    """Return the answers that the names of the arrays give, since each name has one fixed meaning."""
     unit, by = ("deg/s", key) if like.lsb_per_dps is None else (f"lsb:{like.lsb_per_dps:g}", "lsb_per_dps")
     found = [
         Answer("columns", f"{key} as {', '.join('xyz'[: like.gyro.shape[1]])}", "stated", "its name"),
@@ -166,7 +167,7 @@ class _Check:
         self._rows += len(host_s)
 
     def end(self) -> None:
-        """Check that arrivals span the time that the stated rate gives; they may come in bursts."""
+        """Check that the arrival times span the duration that the stated rate gives, apart from bursts."""
         assert self._first is not None
         expected_s, seconds = (last - first for last, first in zip(self._last, self._first, strict=True))
         check_span(self._path, self._rate_hz, self._rows, expected_s)
@@ -179,9 +180,9 @@ class _Check:
 
 
 def _numeric(path: Path, name: str, array: NDArray[Any], first: int = 0) -> NDArray[np.float64]:
-    """Return an array as floats; raise UsageError unless all are finite.
+    """Return an array as floats; raise UsageError unless all numbers are finite.
 
-    `first`: row number of the first value.
+    `first`: row number of the array's first value, for messages.
     """
     values = np.asarray(array, dtype=np.float64)
     finite = np.isfinite(np.atleast_1d(values))

@@ -1,1 +1,1 @@
-"""The sources that events come from."""
+"""Sources of events: ports, buses, files, brokers and a simulation."""

@@ -1,4 +1,4 @@
-"""Check whether live samples without times come at the rate that the user states."""
+"""Checks whether live samples without times arrive at the rate that the user states."""
 
 from itertools import pairwise
 
@@ -8,9 +8,9 @@ from fltea.records.events import Trouble
 
 
 class ArrivalWatch:
-    """Checks whether samples that are numbered by their order come at the stated rate.
+    """Checks whether samples that are numbered by their order arrive at the stated rate.
 
-    A buffer delays samples, and then many come at once. So of each second or so, only the earliest arrival
+    A buffer delays samples, and then many arrive at once. So of each second or so, only the earliest arrival
     counts. A delay that stays means that samples were lost, or that the sender paused.
     """
 
@@ -23,7 +23,7 @@ class ArrivalWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Begin again, for a new run of the sender."""
+        """Forget all arrivals, since the sender restarted."""
         self._origin: tuple[float, float] | None = None
         self._whiles: list[tuple[float, float]] = []
         self._doubt: tuple[float, float] | None = None
@@ -31,7 +31,7 @@ class ArrivalWatch:
         self._pauses_s: list[float] = []
 
     def add(self, device_us: int, host_ns: int) -> Trouble | None:
-        """Take the last of the samples that arrived together; return a warning if one is due."""
+        """Note the last of the samples that arrived together; return a warning if one is due."""
         host_s, device_s = host_ns * 1e-9, device_us * 1e-6
         if self._origin is None:
             self._origin = (host_s, device_s)
@@ -51,7 +51,7 @@ class ArrivalWatch:
             jump_s = late_s - reference[0] - slope * (host_s - reference[1])
             least_s = max(self.LEAST_JUMP_S, 3 / self._rate_hz, float(np.median(self._pauses_s)))
             if jump_s > least_s and self._doubt is None:
-                self._doubt = late_s, host_s  # the next value shows whether the delay stays
+                self._doubt = late_s, host_s  # the next earliest arrival shows whether the delay stays
                 return None
             if jump_s > least_s:
                 self._whiles, self._doubt = [(late_s, host_s)], None

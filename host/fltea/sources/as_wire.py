@@ -1,4 +1,4 @@
-"""Encode the events of a source without a wire protocol as frames, so that they can be recorded."""
+"""Encodes the events of a source without a wire protocol as frames, so that they can be recorded."""
 
 import hashlib
 import struct
@@ -32,18 +32,19 @@ from fltea.wire.message_events import hello_event
 from fltea.wire.messages import encode
 
 SCALES = ("rate_hz", "gyro_lsb_per_dps", "accel_lsb_per_g")
-"""Fields that estimates depend on, so they must be recorded exactly."""
+"""HELLO fields that the estimates depend on, so a frame must hold their exact values."""
 
 U16, U32 = 1 << 16, 1 << 32
 
 
 class AsWire:
-    """Encodes events as frames of the protocol.
+    """Encodes events as frames of fltea's wire protocol.
 
-    A replay gives the same HELLO (a field that a frame cannot state becomes 0), samples in counts, device
-    counters, and losses of the device. Troubles are not in the frames, only among the `error` records.
+    A replay of the frames gives the same HELLO (a field that a frame cannot hold becomes 0), samples in
+    counts, device counters, and losses of the device. Troubles are not encoded; they are only recorded as
+    `error` records.
 
-    `unix_offset_ns`: returns the offset from the source's monotonic clock to Unix time.
+    `unix_offset_ns`: function that returns the offset from the source's monotonic clock to Unix time [ns].
     """
 
     def __init__(self, unix_offset_ns: Callable[[], int] = clock.unix_offset_ns) -> None:
@@ -54,11 +55,11 @@ class AsWire:
         self._host_ns = self._device_us = 0
 
     def encode(self, event: Event) -> list[TransportEvent]:
-        """Return the transport events that stand for one event.
+        """Return the transport events that represent one event of the source.
 
         Raises:
-            UsageError: a frame cannot state the event: samples that are no counts, or a rate finer than 0.001
-            Hz.
+            UsageError: a frame cannot hold the event: its samples are no counts, or its rate is no multiple
+                of 0.001 Hz.
         """
         self._host_ns = host_ns_of(event) or self._host_ns
         if isinstance(event, LinkDown):
@@ -82,7 +83,10 @@ class AsWire:
         return found
 
     def _lost(self, event: Event) -> list[TransportEvent]:
-        """Return what stands for the loss of the device; the event right after the loss says why."""
+        """Return the transport events for a loss in the device.
+
+        The event right after the loss gives the reason.
+        """
         if self._down is None:
             return []
         host_ns, self._down, self._open = self._down.host_ns, None, False
@@ -116,10 +120,10 @@ def _impossible(why: str) -> UsageError:
 
 
 def as_stated(hello: Hello) -> Hello:
-    """Return a HELLO with the identity that its device has in a recording.
+    """Return a HELLO whose device has the identity that a recording would give it.
 
     Raises:
-        UsageError: a frame cannot state the HELLO.
+        UsageError: a frame cannot hold the HELLO.
     """
     try:
         stated = hello_event(_hello(hello), hello.source, hello.host_ns)
@@ -147,7 +151,7 @@ def _hello(hello: Hello) -> wire.Hello:
         gyro_dlpf=round(hello.gyro_dlpf_hz or 0),
         sampling_mode=_number(wire.SamplingMode, hello.sampling_mode),
     )
-    message.pack()  # raises an error for values that do not fit, before they are compared
+    message.pack()  # raises an error for values that do not fit, before the values are compared
     if hello.gyro_lsb_per_dps is None:
         raise ValueError("its samples are deg/s, not counts")
     stated = hello_event(message, "", 0)
@@ -159,7 +163,7 @@ def _hello(hello: Hello) -> wire.Hello:
 
 
 def _device_id(text: str | None) -> bytes:
-    """Return sixteen bytes that identify the device: its id if that has sixteen, else a digest of the id."""
+    """Return sixteen bytes that identify the device: its ID of sixteen bytes, or a digest of its ID."""
     if text is None:
         return bytes(16)
     try:
@@ -190,7 +194,7 @@ def _status(status: DeviceStatus) -> wire.Status:
         status.overruns % U32,
         status.dropped_frames % U32,
         _number(wire.ResetCause, status.reset_cause),
-        cpu_share=0,  # not known for a source without a wire protocol
+        cpu_share=0,  # this share is unknown for a source without a wire protocol
         longest_step=0,
     )
 

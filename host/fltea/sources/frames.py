@@ -1,4 +1,4 @@
-"""Turn the frames of one device behind a broker into events; another object receives the messages."""
+"""Turns the frames of one device behind a broker into events; another object receives its messages."""
 
 from collections.abc import Callable, Iterator
 
@@ -16,8 +16,9 @@ HINTS = Hints(
 class FramesSource:
     """Turns the frames of one device into events. The receiver of its messages passes them to `take`.
 
-    `url`: name of the source in messages. `overflow_bytes`: returns the number of bytes that were dropped
-    before they came here. `tap`: called with all that comes, before it is decoded.
+    `url`: name of the source in messages. `overflow_bytes`: function that returns the number of bytes that
+    were dropped before they came here. `tap`: function that is called with everything that comes, before it
+    is decoded.
     """
 
     live = prompt = True
@@ -30,15 +31,15 @@ class FramesSource:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Offset from the monotonic clock to Unix time at the last message [ns]."""
+        """Offset from the monotonic clock to Unix time when the last message came [ns]."""
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield nothing, since messages are received for many devices together."""
+        """Yield nothing: one object receives the messages for many devices, and calls `take`."""
         return iter(())
 
     def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
-        """Yield the events of a device's first message."""
+        """Yield the events that precede those of a device's first message."""
         return self.take(Opened(now_ns, unix_offset_ns))
 
     def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
@@ -49,16 +50,17 @@ class FramesSource:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        self._wire.resume(now_ns)  # a device is served only when it has sent something, so no stall is ours
+        # this source exists only once the device has sent something, so a pause is not the program's
+        self._wire.resume(now_ns)
         yield from self._wire.feed(item, now_ns)
 
     def forgive(self, now_ns: int) -> None:
-        """Restart all timeouts, since no device could be heard until now."""
+        """Restart all timeouts, since the program could not receive messages until now."""
         self._wire.forgive(now_ns)
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of what arrived and what was lost on the way."""
+        """Return the counts of bytes and frames that arrived, and that were lost on the way."""
         return self._wire.link_stats(self._overflow_bytes())
 
     def close(self) -> None:
-        """Do nothing, since nothing is open here."""
+        """Do nothing, since this source holds no open port or file."""

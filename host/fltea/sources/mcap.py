@@ -1,6 +1,6 @@
-"""Replay a recording in MCAP files: the bytes from the wire are handled in the same way as live ones.
+"""Replays a recording in MCAP files; the recorded bytes are decoded in the same way as live bytes.
 
-Files are read as a stream, one chunk at a time, so neither their size nor their number costs memory.
+Files are read one chunk at a time, so that large or many files need no more memory.
 """
 
 import re
@@ -40,22 +40,25 @@ _link = msgspec.json.Decoder(LinkMessage)
 
 
 class Session(NamedTuple):
-    """The files of one recording session, in order. `unread`: why other files of it cannot be read."""
+    """The files of one recording session, in order.
+
+    `unread`: why other files of the session cannot be read.
+    """
 
     parts: list[Part]
     unread: dict[Path, str]
 
     @property
     def name(self) -> Path:
-        """Path of the first file without its number."""
+        """Path of the session's first file without its number."""
         return name_of(self.parts[0].path)
 
 
 def find_session(paths: Sequence[Path]) -> Session:
-    """Return the only session at these paths, with every file that cannot be read; see `find_sessions`.
+    """Return the only session at these paths, with the reasons why files cannot be read.
 
     Raises:
-        UsageError: nothing is there, it is no recording, or several sessions exist, which the text lists.
+        UsageError: nothing is at the paths, the files are no recording, or there are several sessions.
     """
     sessions, stray = find_sessions(paths)
     if len(sessions) > 1:
@@ -65,14 +68,14 @@ def find_session(paths: Sequence[Path]) -> Session:
 
 
 def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]]:
-    """Return all sessions, and the unreadable files whose names belong to none of them.
+    """Return all sessions at these paths, and the unreadable files that belong to none of them.
 
     `paths`: files; a folder stands for all its files, and the name of a session
     (`due_20270801T120000Z_1f0c2b3a`, without the number) for all files of that session. If a file has a
     recovered copy, the copy is used.
 
     Raises:
-        UsageError: nothing is there, or it is no recording.
+        UsageError: nothing is at the paths, or the files are no recording.
     """
     found: dict[tuple[str, str], dict[int, Part]] = {}
     unread: dict[Path, str] = {}
@@ -112,7 +115,7 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
 
 
 def _missing(session: Session) -> Iterator[tuple[Path, str]]:
-    """Yield the missing files between those of a session; the first and the last files may be left out."""
+    """Yield the missing files between the files of a session; missing first or last files are not known."""
     unread = {path.name for path in session.unread}
     for before, after in pairwise(part.info.part for part in session.parts):
         names = (f"{session.name.name}_{number:03}{SUFFIX}" for number in range(before + 1, after))
@@ -122,7 +125,7 @@ def _missing(session: Session) -> Iterator[tuple[Path, str]]:
 
 
 def _original(path: Path) -> Path:
-    """Return the file that this file is a recovered copy of, or the file itself."""
+    """Return the file of which this file is a recovered copy, or the file itself."""
     return path.with_name(path.name.replace(".recovered.", "."))
 
 
@@ -149,19 +152,21 @@ def _session_line(session: Session) -> str:
 
 
 def name_of(path: Path) -> Path:
-    """Return the name of a file's session, which is the file's name without the number."""
+    """Return the name of the session that a file belongs to: the file's name without its number."""
     match = PART_OF_NAME.fullmatch(path.name)
     return path.with_name(match[1]) if match else path
 
 
 class McapRecording:
-    """Gives the events of a recording, or its messages, once.
+    """Yields the events of a recording, or its messages, once.
 
-    `name`: the source that HELLO states. The counts are those of the events so far. `breaks`: number of
-    places where something was not recorded. `torn`: number of files that were not finished. `open`: number of
-    files that a program still writes. `unread`: why files cannot be read, or not completely.
-    `unrecorded_items`, `unrecorded_bytes`: what the recorder counted as lost. `damaged_bytes`: size of the
-    unreadable parts of files. `changes`: steps and motions.
+    `name`: source name that HELLO shows. All counts are those of the events yielded so far.
+    `breaks`: number of gaps in which something was not recorded. `torn`: number of files that were not
+    finished.
+    `open`: number of files to which a program still writes.
+    `unread`: why files cannot be read, or not completely.
+    `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted as lost.
+    `damaged_bytes`: total size of the unreadable parts of files. `changes`: counts of bias steps and motions.
     """
 
     live = prompt = False
@@ -179,8 +184,8 @@ class McapRecording:
         self._now_ns = 0
         self._next_sequence: int | None = None
         self._opened = parts[0].info.part == 0
-        self._hello = parts[0].info.hello  # the HELLO to give before the next message, if any
-        self._missing: str | None = None  # why the stream is interrupted before the next message
+        self._hello = parts[0].info.hello  # the HELLO to yield before the next message, or None
+        self._missing: str | None = None  # why data are missing before the next message, or None
         self._no_sensor = False
 
     @property
@@ -202,11 +207,11 @@ class McapRecording:
         )
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of what arrived and what was lost on the way."""
+        """Return the counts of bytes and frames that arrived, and that were lost on the way."""
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
-        """Yield the device's events; troubles of the past are not fatal now."""
+        """Yield the device's events; recorded troubles are not fatal in a replay."""
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
@@ -242,7 +247,7 @@ class McapRecording:
                 yield part, entry
 
     def _items_of(self, part: Part) -> Iterator[Batch | Damage | Torn]:
-        """Yield the contents of a file, and note its first damage."""
+        """Yield the contents of a file, and remember the first damage."""
         is_damaged = False
         for item in read_batches(part, self._limits):
             if isinstance(item, Damage) and item.size and not is_damaged:
@@ -252,7 +257,7 @@ class McapRecording:
             yield item
 
     def _break(self, why: str, hello: Hello | None) -> None:
-        """Note that something is missing here. `hello`: the device's HELLO after the gap, if it is known."""
+        """Note that data are missing here. `hello`: the device's HELLO after the gap, if known."""
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
@@ -291,7 +296,7 @@ class McapRecording:
     def _on_link(self, data: bytes, host_ns: int, offset_ns: int, info: PartInfo) -> Iterator[Event]:
         try:
             link = _link.decode(data)
-        except (ValueError, RecursionError):  # msgspec's errors, the second for deeply nested brackets
+        except (ValueError, RecursionError):  # errors of msgspec, and of deeply nested brackets
             self._break("a message about the line is damaged", None)
             return
         if link.event == "gap":
@@ -305,11 +310,11 @@ class McapRecording:
             yield from self._feed(Failed(link.kind, link.message, host_ns, offset_ns))
 
     def _feed(self, item: Reads | Opened | Failed) -> Iterator[Event]:
-        """Yield the events of what came, after those that must precede it."""
+        """Yield the events of an item, after the events that must precede them."""
         host_ns, offset_ns = item[-2:] if not isinstance(item, Reads) else next(item.chunks())[1:]
         if self._missing is not None:
             self.breaks += 1
-            self._wire.forgive(host_ns)  # it is unknown what the port did meanwhile
+            self._wire.forgive(host_ns)  # it is unknown what the port did during the gap
             failed = Failed("recording_gap", f"{self._name}: {self._missing}.", host_ns, offset_ns)
             yield from self._interpret(failed, host_ns)
             self._missing = None
@@ -332,7 +337,8 @@ class McapRecording:
                 return event._replace(fatal=False)
             case Hello():
                 return self._renamed(event)
-            case RawBlock() if self._no_sensor:  # simulated: their frames' temperature means nothing
+            # a simulated device: the temperature in its frames has no meaning
+            case RawBlock() if self._no_sensor:
                 return event._replace(temperature=None)
         return event
 

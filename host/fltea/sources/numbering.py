@@ -1,4 +1,4 @@
-"""Number live samples that come without numbers, and give them device times, from their times or their order.
+"""Numbers live samples that come without numbers, by their times or their order, and gives them device times.
 
 The rules are those of `fltea.recording.sample_times`. Samples wait until the times determine a rate.
 """
@@ -24,19 +24,20 @@ from fltea.recording.timing import Timing, timing
 from fltea.records.errors import UsageError
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
-"""The rate is found from samples over `RATE_S` [s], at least `FEWEST` and at most `MOST` samples."""
+"""The rate is measured over `RATE_S` [s], from at least `FEWEST` and at most `MOST` samples."""
 
 PATIENCE_NS = 10 * 10**9
-"""Time on the host's clock after which waiting samples are used, since their times may be in another unit
-[ns]."""
+"""Time on the host's clock after which samples wait no longer for a rate [ns]; their times may be in another
+unit."""
 
 
 class Arrived(NamedTuple):
     """Samples that arrived together.
 
-    `values`: (n, columns) in deg/s, counts or the source's unit. `time`: (n,), in the sender's unit; None
-    without such a column. `ordinal`: (n,), number of each sample among all samples, lost ones included, from
-    0. `begins`: the sender began again with the first of these samples.
+    `values`: (n, columns) in deg/s, counts or the source's unit.
+    `time`: (n,), in the sender's unit; None if there is no column of times.
+    `ordinal`: (n,), number of each sample among all samples from 0, lost samples included.
+    `begins`: whether the sender restarted before the first of these samples.
     """
 
     values: Floats
@@ -46,7 +47,7 @@ class Arrived(NamedTuple):
 
 
 class Numbered(NamedTuple):
-    """Successive samples. `begins`: a new run of the sender begins with them."""
+    """Successive samples. `begins`: whether the sender restarted before these samples."""
 
     begins: bool
     sequence: Ints
@@ -56,7 +57,7 @@ class Numbered(NamedTuple):
 
 
 class ByOrder:
-    """Numbers samples without times by their order, at a given rate."""
+    """Numbers samples without times by their order, at a rate that the user gives."""
 
     uneven = ""
 
@@ -68,7 +69,7 @@ class ByOrder:
         self._last_ns = 0
 
     def begin(self) -> None:
-        """Begin a new run with the next samples."""
+        """Begin a new run with the next samples, since the sender restarted."""
         self._base = None
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
@@ -88,7 +89,7 @@ class ByOrder:
 
 
 class _Waiting(NamedTuple):
-    """Samples that wait until their rate is known; `marks`: which of them begin a new run."""
+    """Samples that wait until their rate is known. `marks`: which samples begin a new run of the sender."""
 
     elapsed: Floats
     marks: Marks
@@ -97,12 +98,13 @@ class _Waiting(NamedTuple):
 
 
 class ByTime:
-    """Numbers samples by a column of times: where the times run ahead of the rate, samples are missing.
+    """Numbers samples by a column of times: a step longer than the sampling period means lost samples.
 
-    `where`: name of the source in messages. `rate_hz`: None until it is found, unless the user gives it.
-    `duplicates`: number of samples left out since their time equals the previous one. `unrated`: number of
-    samples left out since their times determine no rate; `why_no_rate` says why. `uneven`: warning that only
-    the given rate is used, not the times.
+    `where`: name of the source in messages. `rate_hz`: sampling rate; None until it is measured, unless the
+    user gives it.
+    `duplicates`: number of samples that were left out because their time equals the previous time.
+    `unrated`: number of samples that were left out because their times give no rate; `why_no_rate` says why.
+    `uneven`: warning that only the given rate is used, not the times.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
@@ -119,7 +121,7 @@ class ByTime:
         self._begins = True
 
     def begin(self) -> None:
-        """Note that the sender was lost; its times show whether it ran on meanwhile."""
+        """Note that the connection to the sender was lost; its times will show whether it kept running."""
         if self._by_order is not None:
             self._by_order.begin()
 
@@ -147,7 +149,7 @@ class ByTime:
         return count >= MOST or (count >= FEWEST and long)
 
     def finish(self) -> Iterator[Numbered]:
-        """Number the waiting samples, if they determine a rate."""
+        """Number the waiting samples, if their times give a rate."""
         waiting, self._waiting = self._waiting, []
         if not waiting:
             return

@@ -1,4 +1,4 @@
-"""Wait until a sample is due, for sources that set their own pace."""
+"""Waits until a sample is due, for sources that produce samples themselves."""
 
 import time
 from collections.abc import Callable
@@ -11,7 +11,8 @@ SLICE_S = 0.1
 def sleep_until(due_ns: int, closed: Callable[[], bool]) -> None:
     """Sleep until the host's clock reads `due_ns` or the source is closed.
 
-    It sleeps in slices, since Python continues to sleep after a signal, and `close` has to end a long wait.
+    The function sleeps in slices, since Python continues to sleep after a signal, and `close` must be able to
+    end a long wait.
     """
     while not closed() and (left_ns := due_ns - host_ns()) > 0:
         time.sleep(min(left_ns * 1e-9, SLICE_S))

@@ -1,4 +1,4 @@
-"""Replay a recording at full speed or at its own pace, in order or shuffled."""
+"""Replays a recording at full speed or at its recorded speed, in order or shuffled."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -42,21 +42,22 @@ AT_ONCE = 8192
 """Number of samples in a block."""
 
 MOST_TROUBLES = 3
-"""Most troubles of a file that are named if it has too few samples."""
+"""Most troubles that the message about a file with too few samples lists."""
 
 
 class ReplaySource:
-    """Gives the events of one recording with its times, so a second run gives the same output.
+    """Yields the events of one recording with the recorded times, so a second run gives the same output.
 
     `path`: a file; for MCAP files also a folder or the name of a session (`sources.mcap.find_sessions`). CSV
     and NDJSON may come through a pipe, which is read to its end here.
 
-    `how`: what the user states about the recording. `startup`: samples of the start-up window; a shorter
-    recording is refused. `shuffle`: seed of a permutation of the samples (times stay), which makes any noise
-    white. `realtime`: wait between samples as long as in the recording. `limits`: of memory.
+    `how`: what the user states about the recording. `startup`: number of samples in the start-up window; a
+    shorter recording is refused. `shuffle`: seed of a permutation of the samples (the times stay), which
+    makes any noise white. `realtime`: whether to wait between samples as long as in the recording. `limits`:
+    limits of memory.
 
     Raises:
-        UsageError: the file is missing, bad or too large; the text names file, line and reason.
+        UsageError: the file is missing, damaged or too large; the message names file, line and reason.
     """
 
     live = False
@@ -80,7 +81,8 @@ class ReplaySource:
         self.reading: tuple[Answer, ...] = ()
         self.axes: tuple[str, ...] = ()
         troubles: list[str] = []
-        printable = str(path).encode(errors="replace").decode()  # a name may contain bytes that are no text
+        # a name may contain bytes that are no valid text
+        printable = str(path).encode(errors="replace").decode()
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         opened = open_recording(path, how, limits) if is_one_file(path) else None
         if shuffle is not None and not isinstance(opened, Stored):
@@ -120,7 +122,7 @@ class ReplaySource:
 
     @property
     def changes(self) -> Changes:
-        """Counts of steps and motions; for MCAP files as far as `events` has come."""
+        """Counts of bias steps and motions; for MCAP files, those in the events yielded so far."""
         return self._changes if self._mcap is None else self._mcap.changes
 
     @property
@@ -142,7 +144,7 @@ class ReplaySource:
                 yield part
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of the recorded bytes; in other recordings nothing can be lost on the way."""
+        """Return the counts of the recorded bytes; for other recordings than MCAP, nothing can be lost."""
         return LinkStats() if self._mcap is None else self._mcap.link_stats()
 
     def close(self) -> None:
@@ -151,11 +153,11 @@ class ReplaySource:
 
 
 TOGETHER_NS = 5_000_000
-"""Samples within this time are given together [ns]: single samples of 8 kHz could not keep up."""
+"""Samples within this time are yielded together [ns], since single samples at 8 kHz would take too long."""
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """Yield a block of samples as parts that are due together, and any other event as it is."""
+    """Yield a block of samples in parts, each due at one time, and any other event unchanged."""
     if not isinstance(event, RawBlock):
         yield event
         return
@@ -167,7 +169,7 @@ def _paced(event: Event) -> Iterator[Event]:
 def open_mcap(
     paths: Sequence[Path], name: str, limits: Limits = DEFAULT_LIMITS
 ) -> Callable[[], "McapRecording"]:
-    """Return a function that opens a recording in MCAP files, each time from its beginning.
+    """Return a function that opens a recording in MCAP files; each call starts at the beginning.
 
     Raises:
         UsageError: the library is not installed, `sources.mcap.find_session` finds no single session, or the
@@ -182,10 +184,10 @@ def open_mcap(
 
 
 def mcap_sessions(paths: Sequence[Path]) -> list[list[Path]]:
-    """Return the files of each recording that `sources.mcap.find_sessions` finds, and other files alone.
+    """Return the files of each MCAP recording as a list, and each other file as a list of its own.
 
     Raises:
-        UsageError: as in `find_sessions`, or the library is not installed.
+        UsageError: `find_sessions` refuses the paths, or the library is not installed.
     """
     sessions, stray = _mcap_library().find_sessions(paths)
     found = [
@@ -200,7 +202,7 @@ def _mcap_library() -> ModuleType:
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> tuple[int, list[str]]:
-    """Return the number of samples of a recording, at most about `limit`, and the troubles up to there."""
+    """Return the number of samples in a recording, up to about `limit`, and the troubles up to there."""
     count, troubles = 0, []
     for event in recording.events():
         if isinstance(event, Trouble) and event.kind in FILE_TROUBLES:
@@ -237,24 +239,24 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
             host_ns = np.round((block.host_s - first.host_s[0]) * 1e9).astype(np.int64)
         breaks = np.zeros(len(device_us), dtype=np.bool_)
         sequence = block.seq
-        if sequence is None:  # an .npz of another program, whose times are those of a sensor's clock
+        if sequence is None:  # an .npz file of another program, with times by a sensor's clock
             _, sequence, breaks, _ = numbering.add(block.device_s, breaks)
         if block.epoch is not None:
             breaks |= np.diff(block.epoch, prepend=epoch) != 0
             epoch = int(block.epoch[-1])
-        # Counts without a scale are useless, and a HELLO without a scale says that the values are in m/s².
+        # Counts without a scale are useless. A HELLO without a scale would say that the values are in m/s².
         accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
         for begin, end in zip(begins, [*begins[1:], len(sequence)], strict=True):
-            if begin or end == 0:  # `end == 0`: an epoch begins with the block
+            if begin or end == 0:  # `end == 0`: an epoch begins with this block
                 yield Break("restart", int(host_ns[begin]))
             if end > begin:
                 yield raw.rows(begin, end)
 
 
 def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
-    """Yield the samples in another order, which needs all of them in memory."""
+    """Yield the samples in random order; all of them must be in memory."""
     whole = recording.whole()
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
     accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
@@ -262,7 +264,7 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
-    """Yield the events of fltea's own output, whose numbers and times are unwrapped and epochs are stated."""
+    """Yield the events of fltea's own output, whose sample numbers and times do not wrap."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
     hello: Hello | None = None
@@ -284,7 +286,8 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            case EpochMark(reason=reason) if reason != "gap":  # a gap is found again, with the present limit
+            # a gap is detected again, with the present limit
+            case EpochMark(reason=reason) if reason != "gap":
                 yield from block()
                 yield Break(record.reason, record.host_ns)
     yield from block()

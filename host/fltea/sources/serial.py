@@ -1,4 +1,4 @@
-"""Read a device on a serial URL."""
+"""Reads a device on a serial URL."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -14,13 +14,12 @@ from fltea.wire.transport import Port
 
 
 class SerialSource:
-    """Turns frames from a serial port into events; every failure becomes a `Trouble`, and reading continues.
+    """Turns frames from a serial port into events; each failure becomes a `Trouble`, and reading continues.
 
-    The source reads the port itself (`events`), or native code reads `port` and passes on what happened
-    (`take`).
+    This object reads the port itself (`events`), or native code reads `port` and passes what came to `take`.
 
-    `latency_s`: as in `Port`. `tap`: called with all that comes from the port before it is decoded; set it
-    before reading begins.
+    `latency_s`: greatest age of the first waiting bytes when they are passed on [s]. `tap`: function that is
+    called with everything that comes from the port, before it is decoded; set it before reading begins.
 
     Raises:
         UsageError: the kind of URL is unknown, or the speed is 1200 baud.
@@ -41,7 +40,7 @@ class SerialSource:
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield the device's events until `close`; a thread of its own reads the port."""
+        """Yield the device's events until `close`; a separate thread reads the port."""
         self._reader = Reader(self.port)
         self._reader.start()
         self._wire.resume(clock.host_ns())
@@ -50,15 +49,18 @@ class SerialSource:
 
     @property
     def line(self) -> WireLine:
-        """The native decoder, for callers that read the port natively; its items go to `events_of`."""
+        """The native decoder, for callers that read the port in native code.
+
+        Pass its items to `events_of`.
+        """
         return self._wire.line
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item of `line`, before the next item is asked for."""
+        """Yield the events of one item from `line`; call this before the next item is requested."""
         return self._wire.events_of(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of what came from the port; None: nothing came for a while."""
+        """Yield the events of a transport event from the port; None says that nothing came for a while."""
         now_ns = clock.host_ns()
         if item is not None and self.tap is not None:
             self.tap(item)
@@ -66,10 +68,10 @@ class SerialSource:
         self._wire.resume(now_ns)
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of what arrived and what was lost on the way."""
+        """Return the counts of bytes and frames that arrived, and that were lost on the way."""
         return self._wire.link_stats(self.port.overflow_bytes)
 
     def close(self) -> None:
-        """Stop reading, and release the port; a port that native code reads is closed there."""
+        """Stop reading and release the port; if native code reads the port, that code closes it."""
         if self._reader is not None:
             self._reader.close()

@@ -1,4 +1,4 @@
-"""Simulate noise of known order, for trials and tests: `synthetic:?alpha=0.3&f=-1.5`."""
+"""Simulates noise of known order, for trials and tests: `synthetic:?alpha=0.3&f=-1.5`."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
 PACE_S = 0.01
-"""Time within which samples are given together in real time [s]: at 100 Hz each sample comes alone."""
+"""Time whose samples are yielded together in real time [s]; at 100 Hz each sample is yielded alone."""
 AT_ONCE = 256
 """Number of samples in a block if the source does not wait."""
 
@@ -43,7 +43,7 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class NoiseGenerator:
-    """Simulates all axes, each with a generator of its own; in counts if quantised, else in deg/s."""
+    """Simulates all axes, each with its own random generator; the samples are counts or deg/s."""
 
     def __init__(self, settings: NoiseSettings) -> None:
         self.settings = s = settings
@@ -67,7 +67,7 @@ def parse_noise(query: str) -> NoiseSettings:
     """Return the settings in the text after `synthetic:`.
 
     Raises:
-        UsageError: a key is unknown, or has no number or an impossible one; the text names the key.
+        UsageError: a key is unknown, or its value is not a possible number; the message names the key.
     """
     pairs = dict(parse_qsl(query.removeprefix("?"), keep_blank_values=True))
     try:
@@ -81,7 +81,7 @@ def parse_noise(query: str) -> NoiseSettings:
             raise ValueError(f"window has to be 1 to {LONGEST_WINDOW} samples, not {settings.window}")
         if settings.n < 0:
             raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
-        NoiseGenerator(settings).step()  # lets each of its parts check its settings
+        NoiseGenerator(settings).step()  # each part of the generator checks its settings
     except msgspec.ValidationError as error:
         known = ", ".join(NoiseSettings.__struct_fields__)
         raise UsageError(f"synthetic:{query}: {error}. Known keys: {known}.") from error
@@ -91,9 +91,9 @@ def parse_noise(query: str) -> NoiseSettings:
 
 
 class SyntheticSource:
-    """Gives simulated samples as events, in real time or at full speed.
+    """Yields simulated samples as events, in real time or at full speed.
 
-    `unix_offset_ns`: 0 unless in real time, so that runs can be compared.
+    `unix_offset_ns`: offset to Unix time [ns]; 0 unless in real time, so that two runs give equal output.
     """
 
     live = False

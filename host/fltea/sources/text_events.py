@@ -1,4 +1,4 @@
-"""Turn live text into events: samples, their numbers, and warnings for the user."""
+"""Turns live text into events: samples with their numbers, and warnings for the user."""
 
 import os
 from collections import Counter
@@ -33,17 +33,20 @@ from fltea.sources.arrival_watch import ArrivalWatch
 from fltea.sources.numbering import Arrived, ByOrder, ByTime, Numbered
 
 LONGEST_BLOCK_US = TIME_WRAP_US // 4
-"""Longest block in device time [µs]. A read of slow samples may span hours, but times must not wrap in a
-block."""
+"""Longest block in device time [µs]. One read of slow samples may span hours, but times must not wrap within
+a block."""
 
 PATIENCE_NS = 5 * 10**9
 
 FEW_LINES = 20
-"""Number of lines of text without a header above which a warning is due: a sender may print some first."""
+"""Number of lines without a header from which a warning is due; a sender may print a few other lines
+first."""
 
 
 class TextEvents:
-    """Turns live text into events. `url`: for messages. `how`: what the user states about columns and times.
+    """Turns live text into events.
+
+    `url`: name of the source for messages. `how`: what the user states about columns and times.
 
     Raises:
         UsageError: the settings are wrong.
@@ -70,7 +73,7 @@ class TextEvents:
         self._lines_reported = 0
 
     def open(self, now_ns: int, *, within_line: bool) -> None:
-        """Note that the input is open. `within_line`: its first bytes may be the end of a line of text."""
+        """Note that the input is open. `within_line`: whether its first bytes may be the end of a line."""
         self._connections += 1
         self._hello_due = True
         self._heard_ns = now_ns
@@ -79,17 +82,16 @@ class TextEvents:
             self._numbers.begin()
 
     def lost(self, failed: Failed) -> Iterator[Event]:
-        """Yield the events of an input that was lost, or cannot be opened."""
+        """Yield the events for an input that was lost, or that cannot be opened."""
         self._heard_ns = None
         yield LinkDown(failed.host_ns)
         yield from self._report(failed.kind, failed.message, failed.host_ns, fatal=self._fatal)
 
     def feed(self, data: bytes, now_ns: int) -> Iterator[Event]:
-        """Yield the events of bytes.
+        """Yield the events of the next bytes.
 
         Raises:
-            UsageError: the columns are named, but it is not clear which are meant, or in which units they
-            are.
+            UsageError: the columns have names, but it is unclear which columns or units are meant.
         """
         self._bytes += len(data)
         self._heard_ns = now_ns
@@ -97,14 +99,14 @@ class TextEvents:
         yield from self._report_lines(now_ns)
 
     def tick(self, now_ns: int) -> Iterator[Event]:
-        """Yield the events of a time in which nothing came."""
+        """Yield the events that are due although no bytes came."""
         yield Tick(now_ns)
         if self._heard_ns is not None and now_ns - self._heard_ns >= PATIENCE_NS:
             text = f"{self.url}: nothing came for {PATIENCE_NS // 10**9} s; does the sender run?"
             yield from self._report("silent", text, now_ns, fatal=self._fatal)
 
     def finish(self, now_ns: int) -> Iterator[Event]:
-        """Yield the last events, since the sender has ended.
+        """Yield the last events, since the sender ended the input.
 
         Raises:
             UsageError: the input contained no sample.
@@ -159,7 +161,7 @@ class TextEvents:
             yield from self._blocks(self._numbers, self._numbers.add(arrived, now_ns), now_ns)
 
     def _set_up(self, chosen: Chosen, now_ns: int) -> Iterator[Event]:
-        """Choose how the samples are numbered, now that the columns are known."""
+        """Choose how samples are numbered, once the columns are known."""
         if chosen.time is None:
             assert chosen.rate_hz is not None  # `choose` refuses columns without time and rate
             self._numbers = ByOrder(chosen.rate_hz)
@@ -171,10 +173,10 @@ class TextEvents:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
-        """Check the first samples, since a wrong column or unit does not become right later.
+        """Check the first samples, since a wrong column or unit shows in them.
 
         Raises:
-            Implausible: no gyroscope gives such figures.
+            Implausible: no gyroscope gives such numbers.
         """
         plausible.add(gyro)
         try:
@@ -185,7 +187,7 @@ class TextEvents:
             self._plausible = None
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
-        """Leave the accelerometer out from the first sample without acceleration on."""
+        """Leave the accelerometer out as soon as a sample has no acceleration."""
         assert samples.accel is not None
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return
@@ -242,7 +244,7 @@ class TextEvents:
         )
 
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
-        """Report lines without a sample; before the columns are known, only if no sample follows."""
+        """Report lines without a sample; before the columns are known, report only if no sample follows."""
         early = self.reader.counts["before_header"]
         total = self.reader.left_out + self._left_out.total()
         if total > self._lines_reported and self._reported.is_due("lines", now_ns):

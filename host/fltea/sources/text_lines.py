@@ -1,7 +1,7 @@
-"""Read live samples as lines of text: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
+"""Reads live samples as lines of text: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
 
-The text is CSV with or without a header, or JSON objects, read as `fltea.recording.text_rows` reads files.
-All that has arrived is passed on at once, as one block.
+The text is CSV with or without a header, or JSON objects, and is read as `fltea.recording.text_rows` reads
+files. Everything that has arrived is passed on at once, as one block.
 """
 
 import contextlib
@@ -22,13 +22,13 @@ from fltea.wire.reader import Reader
 from fltea.wire.transport import Port
 
 DEFAULT_BAUD = 115_200
-"""The speed of most boards' example programs."""
+"""Serial speed [baud] of most boards' example programs."""
 
 READ_BYTES = 1 << 16
 
 
 class PipeText:
-    """Reads lines of text from standard input, or from a FIFO or the like: `stdin:`, `stdin:/tmp/fifo`.
+    """Reads lines of text from standard input, or from a FIFO or similar file: `stdin:`, `stdin:/tmp/fifo`.
 
     The end of the input ends the source.
 
@@ -90,7 +90,7 @@ class PipeText:
                 os.close(self._descriptor)
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of what arrived, and of lines without a sample."""
+        """Return the counts of bytes and lines that arrived, and of lines without a sample."""
         return self._events.link_stats()
 
     def close(self) -> None:
@@ -101,9 +101,9 @@ class PipeText:
 
 
 class SerialText:
-    """Reads lines of text from a serial port; a lost port is opened again.
+    """Reads lines of text from a serial port; after a loss, the port is opened again.
 
-    `unix_offset_ns`: offset to Unix time at the last event.
+    `unix_offset_ns`: offset from the monotonic clock to Unix time at the last event [ns].
 
     Raises:
         UsageError: the settings are wrong, or there is no serial port.
@@ -118,7 +118,7 @@ class SerialText:
         self.unix_offset_ns = clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
-        """Yield the events until `close`; a thread of its own reads the port."""
+        """Yield the events until `close`; a separate thread reads the port."""
         self._reader.start()
         for item in self._reader.events(TICK_S):
             if item is not None:
@@ -126,7 +126,7 @@ class SerialText:
             yield from self.take(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of what came from the port; None: nothing came for a while."""
+        """Yield the events of a transport event from the port; None says that nothing came for a while."""
         match item:
             case None:
                 yield from self._events.tick(clock.host_ns())
@@ -138,7 +138,7 @@ class SerialText:
                 yield from self._events.feed(data, host_ns)
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of what arrived, what was lost on the way, and lines without a sample."""
+        """Return the counts of lines that arrived, that were lost on the way, and that hold no sample."""
         return self._events.link_stats(self._reader.port.overflow_bytes)
 
     def close(self) -> None:
@@ -147,10 +147,10 @@ class SerialText:
 
 
 def parse_serial(rest: str) -> tuple[str, int]:
-    """Return port and speed from the text after `serial-text:`.
+    """Return port and speed [baud] from the text after `serial-text:`.
 
     Raises:
-        UsageError: a key is unknown, or the speed is no number.
+        UsageError: a key is unknown, or the speed is not a number.
     """
     url, mark, query = rest.rpartition("?")
     if not mark or "=" not in query:

@@ -1,6 +1,6 @@
-"""Turn what arrived over a wire into events, and watch for silence and faults.
+"""Turns what arrived over a wire into events, and watches for silence and faults.
 
-It does not depend on where the bytes come from: a port (`fltea.sources.serial`) or a recording of one.
+It makes no difference whether the bytes come from a port (`fltea.sources.serial`) or from a recording.
 """
 
 from collections.abc import Iterator
@@ -40,13 +40,13 @@ from fltea.wire.ports import TICK_NS
 from fltea.wire.sensors import NO_SENSOR, SENSORS, relative_text, sensor_name
 
 SILENCE_S = 5.0
-"""Time without bytes, or without readable bytes, after which it is reported [s]."""
+"""Time without bytes, or without readable bytes, after which a trouble is reported [s]."""
 
 LIMIT_NS = int(SILENCE_S * 1e9)
 
 
 class Hints(NamedTuple):
-    """Advice for a device that sends nothing, or nothing readable."""
+    """Advice for the user if a device sends nothing, or nothing readable."""
 
     silent: str
     unreadable: str
@@ -59,9 +59,9 @@ OF_A_PORT = Hints(
 
 
 class WireEvents:
-    """Turns transport events into events; every failure becomes a `Trouble`.
+    """Turns transport events into events; each failure becomes a `Trouble`.
 
-    `url`: name of the port in messages. `hints`: advice for bytes without frames, and for no bytes.
+    `url`: name of the port in messages. `hints`: advice if no frames, or no bytes, arrive.
     """
 
     def __init__(self, url: str, hints: "Hints | None" = None) -> None:
@@ -69,7 +69,7 @@ class WireEvents:
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
         self.line = WireLine(LIMIT_NS, TICK_NS, REPEAT_NS)
-        self._said: Hello | None = None  # of the last accepted HELLO; most later ones are the same
+        self._said: Hello | None = None  # the last accepted HELLO; most later HELLOs are equal
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
         self._reported_faults = OnceAMinute()
@@ -84,11 +84,11 @@ class WireEvents:
         self.line.unix_offset_ns = offset_ns
 
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
-        """Yield the events of one transport event, or of many reads; None: nothing came for a while.
+        """Yield the events of one transport event, or of many reads; None says that nothing came for a while.
 
-        Many reads give the same events as the single reads, with ticks for the silence between them.
-        `now_ns`: present time of the monotonic clock; in a recording, the time of the event or of its first
-        read.
+        Many reads together give the same events as the single reads, with ticks for the silence between them.
+        `now_ns`: present time of the monotonic clock [ns]; in a recording, the time of the event or of the
+        first read.
         """
         match item:
             case Reads():
@@ -107,7 +107,7 @@ class WireEvents:
         yield from self._items()
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
-        """Yield the events of a silent port until a time."""
+        """Yield the events of a port that was silent until the time `until_ns`."""
         self.line.pass_time(until_ns)
         yield from self._items()
 
@@ -116,11 +116,11 @@ class WireEvents:
         self.line.forgive(now_ns)
 
     def resume(self, now_ns: int) -> None:
-        """Note when the program continued, to tell its own stall from a silent device."""
+        """Note when the program continued, so that its own pause is not taken for a silent device."""
         self.line.resume(now_ns)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Return the counts of what was passed on, and of what was lost on the way."""
+        """Return the counts of bytes and frames that were passed on, and that were lost on the way."""
         size_bytes, frames, refused, connections, bad = self.line.counts()
         return LinkStats(
             bytes=size_bytes,
@@ -138,7 +138,7 @@ class WireEvents:
             yield from self.events_of(item)
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item of `line`, before the next item is asked for."""
+        """Yield the events of one item from `line`; call this before the next item is requested."""
         match item:
             case "samples", columns:
                 yield RawBlock._make(columns)
@@ -185,7 +185,7 @@ class WireEvents:
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
-        """Report a chip's peculiarity once; after a restart of the sensor its faults are reported again."""
+        """Report once that a chip is unusual; after a restart of the sensor, report its faults again."""
         sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
         if sensor != self._sensor:
             self._sensor = sensor
@@ -203,7 +203,7 @@ class WireEvents:
             yield Trouble("sensor_unknown", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _explain(self, kind: str, unread_bytes: int) -> tuple[str, str]:
-        """Return kind and text of a trouble with what arrives."""
+        """Return kind and text of a trouble with the bytes that arrive."""
         if kind == "silent":
             text = f"{self.url} is open but has said nothing for {SILENCE_S:g} s. {self._hints.silent}"
             return "silent", text
@@ -215,7 +215,7 @@ class WireEvents:
 
 
 def hello_problem(hello: wire.Hello) -> str | None:
-    """Return why samples after this HELLO cannot be used; None if they can."""
+    """Return why samples after this HELLO cannot be used; None if they can be used."""
     if not hello.sample_rate or not hello.gyro_lsb:
         return (
             f"its HELLO states a rate of {hello.sample_rate} mHz and {hello.gyro_lsb} tenths of an LSB per "

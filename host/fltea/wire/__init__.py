@@ -1,1 +1,1 @@
-"""The host's side of the wire protocol: bytes, frames, messages, units."""
+"""The host's side of the wire protocol: bytes, frames, messages and units."""

@@ -1,4 +1,4 @@
-"""Decode the bytes of one port to blocks of samples or single frames, with the native decoder.
+"""Decodes the bytes of one port to blocks of samples and single frames, with the native decoder.
 
 The rules of decoding are in protocol/README.md.
 """
@@ -16,7 +16,7 @@ from fltea.wire.messages import BadFrame, Frame, Refused, refusal
 
 
 class SampleColumns(NamedTuple):
-    """One or more (n) consecutive SAMPLE frames, with no other frame between them, as columns."""
+    """The columns of n ≥ 1 consecutive SAMPLE frames, between which no other frame came."""
 
     sequence: NDArray[np.int64]
     """Number of the sampling instant, modulo 2**16; shape (n,)."""
@@ -31,24 +31,25 @@ class SampleColumns(NamedTuple):
     flags: NDArray[np.int64]
     """Bits of `wire.SampleFlags`; shape (n,)."""
     end: NDArray[np.int64]
-    """Offset within the bytes of the call, just behind the frame's closing 0x00 [bytes]; shape (n,)."""
+    """End of each frame, its closing 0x00 included, as an offset in the bytes of the call [bytes]; shape
+    (n,)."""
 
     def frames(self) -> Iterator[Frame]:
-        """Yield the samples as single frames."""
+        """Yield each sample as a single frame."""
         numbers = (column.tolist() for column in self[:-1])
         for sequence, device_us, gyro, accel, temperature, flags in zip(*numbers, strict=True):
             yield Frame(Sample.TYPE, sequence, device_us, Sample._make((*gyro, *accel, temperature, flags)))
 
 
 class Located(NamedTuple):
-    """A decoded item that is not a sample, and its end in the bytes."""
+    """A decoded item that is not a sample, with its end in the bytes of the call."""
 
     item: Frame | Refused | BadFrame
-    """A frame that is no SAMPLE, a refused HELLO, or a bad frame."""
+    """A frame other than SAMPLE, a refused HELLO, or a bad frame."""
     end: int
-    """Offset within the bytes of the call, just behind the closing 0x00 [bytes].
+    """End of the item, its closing 0x00 included, as an offset in the bytes of the call [bytes].
 
-    An oversize block ends behind the byte that made it too long, since it is reported before its 0x00 comes.
+    A block that is too long ends after the first surplus byte, since it is reported before its 0x00 comes.
     """
 
 
@@ -58,8 +59,9 @@ Decoded: TypeAlias = SampleColumns | Located
 class BlockReader:
     """Decodes the bytes of one port to blocks of samples and other items, in the order of the bytes.
 
-    It counts only the bytes fed (`bytes_in`, which `reset` does not change). The items depend only on the
-    bytes, not on how they are split into calls, except that a block of samples ends with its call.
+    The only counter here is `bytes_in`, the number of bytes fed, which `reset` does not change. The items
+    depend only on the bytes, not on how the bytes are split into calls, except that a block of samples ends
+    with its call.
     """
 
     def __init__(self) -> None:
@@ -67,7 +69,10 @@ class BlockReader:
         self._decoder = _native.Decoder()
 
     def reset(self) -> None:
-        """Start again after the port was reopened: drop the unfinished block; the next may be partial."""
+        """Start again after the port was reopened: drop the unfinished block.
+
+        The next block may be incomplete.
+        """
         self._decoder.reset()
 
     @property
@@ -76,9 +81,9 @@ class BlockReader:
         return self._decoder.pending
 
     def feed(self, data: bytes | bytearray | memoryview) -> list[Decoded]:
-        """Return all items that end in `data`. It never raises, whatever the bytes are.
+        """Return all items that end in `data`. This method never raises, whatever the bytes are.
 
-        A HELLO of another version gives a `Refused`. The caller must not interpret any item after it.
+        A HELLO of another protocol version gives a `Refused`; the caller must not interpret any later item.
         """
         self.bytes_in += len(data)
         columns, others = self._decoder.feed(data)
@@ -100,7 +105,7 @@ class BlockReader:
 
 
 def _read(type: int, sequence: int, device_us: int, payload: bytes) -> Frame | Refused:
-    """Return an intact frame; the decoder has checked its type and length."""
+    """Return an intact frame; the decoder has already checked its type and length."""
     refused = refusal(payload) if type == Hello.TYPE else None
     return refused or Frame(type, sequence, device_us, MESSAGES[type].unpack(payload))
 
@@ -108,8 +113,8 @@ def _read(type: int, sequence: int, device_us: int, payload: bytes) -> Frame | R
 class FrameReader:
     """Decodes the bytes of one port to single frames.
 
-    `counts`: number of good frames under "frames", and of bad frames under their reason in `REASONS`. It does
-    not count a `Refused`; the caller counts that and the frames after it.
+    `counts`: number of good frames under "frames", and number of bad frames under each reason in `REASONS`. A
+    `Refused` is not counted; the caller counts it and the frames after it.
     """
 
     def __init__(self) -> None:
@@ -122,14 +127,14 @@ class FrameReader:
         return self._blocks.bytes_in
 
     def feed(self, data: bytes) -> list[Frame | Refused]:
-        """Return the good frames that end in `data`; bad frames are only counted. It never raises.
+        """Return the good frames that end in `data`; bad frames are only counted. This method never raises.
 
-        A HELLO of another version gives a `Refused`. The caller must not interpret any frame after it.
+        A HELLO of another protocol version gives a `Refused`; the caller must not interpret any later frame.
         """
         return [item for item in self.feed_all(data) if not isinstance(item, BadFrame)]
 
     def feed_all(self, data: bytes) -> list[Frame | Refused | BadFrame]:
-        """Return the good and bad frames that end in `data`, in their order. It never raises."""
+        """Return the good and bad frames that end in `data`, in order. This method never raises."""
         items: list[Frame | Refused | BadFrame] = []
         for decoded in self._blocks.feed(data):
             items += decoded.frames() if isinstance(decoded, SampleColumns) else [decoded.item]

@@ -1,4 +1,4 @@
-"""Show raw frames as text: one line for each frame, also for damaged ones, and a summary at the end."""
+"""Shows raw frames as text: one line for each frame, damaged or not, and a summary at the end."""
 
 from collections.abc import Iterable, Iterator
 from enum import IntFlag
@@ -11,13 +11,13 @@ HEX_BYTES_SHOWN = 24
 
 
 FLAGS: dict[type[wire.Message], type[IntFlag]] = {wire.Estimate: wire.EstimateFlags, wire.Fit: wire.FitFlags}
-"""Names of the bits in `flags` of messages whose flags differ from those of SAMPLE."""
+"""Meanings of the bits in `flags`, for messages whose flags differ from those of SAMPLE."""
 
 
 def inspect(chunks: Iterable[bytes], reader: FrameReader) -> Iterator[str]:
-    """Yield one line for every block in a stream of bytes; `reader` counts the blocks.
+    """Yield one line of text for every block in a stream of bytes; `reader` counts the blocks.
 
-    After a HELLO of another version, fields may have another meaning; lines of such frames begin with `?`.
+    After a HELLO of another protocol version, fields may have other meanings; the lines then begin with `?`.
     """
     doubtful = False
     for chunk in chunks:
@@ -54,7 +54,7 @@ def summary(reader: FrameReader) -> str:
 
 def _value(field: str, value: object, flags: type[IntFlag]) -> str:
     if isinstance(value, float):
-        return f"{value:.7g}"  # the digits of an f32
+        return f"{value:.7g}"  # as many digits as a 32-bit float holds
     if isinstance(value, bytes):
         return value.hex()
     if isinstance(value, str):

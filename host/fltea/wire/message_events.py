@@ -1,4 +1,4 @@
-"""Convert messages to events: raw counts become values in their units (protocol/README.md)."""
+"""Converts messages to events: raw counts become values in units (protocol/README.md)."""
 
 from enum import IntEnum
 
@@ -10,7 +10,7 @@ from fltea.wire.sensors import sensor_name
 
 _FIELDS = wire.Estimate._fields
 CAUSES = _FIELDS[_FIELDS.index("order_box") : _FIELDS.index("tracker_bias")]
-"""Fields of ESTIMATE that count the guard's interventions; the host's engine uses the same names."""
+"""Fields of ESTIMATE that count corrections by the filter's guard; the host's engine uses the same names."""
 
 BINS = sum(field.startswith("frequency_") for field in wire.Spectrum._fields)
 """Number of bins in one SPECTRUM message."""
@@ -46,7 +46,8 @@ def hello_event(hello: wire.Hello, source: str, host_ns: int) -> Hello:
 def status_event(s: wire.Status) -> DeviceStatus:
     """Return the event of a STATUS, with counts converted to units.
 
-    A `longest_step` of 0 us means that none was measured, since no pass of the main loop takes 0 us.
+    A `longest_step` of 0 us means that no time was measured, since a pass of the main loop takes longer than
+    0 us.
     """
     return DeviceStatus(
         *s[:5],
@@ -57,7 +58,7 @@ def status_event(s: wire.Status) -> DeviceStatus:
 
 
 def axis_event(e: wire.Estimate, sequence: int, host_ns: int) -> DeviceAxis:
-    """Return the event of an ESTIMATE. `sequence`: number of its frame."""
+    """Return the event of an ESTIMATE message. `sequence`: number of the message's frame."""
     flags = wire.EstimateFlags
     return DeviceAxis(
         sequence=sequence,
@@ -118,7 +119,7 @@ def estimator_event(e: wire.Estimator, host_ns: int) -> DeviceEstimator:
 
 
 def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
-    """Return the event of a FIT."""
+    """Return the event of a FIT message."""
     flags = wire.FitFlags
     return DeviceFit(
         host_ns=host_ns,
@@ -144,7 +145,7 @@ def fit_event(fit: wire.Fit, host_ns: int) -> DeviceFit:
 
 
 def bins_event(s: wire.Spectrum, host_ns: int) -> DeviceBins:
-    """Return the event of a SPECTRUM; unused bins at the end of the last message are left out."""
+    """Return the event of a SPECTRUM message; unused bins at the end of the last message are left out."""
     n = max(0, min(BINS, s.total - s.first))
     hz, ordinates, density = (
         tuple(getattr(s, f"{name}_{i}") for i in range(n)) for name in ("frequency", "ordinates", "density")

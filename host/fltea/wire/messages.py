@@ -7,8 +7,8 @@ from struct import Struct
 from typing import Final, NamedTuple
 from zlib import crc32
 
-# An independent implementation of COBS: if the device's encoder misreads COBS, this one does not share its
-# fault. It is a fast C extension.
+# The package cobs is an independent implementation, so it does not share a fault in the device's encoder. It
+# is a fast C extension.
 from cobs import cobs
 
 from fltea.wire.layout import (
@@ -30,7 +30,7 @@ REASONS: Final = {
     "length": "CRC fits, but the payload is shorter than its type demands",
     "unknown_type": "intact, of a type that this version does not know",
 }
-"""Texts of the reasons why a block is a `BadFrame`."""
+"""Texts for the reasons why a block is a `BadFrame`."""
 
 CRC_SIZE: Final = 4
 VERSION: Final = Struct("<BBI")
@@ -43,7 +43,7 @@ class Frame(NamedTuple):
     type: int
     """Type byte, as in `wire.MESSAGES`."""
     sequence: int
-    """Number of the frame among those of its type, modulo 2**16."""
+    """Number of the frame among the frames of its type, modulo 2**16."""
     device_us: int
     """Device time since boot, modulo 2**32 [us]."""
     message: Message
@@ -54,15 +54,16 @@ class BadFrame(NamedTuple):
     """A damaged block, or a frame of a type that this program does not know."""
 
     reason: str
-    """One of `REASONS`."""
+    """Reason for the refusal: a key of `REASONS`."""
     data: bytes
-    """The block as it arrived, with COBS, without the 0x00; an oversize block is cut at `MAX_ENCODED`."""
+    """The block as it arrived, COBS-encoded, without its 0x00; a block that is too long is cut at
+    `MAX_ENCODED`."""
 
 
 class Refused(NamedTuple):
-    """The version in an intact HELLO of another protocol version.
+    """The version in an intact HELLO whose protocol version this program cannot read.
 
-    Nothing that this device sends may be interpreted.
+    Nothing else that this device sends may be interpreted.
     """
 
     protocol_major: int
@@ -71,7 +72,7 @@ class Refused(NamedTuple):
 
     @property
     def message(self) -> str:
-        """Error message that names both versions."""
+        """Error message that names the device's and this program's versions."""
         return (
             f"device speaks protocol {self.protocol_major}.{self.protocol_minor}, schema "
             f"0x{self.schema_hash:08X}; this fltea speaks {PROTOCOL_MAJOR}.{PROTOCOL_MINOR}, schema "
@@ -80,10 +81,10 @@ class Refused(NamedTuple):
 
 
 def refusal(payload: bytes) -> Refused | None:
-    """Return the version in a HELLO's payload if this program cannot read it; None if it can.
+    """Return the version in a HELLO's payload if this program cannot read that version; None if it can.
 
-    Other major versions and unknown layouts are refused. Later minor versions only add messages and fields,
-    so those of this version can be read.
+    Other major versions and unknown layouts are refused. A later minor version only adds messages and fields,
+    so the messages of this version can still be read.
     """
     device = Refused(*VERSION.unpack_from(payload))
     known = device.protocol_minor > PROTOCOL_MINOR or device.schema_hash in SCHEMA_HASHES
@@ -91,7 +92,7 @@ def refusal(payload: bytes) -> Refused | None:
 
 
 def encode(message: Message, sequence: int, device_us: int) -> bytes:
-    """Return the message as one frame on the wire, closing 0x00 included.
+    """Return the message as one frame for the wire, including the closing 0x00.
 
     `sequence`: number of the frame, wrapped by the caller to 0 to 65535.
     `device_us`: device time, wrapped by the caller to 0 to 2**32 - 1 [us].
@@ -104,9 +105,9 @@ def encode(message: Message, sequence: int, device_us: int) -> bytes:
 
 
 def encode_frame(type: int, sequence: int, device_us: int, payload: bytes) -> bytes:
-    """Return one frame as it is sent on the wire, closing 0x00 included.
+    """Return one frame in the form in which it is sent, including the closing 0x00.
 
-    The device has its own encoder; this one is for simulated devices, tests and benchmarks.
+    The device has its own encoder. This function is for simulated devices, tests and benchmarks.
 
     `device_us`: device time since boot, modulo 2**32 [us].
 

@@ -1,4 +1,4 @@
-"""Open ports, and open them again after a loss, each independently; the caller reads them."""
+"""Opens ports, each in its own thread, and opens them again after a loss; the caller reads the ports."""
 
 import os
 import queue
@@ -13,7 +13,7 @@ from fltea.wire.transport import Port
 
 @dataclass
 class _PortState:
-    """State of a port. `open_ns`: when to open it [ns]; None while it is open or being opened."""
+    """State of a port. `open_ns`: time to open it [ns]; None while the port is open or being opened."""
 
     port: Port
     open_ns: int | None = 0
@@ -21,10 +21,11 @@ class _PortState:
 
 
 class Openings:
-    """Opens ports that have descriptors.
+    """Opens ports that have a file descriptor.
 
-    `read`: function that starts to read an opened port. Its arguments are the port's index, its descriptor,
-    whether the other side can close it, and its latency [ns]; it raises OSError if the port cannot be read.
+    `read`: function that starts to read an opened port. Its arguments are the port's index, the descriptor,
+    whether the other side can close the port, and the port's latency [ns]. It raises OSError if the port
+    cannot be read.
     `wake`: function that is called from another thread when a port was opened, or could not be opened.
     """
 
@@ -54,7 +55,7 @@ class Openings:
         return min((state.open_ns for state in self._states if state.open_ns is not None), default=None)
 
     def opened(self) -> Iterator[tuple[int, Opened | Failed]]:
-        """Yield the ports that were opened, or could not be opened, since the last call, by index."""
+        """Yield index and result of each port that was opened, or failed to open, since the last call."""
         while not self._opened.empty():
             index, event = self._opened.get()
             state = self._states[index]
@@ -67,11 +68,11 @@ class Openings:
             yield index, self._updated(state, event)
 
     def lost(self, index: int, number: int, *at: int, worked: bool) -> Failed:
-        """Close a port that was lost, schedule its next opening, and return the event.
+        """Close a port that was lost, schedule its next opening, and return the event of the loss.
 
-        `number`: the errno of the loss.
+        `number`: errno of the loss.
         `at`: host time and offset to Unix time of the loss [ns].
-        `worked`: the port had given bytes, so it is opened again soon.
+        `worked`: whether the port had given bytes; then it is opened again soon.
         """
         state = self._states[index]
         if worked:
@@ -81,10 +82,13 @@ class Openings:
         return failed
 
     def close(self) -> None:
-        """Close all ports, after reading has stopped; a port that is being opened is closed once open."""
+        """Close all ports; the caller must have stopped reading.
+
+        A port that is being opened is closed once open.
+        """
         with self._lock:
             self._closed = True
-        while not self._opened.empty():  # opened, but not yet given out by `opened`
+        while not self._opened.empty():  # these ports were opened and not yet yielded by `opened`
             self._states[self._opened.get()[0]].port.close()
         for state in self._states:
             if state.is_open:
@@ -100,7 +104,7 @@ class Openings:
         self._wake()
 
     def _updated(self, state: _PortState, event: Opened | Failed) -> Opened | Failed:
-        """Record whether the port is open; if not, schedule its next opening. Return the event."""
+        """Record whether the port is open; if it is not, schedule its next opening. Return the event."""
         state.is_open = isinstance(event, Opened)
         state.open_ns = None if state.is_open else host_ns() + round(state.port.backoff_s() * 1e9)
         return event

@@ -1,4 +1,4 @@
-"""Find the group that may use a device, and the command that gives a user permission."""
+"""Finds the group that may use a device, and the command that gives a user this permission."""
 
 import grp
 import os
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Group(NamedTuple):
-    """The group of a file. `joinable`: its members may read and write, and it is not root's group."""
+    """The group of a file. `joinable`: whether its members may read and write, and it is not root's group."""
 
     gid: int
     name: str
@@ -33,8 +33,8 @@ def group_of(path: str | Path) -> Group | None:
 class User(NamedTuple):
     """The user who runs this program.
 
-    `in_force`: ids of the groups that this process has.
-    `granted`: ids of the groups that the user gets with the next login.
+    `in_force`: IDs of the groups that this process has now.
+    `granted`: IDs of the groups that the user gets with the next login.
     """
 
     name: str
@@ -56,13 +56,13 @@ RULES = {
     "dialout": "sudo make install-udev, in a clone; then plug the board in again",
     "i2c": 'KERNEL=="i2c-[0-9]*", GROUP="i2c", MODE="0660"',
 }
-"""The udev rule, or the command that installs it, for serial ports (dialout) and for I²C buses."""
+"""The udev rule for serial ports (dialout), or the command that installs it, and the same for I²C buses."""
 
 
 def join_remedy(device: str, group: Group | None, user: User) -> str:
-    """Return a text that says how a user gets permission to use a device.
+    """Return a text that tells a user how to get permission to use a device.
 
-    `group`: the group of the device; None if it is not known.
+    `group`: the group of the device; None if the group is not known.
     """
     usual = "i2c" if "i2c" in device else "dialout"
     if group is None:

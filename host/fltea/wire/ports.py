@@ -1,4 +1,4 @@
-"""Read several ports in one thread: a native reader waits for data, reads it and adds time stamps."""
+"""Reads several ports in one thread: a native reader waits for data, reads them and adds time stamps."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,13 +9,13 @@ from fltea.wire.openings import Openings
 from fltea.wire.transport import QUEUE_BYTES, Port
 
 TICK_S = 0.5
-"""Time after which a silent port gives a `Tick` [s]; a replay gives ticks at the same interval."""
+"""Time without bytes after which a port gives a `Tick` [s]; a replay gives ticks at the same interval."""
 
 TICK_NS = int(TICK_S * 1e9)
 
 
 class Ports:
-    """Reads ports that have descriptors, and yields their undecoded bytes and events."""
+    """Reads ports that have file descriptors, and yields their undecoded bytes and events."""
 
     def __init__(self, ports: Sequence[Port]) -> None:
         self._ports = list(ports)
@@ -24,9 +24,10 @@ class Ports:
         self._openings = Openings(ports, self._reader.add, self._reader.wake)
 
     def poll(self, timeout_s: float) -> Iterator[tuple[int, Reads | Opened | Failed | Tick]]:
-        """Wait up to `timeout_s` for events; yield each with the index of its port.
+        """Wait up to `timeout_s` [s] for events; yield each event with the index of its port.
 
-        A tick says that nothing came from a port for half a second, up to the tick's time.
+        A tick says that a port sent nothing for half a second; it holds the time at which the half second
+        ended.
         """
         now_ns = host_ns()
         self._openings.begin(now_ns)

@@ -1,4 +1,4 @@
-"""Read one port in its own thread."""
+"""Reads one port in a separate thread."""
 
 import queue
 import threading
@@ -10,9 +10,9 @@ from fltea.wire.transport import QUEUE_BYTES, READ_TIMEOUT_S, Port
 
 
 class Reader:
-    """Reads one port in its own thread until closed, and queues its events.
+    """Reads one port in a separate thread until `close`, and queues the events.
 
-    It is for ports without a descriptor, and for callers with only one port.
+    Used for ports without a file descriptor, and by callers that have only one port.
     """
 
     def __init__(self, port: Port) -> None:
@@ -28,7 +28,7 @@ class Reader:
         self._thread.start()
 
     def events(self, timeout_s: float) -> Iterator[TransportEvent | None]:
-        """Yield events, and None whenever none came for `timeout_s`; end after `close`."""
+        """Yield events, and None whenever no event came for `timeout_s` [s]; end after `close`."""
         while not self._stop.is_set():
             try:
                 event = self._queue.get(timeout=timeout_s)
@@ -77,7 +77,7 @@ class Reader:
         port.close()
 
     def _put(self, event: TransportEvent) -> None:
-        """Queue an event without blocking; if the consumer is too slow, bytes are counted and dropped."""
+        """Queue an event without blocking; if the consumer is too slow, drop the bytes and count them."""
         if isinstance(event, Chunk):
             with self._lock:
                 if self._queued_bytes + len(event.data) > QUEUE_BYTES:

@@ -1,4 +1,4 @@
-"""Convert counts to physical units, and back, with the scales in HELLO."""
+"""Converts counts to physical units and back, with the scales in HELLO."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,12 +12,15 @@ from fltea.wire.sensors import temperature_counts, temperature_scale
 
 
 class Scales(NamedTuple):
-    """Scales from counts to units. Where HELLO's scale is null, the recording holds physical units."""
+    """Scales from counts to units.
+
+    If HELLO's scale is null, the recorded values are in physical units already.
+    """
 
     gyro_lsb_per_dps: float
-    """Sensitivity of the gyroscope [LSB per deg/s]; 1 where rates are in deg/s already."""
+    """Sensitivity of the gyroscope [LSB per deg/s]; 1 if rates are in deg/s already."""
     accel_ms2_per_lsb: float | None
-    """Size of one count of the accelerometer [m/s²]; None where the scale is not known."""
+    """Size of one accelerometer count [m/s²]; None if the scale is not known."""
     temperature_lsb_per_c: float
     """Scale of the thermometer [LSB per °C]."""
     temperature_zero_c: float
@@ -32,7 +35,7 @@ class Scales(NamedTuple):
 
 
 def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
-    """Convert samples, all with the same fields, back to counts."""
+    """Convert samples back to counts; all samples must have the same fields."""
     lsb, first = hello.gyro_lsb_per_dps, samples[0]
     gyro = np.array([sample.gyro_dps for sample in samples])
     accel = temperature = None
@@ -56,10 +59,10 @@ def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
 
 
 def resolution_dps(hello: Hello) -> float | None:
-    """Return one LSB of the gyroscope [deg/s], or None where the recording does not state it."""
+    """Return the size of one gyroscope count [deg/s], or None if the recording does not state it."""
     return None if hello.gyro_lsb_per_dps is None else 1.0 / hello.gyro_lsb_per_dps
 
 
 def accel_resolution_ms2(hello: Hello) -> float | None:
-    """Return one LSB of the accelerometer [m/s²], or None where its scale is not known."""
+    """Return the size of one accelerometer count [m/s²], or None if its scale is not known."""
     return STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g if hello.accel_lsb_per_g else None

@@ -1,9 +1,9 @@
-"""The sensors that fltea knows: WHO_AM_I, name, and scale of the thermometer of each.
+"""The sensors that fltea knows: WHO_AM_I, name, and thermometer scale.
 
 Sources: MPU-9250 register map RM-MPU-9250A-00, registers 65-66 and 117; MPU-6050 register map
 RM-MPU-6000A-00, registers 65-66 and 117; ICM-20948 data sheet DS-000189, 8.1 and 8.30.
 
-For sensors on a Raspberry Pi's I²C bus, `sources/i2c` has the registers of each family.
+For sensors on a Raspberry Pi's I²C bus, `sources/i2c` holds the registers of each family of chips.
 """
 
 from typing import NamedTuple
@@ -15,9 +15,9 @@ Counts = NDArray[np.int16] | NDArray[np.float64]
 
 
 class Sensor(NamedTuple):
-    """One kind of chip.
+    """One kind of sensor chip.
 
-    `family`: key in `sources.i2c.chips.CHIPS` of the chips with the same registers.
+    `family`: key in `sources.i2c.chips.CHIPS`; chips of a family have the same registers.
     `lsb_per_c`: scale of the thermometer [LSB per °C].
     `zero_c`: temperature at 0 counts [°C].
     `note`: text for the owner of a relative or a clone of the MPU-9250; empty for other chips.
@@ -31,7 +31,7 @@ class Sensor(NamedTuple):
 
     @property
     def is_clone(self) -> bool:
-        """Whether the chip is sold under the name of another chip."""
+        """Whether the chip is sold under another chip's name."""
         return self.note == _CLONE
 
 
@@ -48,17 +48,17 @@ SENSORS = {
     0x78: Sensor("MPU-9250 clone (0x78)", "mpu9250", 333.87, 21.0, _CLONE),
     0xEA: Sensor("ICM-20948", "icm20948", 333.87, 21.0),
 }
-"""All kinds of chips by WHO_AM_I. Add a new chip here, and its family in `sources/i2c`."""
+"""All kinds of chips by WHO_AM_I. To add a chip, add a row here and its family in `sources/i2c`."""
 
 NO_SENSOR = 0
 """WHO_AM_I in HELLO while no sensor has answered."""
 
 _UNKNOWN = SENSORS[0x71]
-"""Kind whose thermometer scale is used for an unknown chip."""
+"""Kind of chip whose thermometer scale is used for unknown chips."""
 
 
 def known_sensors() -> str:
-    """Return the names of all kinds except clones as a list in words: "A, B or C"."""
+    """Return the names of all kinds except clones as a list in words, such as "A, B or C"."""
     *others, last = (sensor.name for sensor in SENSORS.values() if not sensor.is_clone)
     return f"{', '.join(others)} or {last}"
 
@@ -78,13 +78,13 @@ def sensor_name(who_am_i: int) -> str:
 
 
 def temperature_counts(celsius: float, who_am_i: int | None) -> int:
-    """Return counts of TEMP_OUT from °C: the inverse of `temperature_c`."""
+    """Return the counts of the register TEMP_OUT for a temperature in °C; the inverse of `temperature_c`."""
     lsb_per_c, zero_c = temperature_scale(who_am_i)
     return round((celsius - zero_c) * lsb_per_c)
 
 
 def temperature_c(raw: Counts, who_am_i: int | None) -> NDArray[np.float64]:
-    """Return die temperatures in °C from counts of TEMP_OUT."""
+    """Return die temperatures [°C] from counts of the register TEMP_OUT."""
     lsb_per_c, zero_c = temperature_scale(who_am_i)
     return raw / lsb_per_c + zero_c
 

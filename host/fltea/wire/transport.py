@@ -1,8 +1,8 @@
-"""Serial ports by URL that turn every failure into an event and reconnect.
+"""Serial ports by URL; each failure becomes an event, and the port is opened again.
 
-pyserial's own ReaderThread dies silently on an unplugged port (its `in_waiting` raises a bare
-OSError). Here any exception closes the port, gives an event with the reason, and the port is opened again
-with increasing pauses.
+pyserial's own ReaderThread ends silently if the port is unplugged (its `in_waiting` raises a bare OSError).
+Here, any exception closes the port and gives an event with the reason. Then the port is opened again, with
+increasing pauses.
 """
 
 import contextlib
@@ -24,7 +24,7 @@ FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
-"""USB ids of the Arduino Due, from boards.txt of Arduino's SAM core."""
+"""USB product ID of the Arduino Due's native port, from boards.txt of Arduino's SAM core."""
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
 """URL that matches the programming port of any Arduino Due."""
@@ -36,22 +36,22 @@ SCHEMES = ("socket", "rfc2217", "hwgrep", "loop")
 
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 QUEUE_BYTES = 1 << 20
-"""Most bytes that may wait for the consumer: half a minute at full speed, minutes of samples."""
+"""Most bytes that may wait for the consumer: half a minute at the full speed of the port."""
 
 MAX_CHUNK = 1 << 16
 
 AT_ONCE = 4
-"""Most ports that are opened at the same time: a port needs six descriptors while it opens, then one."""
+"""Most ports that are opened at the same time; each needs six descriptors meanwhile, and one afterwards."""
 
 _OPENING = threading.BoundedSemaphore(AT_ONCE)
 
 
 def check_url(url: str, baud: int) -> None:
-    """Refuse URLs and baud rates for which opening the port again can never help.
+    """Refuse URLs and baud rates with which every attempt to open the port would fail.
 
     Raises:
-        UsageError: the URL's scheme is not among `SCHEMES`, or the speed is 1200 baud (which erases a Due's
-            flash) or impossible.
+        UsageError: the URL's scheme is not in `SCHEMES`, or the speed is impossible, or it is 1200 baud,
+            which erases a Due's flash.
     """
     if baud == FORBIDDEN_BAUD:
         raise UsageError(
@@ -61,7 +61,7 @@ def check_url(url: str, baud: int) -> None:
     if baud <= 0:
         raise UsageError(f"a baud rate of {baud} is not possible; the firmware speaks 250000 baud.")
     try:
-        scheme, is_url, _ = url.lower().partition("://")  # as pyserial splits it
+        scheme, is_url, _ = url.lower().partition("://")  # pyserial splits the URL in this way
         if is_url and scheme not in SCHEMES:
             raise ValueError(f"'{scheme}://' is not among the kinds of addresses that it opens")
         serial.serial_for_url(url, baudrate=baud, do_not_open=True)
@@ -73,7 +73,7 @@ def check_url(url: str, baud: int) -> None:
             "/dev/ttyACM0, or socket://HOST:PORT, rfc2217://HOST:PORT, hwgrep://REGEXP, loop://."
         ) from error
     except serial.SerialException:
-        pass  # hwgrep:// without a match: the port may appear later
+        pass  # hwgrep:// matches no port now: the port may appear later
 
 
 def list_ports_text() -> str:
@@ -85,7 +85,7 @@ def list_ports_text() -> str:
 
 
 def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
-    """Return the kind of the error on opening a port, and a text: what happened, why, what to do."""
+    """Return kind and text of an error on opening a port: what happened, the likely cause, what to do."""
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         remedy = join_remedy(url, group_of(url), this_user())
@@ -109,15 +109,15 @@ def explain_open_failure(url: str, error: Exception) -> tuple[str, str]:
 
 
 class Port:
-    """One serial port: opening, reading, and the pauses between attempts to open it.
+    """One serial port: opens it, reads it, and computes the pauses between attempts to open it.
 
-    The port is opened exclusively. Opening raises DTR where there is one, which resets a Due; this class does
-    not change DTR.
+    The port is opened exclusively. Opening raises the signal DTR if the port has it, which resets a Due;
+    afterwards this class does not change DTR.
 
     `url`: path of a device, or a URL with one of `SCHEMES`.
     `baud`: speed [baud].
     `latency_s`: greatest age of the first waiting bytes when `Ports` yields them [s].
-    `overflow_bytes`: number of bytes that were read and dropped, because their consumer was too slow.
+    `overflow_bytes`: number of bytes that were read and then dropped because the consumer was too slow.
     """
 
     def __init__(self, url: str, baud: int, latency_s: float = 0.0) -> None:
@@ -132,7 +132,7 @@ class Port:
 
     @property
     def has_descriptor(self) -> bool:
-        """Whether the port has a descriptor, so that the operating system can say when data are waiting."""
+        """Whether the port has a file descriptor, with which the operating system reports waiting data."""
         return self.is_socket or "://" not in self.url or self.url.startswith("hwgrep://")
 
     @property
@@ -154,7 +154,7 @@ class Port:
             else:
                 port.open()
                 self._serial = port
-        except Exception as error:  # drivers may raise any exception, which must not end the reading
+        except Exception as error:  # drivers may raise any exception, and reading must continue
             if port is not None:
                 _release(port)
             try:
@@ -165,22 +165,22 @@ class Port:
         return Opened(host_ns(), unix_offset_ns())
 
     def fileno(self) -> int:
-        """Return the descriptor of the open port; -1 if it has none."""
+        """Return the file descriptor of the open port; -1 if the port has none."""
         return self._descriptor
 
     def has_worked(self) -> None:
-        """Reset the pauses between attempts; called when bytes came, as opening alone is no success."""
+        """Reset the pauses between attempts; called when bytes arrive, since opening alone proves nothing."""
         self._failures = 0
 
     def read_waiting(self) -> Chunk | Failed | None:
-        """Wait up to `READ_TIMEOUT_S` for bytes of a port without a descriptor; None if none came."""
+        """Wait up to `READ_TIMEOUT_S` for bytes of a port without a descriptor; return None if none came."""
         port = self._serial
         assert port is not None
         try:
             data = port.read(1)
             if data:
                 data += port.read(min(port.in_waiting, MAX_CHUNK))
-        except Exception as error:  # OSError, SerialException or TypeError, by driver and platform
+        except Exception as error:  # OSError, SerialException or TypeError, depending on driver and platform
             return self.lost(error)
         if not data:
             return None
@@ -188,9 +188,9 @@ class Port:
         return Chunk(data, host_ns(), unix_offset_ns())
 
     def lost(self, error: Exception, *at: int) -> Failed:
-        """Close the port and return the event that says why.
+        """Close the port and return the event with the reason.
 
-        `at`: host time and offset to Unix time of the loss [ns]; now if they are left out.
+        `at`: host time, and offset to Unix time, of the loss [ns]; the present time if they are left out.
         """
         self.close()
         message = f"{self.url} was lost ({error}): unplugged, or the other side ended."
@@ -214,7 +214,7 @@ class Port:
 
 
 def _descriptor_of(port: serial.Serial) -> int:
-    """Return the descriptor of an open port and release pyserial's other resources; lock and DTR stay."""
+    """Return the descriptor of an open port and release pyserial's other resources; keep the lock and DTR."""
     if (connection := getattr(port, "_socket", None)) is not None:
         port.is_open = False
         return int(connection.detach())

@@ -1,4 +1,4 @@
-"""Makes a table from named arrays of any kind of file."""
+"""Makes a table from the named arrays in a file of any format."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,21 +21,22 @@ from fltea.recording.text_times import points_of_time
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
-"""Most columns of one array; an array with more columns than rows is transposed, as MATLAB writes it."""
+"""Most columns of one array. An array with more columns than rows is transposed, since MATLAB writes it
+so."""
 
 MOST_REASONS = 5
-"""Most reasons that a message shows."""
+"""Most reasons that an error message lists."""
 
 _NOT_ONE = "holds {}, not one number in each row"
 
 Column = Callable[[int, int], Any]
-"""Function that returns the values from one row to another."""
+"""Function that returns the values of a column between two row indices."""
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class NoNumbers(NamedTuple):
-    """Stands for an array that cannot be used. `reason`: a sentence about it, without its subject."""
+    """Stands for an array that cannot be used. `reason`: predicate of a sentence about the array."""
 
     reason: str
     rows: int = 0
@@ -55,11 +56,10 @@ def of_arrays(
     attributes: Mapping[str, Any] = NONE,
     doubts: Mapping[str, str] = NONE,
 ) -> Sheet:
-    """Make a table from arrays (n,) or (n, columns) by their names, and from other facts in the file.
+    """Make a table from arrays (n,) or (n, columns), given by their names, and other facts in the file.
 
-    `units`, `doubts`: units of arrays, and reasons why their numbers may be wrong. `attributes`: attributes
-    of arrays, as
-    `gyro@units`.
+    `units`, `doubts`: units of the arrays, and reasons why their numbers may be wrong. `attributes`:
+    attributes of the arrays, with names such as `gyro@units`.
 
     Raises:
         UsageError: no array holds numbers.
@@ -73,7 +73,7 @@ def of_arrays(
 
 
 def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return facts on other arrays: texts, single numbers, and arrays with one value for each column."""
+    """Return facts that describe arrays: texts, single numbers, and arrays with one value for each column."""
     found = {}
     for name, array in arrays.items():
         if isinstance(array, str):
@@ -86,7 +86,7 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Columns:
-    """Collects the columns of arrays. `facts`: what the file states of them."""
+    """Collects the columns of arrays. `facts`: what the file states about the arrays."""
 
     def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
         self._facts, self._doubts, self._said = facts, doubts, file_facts.units_of(facts)
@@ -174,7 +174,7 @@ class _Columns:
 
 
 def _words(array: Any) -> tuple[Any, list[str]] | None:
-    """Return texts as numbers from 0, and the words they stand for; or None."""
+    """Return texts as numbers from 0, and the words that these numbers stand for; None for other arrays."""
     if isinstance(array, NoNumbers | str) or np.dtype(array.dtype).kind not in "SUO" or len(array.shape) != 1:
         return None
     values = [one.decode(errors="replace") if isinstance(one, bytes) else one for one in array[()]]
@@ -204,14 +204,14 @@ def _reason(array: Any) -> str:
 
 
 def axes_named(name: str) -> list[str]:
-    """Return the gyroscope axes, or the column that tells sensors apart, that an array has by its name."""
+    """Return the gyroscope axes, or the column that distinguishes sensors, that an array's name states."""
     if tells_sensors(name) or states_units(name):
         return [name]
     return [label for label in (name, *(named_axis(name, k) for k in range(3))) if gyroscopes_in([label])][:3]
 
 
 class _Labelled(NamedTuple):
-    """A column with its name. `reason`: why it cannot be used, or ""."""
+    """A column with its name. `reason`: why the column cannot be used, or ""."""
 
     label: str
     column: Column
@@ -242,13 +242,13 @@ def _of_array(name: str, array: Any, facts: Mapping[str, Any]) -> Iterator[_Labe
 
 
 def _named(array: str, column: str) -> str:
-    """Return the name of an array's column, for which the file states `column`."""
+    """Return the full name of an array's column that the file calls `column`."""
     axis = "xyz".find(column.strip().lower()) if len(column.strip()) == 1 else -1
     return named_axis(array, axis) if axis >= 0 else f"{array}.{column}"
 
 
 def _label(name: str, k: int, width: int) -> str:
-    """Return the name of an array's column: an axis if there are three columns, else a number."""
+    """Return the name of an array's column: an axis if the array has three columns, else a number."""
     return name if width == 1 else named_axis(name, k) if width == 3 else f"{name}#{k + 1}"
 
 

@@ -1,1 +1,1 @@
-"""Read a sensor on an I²C bus of this machine: bus, driver, and FIFO."""
+"""Reads a sensor on an I²C bus of this computer: bus, driver, and FIFO."""

@@ -1,4 +1,4 @@
-"""Open a Linux I²C bus for one address, and explain failures."""
+"""Opens a Linux I²C bus for one address, and explains failures."""
 
 import errno
 import fcntl
@@ -16,15 +16,18 @@ I2C_TIMEOUT = 0x0702
 """ioctl request of i2c-dev that sets the timeout of the whole adapter, in units of 10 ms."""
 
 TRANSFER_LIMIT_S = 0.1
-"""Time after which the kernel gives a transfer up [s]. The kernel's own limit is a second, in which the
-sensor's FIFO would overflow; the longest transfer here takes 23 ms at 100 kHz."""
+"""Time after which the kernel abandons a transfer [s].
+
+The kernel's default is one second, in which the sensor's FIFO would overflow. The longest transfer here takes
+23 ms at 100 kHz.
+"""
 
 
 class Bus(Protocol):
     """The part of `smbus2.SMBus` that the driver needs."""
 
     def i2c_rdwr(self, *messages: Any) -> None:
-        """Run `smbus2.i2c_msg` messages as one transaction; OSError if it fails."""
+        """Run several `smbus2.i2c_msg` messages as one transaction; raise OSError if it fails."""
 
     def close(self) -> None:
         """Release the bus."""
@@ -48,19 +51,20 @@ def open_bus(path: str, address: int) -> Bus:
 
 
 def take(fd: int, address: int) -> None:
-    """Lock the sensor, since a second fltea would take a part of its FIFO's samples.
+    """Lock the sensor for this process, since a second fltea would take some of the samples in its FIFO.
 
-    The lock covers one byte of the bus's file, so that other addresses stay free. It ends with `fd`.
+    The lock covers one byte of the bus's device file, so that other addresses stay free. It ends when `fd` is
+    closed.
 
     Raises:
-        OSError: EAGAIN or EACCES, another process has the lock.
+        OSError: another process has the lock (EAGAIN or EACCES).
     """
     one_byte = struct.pack("hhqqi", fcntl.F_WRLCK, os.SEEK_SET, address, 1, 0)
     fcntl.fcntl(fd, fcntl.F_OFD_SETLK, one_byte)
 
 
 def explain_open_failure(path: str, address: int, error: OSError) -> tuple[str, str]:
-    """Return kind and text of a failure to open a bus: what happened, why, what to do."""
+    """Return kind and text of a failure to open a bus: what happened, the likely cause, and what to do."""
     match error.errno:
         case errno.EAGAIN:
             return "port_busy", (

@@ -1,6 +1,6 @@
-"""Describe a kind of sensor for the driver as plain values; `chips.py` lists all kinds.
+"""Describes one kind of sensor for the driver as plain values; `chips.py` lists all kinds.
 
-A register is given by its number; for a chip with banks, 256 times the bank is added.
+A register is given by its number; for a chip with register banks, 256 times the bank's number is added.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,32 +9,36 @@ from typing import NamedTuple
 
 
 class Setting(NamedTuple):
-    """The value of a register. `meaning`: mask of the bits that matter; others may differ on a clone."""
+    """The value of a register. `meaning`: mask of the bits that matter; other bits may differ on a clone."""
 
     register: int
     value: int
     meaning: int
 
     def kept(self, value: int) -> bool:
-        """Return whether a register that reads as `value` has kept its setting."""
+        """Return whether a register from which `value` was read still has this setting."""
         return not (value ^ self.value) & self.meaning
 
 
 class Chip(NamedTuple):
     """One kind of sensor.
 
-    `rate_hz`: sampling rate that its settings give. `clock_error`: largest relative error of that rate.
+    `rate_hz`: sampling rate that `settings` give. `clock_error`: largest relative error of that rate.
     `gyro_lsb_per_dps`, `accel_lsb_per_g`: sensitivities at the ranges that `settings` choose.
-    `reset`: register and value. `reset_s`: time after a reset until the registers answer as after power-up.
-    `settings`: in the order of writing; the first wakes the chip, the last selects what fills the FIFO.
-    `settle_s`: time that the gyroscope needs after the settings.
-    `checked`: first register and length of each block that determines the samples' rate, scale and content.
-    `restart`: writes that empty the FIFO and let it fill. `running`: setting that the chip then has.
-    `sample`: one sample in the FIFO: acceleration, temperature if the FIFO holds it, rate.
-    `fifo_bytes`: bytes of the FIFO that are used. `keeps_oldest`: a full FIFO keeps whole samples; otherwise
-    an overflow tears a sample apart. `overflow`: register and bits that report an overflow.
-    `temperature`: register of the thermometer if the FIFO does not hold it.
-    `bank_select`: register that selects the bank, if there are banks.
+    `reset`: register and value that reset the chip. `reset_s`: time after which the registers answer again
+    [s].
+    `settings`: registers in the order of writing; the first wakes the chip, and the last selects what fills
+    the FIFO.
+    `settle_s`: time that the gyroscope needs after the settings [s].
+    `checked`: first register and length of each block of registers that determines rate, scale and content.
+    `restart`: writes that empty the FIFO and start filling it. `running`: setting that the chip has
+    afterwards.
+    `sample`: layout of one sample in the FIFO: acceleration, temperature if the FIFO holds it, rate.
+    `fifo_bytes`: number of the FIFO's bytes that are used. `keeps_oldest`: whether a full FIFO keeps whole
+    samples; otherwise an overflow destroys a part of a sample. `overflow`: register and bits that report an
+    overflow.
+    `temperature`: register of the thermometer if the FIFO does not hold the temperature.
+    `bank_select`: register that selects the bank, if the chip has banks.
     """
 
     rate_hz: float
@@ -62,21 +66,25 @@ class Chip(NamedTuple):
 
     @property
     def fifo_samples(self) -> int:
-        """Number of whole samples that the FIFO holds."""
+        """Number of whole samples that fit into the FIFO."""
         return self.fifo_bytes // self.sample.size
 
     @property
     def fifo_s(self) -> float:
-        """Time that the FIFO's samples span [s]: the program may be delayed this long without a loss."""
+        """Time that the samples of a full FIFO span [s].
+
+        The program may be delayed for this time without a loss.
+        """
         return self.fifo_samples / self.rate_hz
 
 
 class Family(NamedTuple):
-    """Chips that are identified and wired in the same way.
+    """Chips that are identified in the same way and wired in the same way.
 
-    `name`: as in `&chip=` and in `wire.sensors.SENSORS`. `who_am_i`: register of the identity. `addresses`:
-    each address that the chip can have on the bus, and how to wire it for that. `chip`: returns the
-    description of the chip with a WHO_AM_I; 0 stands for any chip of the family before its identity is known.
+    `name`: name in `&chip=` and in `wire.sensors.SENSORS`. `who_am_i`: register with the chip's identity.
+    `addresses`: each possible address of the chip on the bus, with the wiring that sets this address.
+    `chip`: function that describes the chip with a given WHO_AM_I; 0 means that the identity is not known
+    yet.
     """
 
     name: str
@@ -86,4 +94,4 @@ class Family(NamedTuple):
 
 
 AD0 = {0x68: "AD0 at GND", 0x69: "AD0 at 3.3 V"}
-"""Addresses of the chips whose pin AD0 sets the lowest bit of the address."""
+"""Addresses of chips whose pin AD0 sets the lowest bit of the address, with the wiring of this pin."""

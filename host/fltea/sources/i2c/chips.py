@@ -1,7 +1,7 @@
-"""List all chips that are read on an I²C bus: driver, doctor, messages and pages use this table.
+"""Lists all chips that can be read on an I²C bus; driver, doctor, messages and pages use this table.
 
-A new chip is a row in `wire.sensors.SENSORS`, a module here with its registers and its `FAMILY`, and the name
-of that module below. `tests/sources/test_chip_table.py` names what is missing.
+A new chip needs a row in `wire.sensors.SENSORS`, a module in this folder with its registers and its `FAMILY`,
+and that module's name below. `tests/sources/test_chip_table.py` reports what is missing.
 """
 
 from collections.abc import Callable, Iterable
@@ -11,10 +11,10 @@ from fltea.sources.i2c.chip import Chip, Family
 from fltea.wire.sensors import SENSORS
 
 CHIPS = {family.name: family for family in (mpu9250.FAMILY, icm20948.FAMILY)}
-"""Families by name, in the order in which a chip is tested for them."""
+"""Families of chips by name, in the order in which the driver tries them."""
 
 ADDRESSES = {address: how for family in CHIPS.values() for address, how in family.addresses.items()}
-"""All addresses on the bus, and how a chip gets each of them."""
+"""All possible addresses on the bus, with the wiring that gives a chip this address."""
 
 
 def chip_of(who_am_i: int) -> Chip:
@@ -31,9 +31,10 @@ def is_of(who_am_i: int, family: Family) -> bool:
 def ask_identity(
     ask: Callable[[Family], int], families: Iterable[Family], tries: int = 1
 ) -> tuple[int, bool]:
-    """Return the WHO_AM_I of a chip, and whether it is known; for an unknown chip, its first answer.
+    """Return the WHO_AM_I of a chip, and whether it is known; if not, the first answer is returned.
 
-    `ask`: reads the identity from the register that a family uses. `tries`: number of reads for each family.
+    `ask`: function that reads the identity from a family's register. `tries`: number of reads for each
+    family.
     """
     first = None
     for family in families:

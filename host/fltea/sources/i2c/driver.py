@@ -1,7 +1,8 @@
-"""Drive a sensor on a Linux I²C bus: identify it, set it up, and read whole samples from its FIFO.
+"""Drives a sensor on a Linux I²C bus: identifies it, sets it up, and reads whole samples from its FIFO.
 
-The sensor's own clock sets the rate, and its FIFO holds the samples. A transaction writes a register's number
-and then reads once: the controller of the Raspberry Pi 1 to 4 refuses transactions that go on after a read.
+The sensor's own clock sets the sampling rate, and the FIFO holds the samples. A transaction writes a
+register's number and then reads once, since the I²C controllers of the Raspberry Pi 1 to 4 refuse anything
+after a read.
 """
 
 import errno
@@ -17,20 +18,21 @@ from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS
 
 BURST_BYTES = 252
-"""Longest read [bytes], since some adapters move no more than 255 bytes in one message."""
+"""Longest read [bytes], since some adapters transfer at most 255 bytes in one message."""
 
 TRIES = 3
 NOT_ACKNOWLEDGED = frozenset({errno.EREMOTEIO, errno.ENXIO})
-"""Errors of a refused address or register number. Nothing was read then, so the transfer can be repeated."""
+"""Errors for an address or register number that was not acknowledged; nothing was read, so a retry is
+safe."""
 PASSING = NOT_ACKNOWLEDGED | {errno.EIO, errno.ETIMEDOUT, errno.EAGAIN, errno.EINTR}
-"""Errors of a single transfer; any other error is one of the bus itself, and is raised unchanged."""
+"""Errors that concern a single transfer. Any other error concerns the bus itself and is raised unchanged."""
 
 Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
-"""Counts of acceleration, temperature and rate."""
+"""Counts of acceleration, of temperature, and of rate."""
 
 
 class SensorFault(Exception):
-    """The sensor answers, but wrongly; `detail` is as in protocol/README.md, FaultCode."""
+    """The sensor answers, but wrongly. `detail`: as defined in protocol/README.md for FaultCode."""
 
     def __init__(self, code: FaultCode, detail: int) -> None:
         super().__init__(code, detail)
@@ -39,17 +41,17 @@ class SensorFault(Exception):
 
 
 class TransferFailed(Exception):
-    """A transfer failed at every try."""
+    """A transfer failed each time that it was tried."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error)
         self.error = error
         self.acknowledged = error.errno not in NOT_ACKNOWLEDGED
-        """Whether the transfer broke off after its start, so that bytes of the FIFO may be lost."""
+        """Whether the transfer broke off after its start, so that bytes from the FIFO may be lost."""
 
 
 class Level(NamedTuple):
-    """Number of bytes in the FIFO at some moment between `before_ns` and `after_ns`."""
+    """Number of bytes in the FIFO at some time between `before_ns` and `after_ns`."""
 
     bytes: int
     overflowed: bool
@@ -58,18 +60,19 @@ class Level(NamedTuple):
 
 
 class Driver:
-    """Sets up and reads one sensor; `bus` has to be set first.
+    """Sets up and reads one sensor; the caller must set `bus` first.
 
-    `family`: a name in `CHIPS` if the user gives it, else "". `now_ns`: the host's clock. `i2c_errors`:
-    number of transfers that failed, or gave a wrong answer and then the right one. `retried`: whether a
-    transfer was repeated since the caller last set this to False.
+    `family`: name in `CHIPS` if the user gives it, else "". `now_ns`: function that reads the host's clock
+    [ns].
+    `i2c_errors`: number of transfers that failed, or that gave a wrong answer and then the right one.
+    `retried`: whether a transfer was repeated since the caller last set this to False.
     """
 
     def __init__(self, address: int, now_ns: Callable[[], int], family: str = "") -> None:
         self.bus: Bus | None = None
         self.address = address
         self._families = [CHIPS[family]] if family else list(CHIPS.values())
-        self._family = self._families[0]  # the family of `chip`
+        self._family = self._families[0]  # the family to which `chip` belongs
         self.chip = self._family.chip(0)
         self.i2c_errors = 0
         self.retried = False
@@ -82,17 +85,17 @@ class Driver:
         """Return the WHO_AM_I of the sensor.
 
         Raises:
-            SensorFault: the chip is unknown, so it may have other registers or scales.
-            TransferFailed: no chip answers.
+            SensorFault: the chip is unknown, so its registers or scales may differ.
+            TransferFailed: no chip answers at the address.
         """
-        # Each family is asked twice, since a bit of a wrong answer may have flipped on the wires.
+        # The identity is read twice for each family, since interference may flip a bit of an answer.
         who_am_i, known = ask_identity(self._ask, self._families, tries=2)
         if not known:
             raise SensorFault(FaultCode.SENSOR_UNKNOWN, who_am_i)
         return who_am_i
 
     def start_reset(self, who_am_i: int) -> None:
-        """Reset every register; the caller waits for the chip's `reset_s` before the next transfer."""
+        """Reset every register; the caller must wait for the chip's `reset_s` before the next transfer."""
         self._family = CHIPS[SENSORS[who_am_i].family]
         self.chip = chip_of(who_am_i)
         self._bank = None
@@ -100,7 +103,7 @@ class Driver:
         self._bank = None
 
     def configure(self) -> None:
-        """Write every setting and read it back; after that the gyroscope needs `settle_s`.
+        """Write every setting and read it back; afterwards the gyroscope needs `settle_s` to settle.
 
         Raises:
             SensorFault: a register did not keep its setting.
@@ -111,20 +114,20 @@ class Driver:
             self._confirm(setting.register, 1, [setting])
 
     def check_settings(self) -> None:
-        """Check that the settings which determine the samples' rate, scale and content are still there.
+        """Check that the settings for the samples' rate, scale and content are still in the registers.
 
-        A chip that lost its supply for a moment answers as if nothing had happened. So samples read before
-        this check are only valid after it.
+        A chip whose supply failed for a moment answers as if nothing had happened, with other settings. So
+        samples that were read before this check are valid only after it.
 
         Raises:
-            SensorFault, TransferFailed: as in `configure`.
+            SensorFault, TransferFailed: for the same reasons as in `configure`.
         """
         for first, n in self.chip.checked:
             span = range(first, first + n)
             self._confirm(first, n, [s for s in self.chip.settings if s.register in span])
 
     def restart_fifo(self) -> None:
-        """Empty the FIFO, and let it fill again."""
+        """Empty the FIFO, and start to fill it again."""
         for register, value in self.chip.restart:
             self._write(register, value)
         self._confirm(self.chip.running.register, 1, [self.chip.running])
@@ -146,24 +149,27 @@ class Driver:
         return Level(count, self._overflowed or too_full, before_ns, after_ns)
 
     def read_samples(self, n: int) -> list[tuple[int, ...]]:
-        """Read the oldest `n` samples from the FIFO, at most `BURST_BYTES` in all; return their counts.
+        """Read the oldest `n` samples from the FIFO, at most `BURST_BYTES` bytes; return their counts.
 
         Raises:
-            TransferFailed: if its `acknowledged` is set, some of the bytes may be lost.
+            TransferFailed: the read failed; if the error's `acknowledged` is True, some bytes may be lost.
         """
-        # A broken transfer cannot be repeated, since the FIFO gives each byte only once.
+        # A failed transfer cannot be repeated, since the FIFO gives each byte only once.
         sample = self.chip.sample
         return list(sample.iter_unpack(self._read(self.chip.fifo_data, n * sample.size, NOT_ACKNOWLEDGED)))
 
     def counts(self, row: tuple[int, ...]) -> Counts:
-        """Split a sample; the temperature is that of the last `level` if the FIFO does not hold it."""
+        """Split a sample.
+
+        If the FIFO does not hold the temperature, the one read by the last `level` is used.
+        """
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 
     def _ask(self, family: Family) -> int:
-        """Read the identity from the register that this family uses.
+        """Read the chip's identity from the register that this family uses.
 
         The bank is selected only if the chip is known to have these banks, since another kind of chip might
-        take the write for something else.
+        give the written register another meaning.
         """
         if family is self._family and self.chip.bank_select is not None:
             self._bank = None
@@ -171,7 +177,7 @@ class Driver:
         return self._transfer_read(family.who_am_i & 0xFF, 1, PASSING)[0]
 
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
-        """Check `n` registers; read a wrong one again, since a bit may have flipped on the wires."""
+        """Check `n` registers; read a wrong register again, since interference may have flipped a bit."""
         for last_time in (False, True):
             values = self._read(first, n)
             wrong = [s for s in settings if not s.kept(values[s.register - first])]
@@ -183,11 +189,11 @@ class Driver:
         raise SensorFault(FaultCode.READBACK_MISMATCH, detail)
 
     def _select(self, register: int) -> None:
-        """Select the bank of a register on a chip that has banks."""
+        """Select the bank of a register, if the chip has banks."""
         bank = register >> 8
         if self.chip.bank_select is None or bank == self._bank:
             return
-        self._bank = None  # unknown until the write has succeeded
+        self._bank = None  # the bank is unknown until the write has succeeded
         message = i2c_msg.write(self.address, [self.chip.bank_select, bank << 4])
         self._transfer([message], PASSING)
         self._bank = bank

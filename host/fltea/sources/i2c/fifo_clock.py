@@ -1,6 +1,7 @@
-"""Estimate a sensor's clock from the times and fill levels of its FIFO, and number the samples.
+"""Estimates a sensor's clock from the times and fill levels of its FIFO, and numbers the samples.
 
-No counter tells how many samples were lost; the time between the samples before and after the loss does.
+The sensor does not count lost samples. Their number follows from the time between the samples before and
+after the loss.
 """
 
 import math
@@ -10,31 +11,34 @@ from typing import NamedTuple
 
 NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
-"""Number of one-second blocks kept: a minute, since the sensor's clock drifts while it warms up."""
+"""Number of one-second blocks that are kept: one minute, since the sensor's clock drifts as it warms up."""
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""Spread of arrival times [ns]: divided by the time span, it bounds the slope's error apart from the
+"""Spread of arrival times [ns]. Divided by the time span, it bounds the error of the clock's rate, apart from
 drift."""
 PHASE_NS = 2_000_000
 """Largest delay of the earliest arrival in a second [ns]."""
 SLACK = 0.5
-"""Tolerance of a count against the time, in addition to the bounds above [samples]."""
+"""Largest difference between a count of samples and the count by time, beyond the bounds above [samples]."""
 
 
 class Resumed(NamedTuple):
-    """Number of samples lost before the ones that wait now; the true number is within ±`doubt`."""
+    """Number of samples that were lost before the samples that now wait.
+
+    The true number is within ±`doubt`.
+    """
 
     missing: int
     doubt: int
 
 
 class FifoClock:
-    """Numbers samples from 0, and relates the numbers to the host's time.
+    """Numbers samples from 0, and relates these numbers to the host's time.
 
-    `rate_hz`: the sensor's nominal rate. `clock_error`: its largest relative error before anything is
-    measured. `next`: number of the next sample. A sample always arrives after its time, usually late by a
-    varying amount, so only the earliest arrival of every second counts.
+    `rate_hz`: nominal sampling rate. `clock_error`: largest relative error of this rate before any
+    measurement. `next`: number of the next sample. A sample always arrives later than it was taken, by a
+    varying delay. So only the earliest arrival in every second is used.
     """
 
     def __init__(self, rate_hz: float, clock_error: float) -> None:
@@ -43,14 +47,17 @@ class FifoClock:
         self.begin(rate_hz, clock_error)
 
     def begin(self, rate_hz: float, clock_error: float) -> None:
-        """Begin a clock for a sensor that was set up, perhaps another one. The numbers continue."""
+        """Start the clock of a sensor that was set up, perhaps of another sensor.
+
+        The sample numbers continue.
+        """
         self._nominal_ns = NS_PER_S / rate_hz
         self._block_samples = round(rate_hz)
         self._first_error = clock_error
         self.forget()
 
     def forget(self) -> None:
-        """Forget all that was measured. The numbers continue."""
+        """Forget all measurements of the clock. The sample numbers continue."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -58,7 +65,7 @@ class FifoClock:
         self._reference: tuple[int, float] | None = None
 
     def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
-        """Return whether `waiting` samples, counted between these two moments, contradict the time."""
+        """Return whether `waiting` samples, counted between these two times, contradict the elapsed time."""
         if self._reference is None or self._last_ns is None:
             return False
         least = (before_ns - self._last_ns) / self._period_ns - 1 - self._error(before_ns)
@@ -66,7 +73,7 @@ class FifoClock:
         return not least - SLACK <= waiting <= most + SLACK
 
     def resume(self, waiting: int, empty_ns: int, seen_ns: int) -> Resumed:
-        """Continue after a loss: the FIFO was empty at `empty_ns`, and has `waiting` samples at `seen_ns`."""
+        """Continue after a loss, with an empty FIFO at `empty_ns` and `waiting` samples at `seen_ns`."""
         first_ns = seen_ns - (waiting - 1) * self._period_ns
         latest_ns = max(float(empty_ns), min(first_ns, empty_ns + self._period_ns))
         if self._last_ns is None:
@@ -87,11 +94,11 @@ class FifoClock:
     def take(self, n: int, waiting: int, seen_ns: int, *, timely: bool) -> list[tuple[int, int]]:
         """Return number and arrival time of the `n` oldest of `waiting` samples, counted at `seen_ns`.
 
-        The newest sample had arrived by then. The arrival of the others is earlier by the time that they
-        waited, computed with the fastest possible clock, so that no sample seems to arrive before it was
-        taken.
+        The newest sample had arrived at `seen_ns`. Each older sample arrived earlier, by the time that it has
+        waited. This time is computed with the fastest possible clock, so that no sample seems to arrive
+        before it was taken.
 
-        `timely`: the count was quick, so that its time tells something about the clock.
+        `timely`: whether counting was quick, so that its time can be used to estimate the clock.
         """
         shortest_ns = self._period_ns * (1 - self._clock_error())
         newest = self.next + waiting - 1
@@ -139,13 +146,13 @@ class FifoClock:
         return known_ns + (number - known) * self._period_ns
 
     def _clock_error(self) -> float:
-        """Return a bound of the relative error of the period."""
+        """Return an upper bound of the relative error of the sampling period."""
         if len(self._blocks) < 2:
             return self._first_error
         span_ns = self._blocks[-1][1] - self._blocks[0][1]
         return min(self._first_error, DRIFT + SPREAD_NS / span_ns)
 
     def _error(self, at_ns: int) -> float:
-        """Return a bound of the error of a prediction [samples]."""
+        """Return an upper bound of the error of a predicted sample number [samples]."""
         known_ns = self._reference[1] if self._reference is not None else at_ns
         return (PHASE_NS + abs(at_ns - known_ns) * self._clock_error()) / self._period_ns

@@ -1,4 +1,4 @@
-"""Read and number a running sensor's samples from its FIFO; samples that may be wrong are only counted."""
+"""Reads and numbers a running sensor's samples from its FIFO; samples that may be wrong are only counted."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -11,19 +11,19 @@ from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
 
 TIMELY_NS = 2_000_000
-"""Longest time of a count from which the sensor's clock is estimated [ns]."""
+"""Longest duration of a count of the FIFO's samples that is used to estimate the sensor's clock [ns]."""
 SILENT_NS = 100_000_000
-"""Time without a sample after which the sensor has stopped [ns]."""
+"""Time without a sample from which the sensor counts as stopped [ns]."""
 MOST_EQUAL = 10
-"""Number of equal samples in a row after which the sensor has frozen, since its noise always varies."""
+"""Number of equal samples in a row from which the sensor counts as frozen, since noise always varies."""
 INT16_ENDS = (32767, -32768)
 
 Row = tuple[int, ...]
-"""Counts of one sample, as the FIFO held them."""
+"""Counts of one sample in the order in which the FIFO holds them."""
 
 
 class Loss(NamedTuple):
-    """Samples that were lost with the FIFO's contents; the true number is within ±`doubt`."""
+    """Samples that were lost when the FIFO was emptied; the true number is within ±`doubt`."""
 
     cause: str
     missing: int
@@ -31,16 +31,20 @@ class Loss(NamedTuple):
 
 
 def _not_of_empty_fifo(row: Row) -> bool:
-    """Return whether a row is a sample: an empty FIFO repeats its last byte [4.37], which no sensor does."""
+    """Return whether a row is a sample.
+
+    An empty FIFO repeats its last byte [4.37], so all bytes are equal.
+    """
     return len(set(row)) > 1 or row[0] & 0xFF != row[0] >> 8 & 0xFF
 
 
 class FifoReader:
     """Reads one sensor that `driver` has set up.
 
-    `now_ns`: the host's clock. `samples`: number of samples delivered. `overruns`: number of sampling
-    instants without a sample. `restarts`: number of restarts of the FIFO, by cause. `losses`: losses to be
-    reported.
+    `now_ns`: function that reads the host's clock [ns]. `samples`: number of samples that were passed on.
+    `overruns`: number of sampling instants without a sample. `restarts`: number of restarts of the FIFO, by
+    cause.
+    `losses`: losses that are still to be reported.
     """
 
     def __init__(self, driver: Driver, now_ns: Callable[[], int]) -> None:
@@ -62,14 +66,14 @@ class FifoReader:
 
     @property
     def hurry(self) -> bool:
-        """Whether to poll at once: the time of the first sample after a restart tells how many were lost."""
+        """Whether to poll at once, since the time of the first sample shows how many samples were lost."""
         return self._restart_due or self._empty_ns is not None
 
     def begin(self) -> None:
-        """Begin with a sensor that was set up, and whose FIFO begins to fill."""
+        """Start to read a sensor that was set up, and whose FIFO is being filled."""
         chip = self._driver.chip
         last = max(0, self._clock.next - 1)
-        self._origin = (last, self._device_us(last))  # time continues at the chip's own rate
+        self._origin = (last, self._device_us(last))  # device time continues at the chip's nominal rate
         self._period_us = 1e6 / chip.rate_hz
         self._clock.begin(chip.rate_hz, chip.clock_error)
         self._last, self._equal = (), 0
@@ -79,8 +83,8 @@ class FifoReader:
         """Return the samples that came since the last call.
 
         Raises:
-            SensorFault: the sensor has to be set up again.
-            TransferFailed: the bus is disturbed; the FIFO still holds the samples.
+            SensorFault: the sensor must be set up again.
+            TransferFailed: the bus is disturbed; the samples are still in the FIFO.
         """
         driver = self._driver
         if self._restart_due:
@@ -97,7 +101,7 @@ class FifoReader:
                 self._resume(waiting, self._empty_ns, level.after_ns)
             timely = doubt is None and level.after_ns - level.before_ns < TIMELY_NS
             numbers = self._clock.take(len(rows), waiting, level.after_ns, timely=timely)
-        self.overruns += len(rows)  # until the settings are checked
+        self.overruns += len(rows)  # these samples count as lost until the settings are checked
         if cause := doubt or cut_off:
             self._cause, self._restart_due = cause, True
         else:
@@ -113,12 +117,13 @@ class FifoReader:
         return samples
 
     def _level(self) -> tuple[Level, str | None]:
-        """Return the FIFO's fill level, and why its contents cannot be read, or None if they can."""
+        """Return the FIFO's fill level, and the reason why its contents cannot be read, or None."""
         level = self._driver.level()
         doubt = self._doubt(level)
         if doubt is None or level.overflowed:
             return level, doubt
-        # A bit may have flipped on the wires, or a sample was being written: ask once more.
+        # Interference may have flipped a bit, or a sample was just being written, so the level is read once
+        # more.
         level = self._driver.level()
         doubt = self._doubt(level)
         self._driver.i2c_errors += doubt is None
@@ -135,14 +140,20 @@ class FifoReader:
         return None
 
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
-        """Return how many samples are whole; those that a full FIFO took before its overflow may be."""
+        """Return the number of whole samples.
+
+        Samples that a full FIFO took before its overflow may be whole.
+        """
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
             return min(level.bytes, chip.fifo_bytes) // chip.sample.size
         return 0
 
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
-        """Read `n` samples; return those that came, and why others may be lost, or None."""
+        """Read `n` samples.
+
+        Return those that arrived, and the reason why other samples may be lost, or None.
+        """
         rows: list[Row] = []
         burst = BURST_BYTES // self._driver.chip.sample.size
         try:
@@ -161,7 +172,7 @@ class FifoReader:
             self.losses.append(Loss(self._cause, missing, doubt))
 
     def _watch_overflow(self, level: Level, read: int) -> None:
-        """Demand a restart if the FIFO overflowed while the program was delayed since `level`."""
+        """Restart the FIFO if it overflowed while the program was delayed after reading `level`."""
         chip = self._driver.chip
         room = chip.fifo_bytes // chip.sample.size - read
         room_ns = room / chip.rate_hz * 1e9 * (1 - max(0.1, 2 * chip.clock_error))
@@ -179,13 +190,14 @@ class FifoReader:
         accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
             flags |= SampleFlags.SATURATED
-        # A count is made just before its time is noted, so the next sample could seem to arrive earlier.
+        # A count is made just before its time is noted. Without this, the next sample could seem to arrive
+        # earlier.
         self._latest_ns = max(self._latest_ns, arrived_ns)
         sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))
 
     def _device_us(self, number: int) -> float:
-        """Return the nominal time of a sample, computed from its number and the period."""
+        """Return the nominal device time of a sample, computed from its number and the period [us]."""
         first, first_us = self._origin
         return first_us + (number - first) * self._period_us
 

@@ -1,10 +1,11 @@
 """Registers and settings of the ICM-20948, from its data sheet DS-000189 (revision 1.3).
 
 Numbers in brackets are sections of the data sheet. Numbers and bits of the registers agree with two widely
-used drivers, those of PX4 and of W. Ewald (ICM20948_WE). The chip has banks of registers; register 127 of
-each bank selects the bank [8.65].
+used drivers: PX4's, and ICM20948_WE by W. Ewald. The chip has banks of registers; register 127 of each bank
+selects the bank [8.65].
 
-The FIFO holds only acceleration and rate, since the position of the temperature in it is not documented.
+The FIFO is set to hold only acceleration and rate, since the data sheet does not say where the temperature
+would stand in it.
 """
 
 from struct import Struct
@@ -13,7 +14,7 @@ from typing import Final
 from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 BANK_2: Final = 0x200
-"""Added to a register's number for bank 2."""
+"""Number that is added to the number of a register in bank 2."""
 
 WHO_AM_I: Final = 0x00
 """[8.1]"""
@@ -26,21 +27,21 @@ PWR_MGMT_2: Final = 0x07
 INT_ENABLE_2: Final = 0x12
 """[8.9] Interrupt for an overflow of the FIFO."""
 INT_STATUS_2: Final = 0x1B
-"""[8.14] Overflow of the FIFO; reading clears it."""
+"""[8.14] Reports an overflow of the FIFO; reading clears the report."""
 TEMP_OUT_H: Final = 0x39
 """[8.30] First of two registers."""
 FIFO_EN_1: Final = 0x66
-"""[8.56] Selects data of the auxiliary bus for the FIFO."""
+"""[8.56] Selects which data of the auxiliary bus enter the FIFO."""
 FIFO_EN_2: Final = 0x67
 """[8.57] Selects the chip's data for the FIFO: bit 4 acceleration, 3 to 1 rate z, y, x, 0 temperature."""
 FIFO_RST: Final = 0x68
-"""[8.58] Setting and clearing its bits empties the FIFO; they do not clear themselves."""
+"""[8.58] Setting and then clearing its bits empties the FIFO; the bits do not clear themselves."""
 FIFO_MODE: Final = 0x69
 """[8.59] Bit 0: a full FIFO takes no more data."""
 FIFO_COUNT_H: Final = 0x70
-"""[8.60] First of two registers with the number of bytes in the FIFO; reading it latches both."""
+"""[8.60] First of two registers with the number of bytes in the FIFO; reading this register latches both."""
 FIFO_R_W: Final = 0x72
-"""[8.62] The FIFO's oldest byte, which reading removes; the address stays the same within a transfer."""
+"""[8.62] The oldest byte in the FIFO; reading removes the byte. All reads in a transfer use this address."""
 BANK_SELECT: Final = 0x7F
 """[8.65] Bits 5:4."""
 GYRO_SMPLRT_DIV: Final = BANK_2 | 0x00
@@ -57,7 +58,7 @@ ACCEL_CONFIG: Final = BANK_2 | 0x14
 """[10.15] Bits 5:3 ACCEL_DLPFCFG, 2:1 ACCEL_FS_SEL, 0 ACCEL_FCHOICE."""
 
 DIVIDER: Final = 8
-"""125 Hz: the rate with a period of whole milliseconds that is nearest to 100 Hz."""
+"""Divider for 125 Hz, the rate with a period of whole milliseconds that is nearest to 100 Hz."""
 FIFO_EN: Final = 0x40
 ALL_FIFOS: Final = 0x1F
 
@@ -96,7 +97,7 @@ ICM20948 = Chip(
     restart=((USER_CTRL, 0), (FIFO_RST, ALL_FIFOS), (FIFO_RST, 0), (USER_CTRL, FIFO_EN)),
     running=Setting(USER_CTRL, FIFO_EN, 0xF0),
     sample=Struct(">6h"),
-    fifo_bytes=512,  # [4.16]; some chips hold 4,096, but no more than this is used
+    fifo_bytes=512,  # [4.16]; some chips hold 4,096 bytes, and only 512 are used
     keeps_oldest=True,
     fifo_count=FIFO_COUNT_H,
     fifo_data=FIFO_R_W,

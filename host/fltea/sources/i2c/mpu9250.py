@@ -1,4 +1,4 @@
-"""Settings of the MPU-9250 and its relatives, as in the firmware of the Due (firmware/core/mpu9250.h)."""
+"""Settings of the MPU-9250 and related chips, equal to the Due firmware's (firmware/core/mpu9250.h)."""
 
 from struct import Struct
 
@@ -11,10 +11,11 @@ SAMPLE = Struct(">7h")
 
 
 def mpu9250(who_am_i: int) -> Chip:
-    """Return the chip with this WHO_AM_I; a clone is treated as an MPU-9250.
+    """Return the description of the chip with this WHO_AM_I; a clone is treated as an MPU-9250.
 
-    FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. `clock_error` is three times the ±1 % of
-    PS-MPU-9250A-01, 4.15. Since an MPU-6050 has no FIFO_MODE, an overflow of its FIFO tears a sample apart.
+    Sources for the FIFO: PS-MPU-9250A-01, 4.17; PS-MPU-6000A-00, 7.17. `clock_error` is three times the ±1 %
+    of PS-MPU-9250A-01, 4.15. An MPU-6050 has no FIFO_MODE, so an overflow of its FIFO destroys a part of a
+    sample.
     """
     old = who_am_i == 0x68
     stop = 0 if old else reg.FIFO_MODE_STOP
@@ -39,10 +40,11 @@ def mpu9250(who_am_i: int) -> Chip:
         accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
         reset_s=0.1,  # PS-MPU-9250A-01, start-up time
-        settle_s=0.05,  # 35 ms from sleep [PS-MPU-9250A-01, 3.1], the state of an MPU-6050 after a reset
+        # the gyroscope needs 35 ms from sleep [PS-MPU-9250A-01, 3.1], in which an MPU-6050 is after a reset
+        settle_s=0.05,
         settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
         checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),
-        # An MPU-6050 resets its FIFO only while the FIFO is off.
+        # An MPU-6050 resets its FIFO only while the FIFO is switched off.
         restart=tuple((reg.USER_CTRL, value) for value in (0, reg.USER_FIFO_RST, reg.USER_FIFO_EN)),
         running=Setting(reg.USER_CTRL, reg.USER_FIFO_EN, 0x70),
         sample=SAMPLE,

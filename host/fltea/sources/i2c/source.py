@@ -1,8 +1,9 @@
-"""Read one of `chips.CHIPS` on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
+"""Reads one of the chips in `chips.CHIPS` on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
 
-The sensor's FIFO holds samples for `Chip.fifo_s`, so the program may be delayed by that without a loss.
-The FIFO is read every 20 to 30 ms, at random times. At a multiple of the sensor's period, each read would
-come equally late after a sample, and slow changes of that delay would look like a drift of the clock.
+The sensor's FIFO holds samples for `Chip.fifo_s`, so the program may be delayed by this time without a loss.
+The FIFO is read every 20 to 30 ms, at random times. If the times were multiples of the sensor's period, each
+read would come equally late after a sample, and slow changes of this delay would look like a drift of the
+clock.
 """
 
 import hashlib
@@ -37,7 +38,7 @@ POLL_S = (0.02, 0.03)
 FRESH_POLL_S = 0.001
 SLICE_S = 0.05
 SET_UP_S = 1.0
-"""Time between two attempts to set a chip up [s]."""
+"""Time between two attempts to set up a chip [s]."""
 PROBE_S = 0.1
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 TICK_NS = 500_000_000
@@ -45,7 +46,7 @@ STATUS_NS = 1_000_000_000
 
 
 class SystemClock:
-    """This machine's clock, and waiting by it; tests use another one."""
+    """Reads this computer's clock, and waits; tests replace it."""
 
     host_ns = staticmethod(clock.host_ns)
     unix_offset_ns = staticmethod(clock.unix_offset_ns)
@@ -53,7 +54,7 @@ class SystemClock:
 
 
 class _Closed(Exception):
-    """`close` was called."""
+    """Raised within the source after `close` was called."""
 
 
 class Place(NamedTuple):
@@ -65,10 +66,10 @@ class Place(NamedTuple):
 
 
 def parse_url(rest: str) -> Place:
-    """Return where the sensor is, from the part of the URL after `i2c:`.
+    """Return the place of the sensor (bus, address, family), from the part of the URL after `i2c:`.
 
     Raises:
-        UsageError: the URL is wrong; the text says where.
+        UsageError: the URL is wrong; the message says where.
     """
     usual = "Give for instance 'i2c:///dev/i2c-1?addr=0x68' (in quotes, for the shell knows '?' too)"
     parts = urlsplit(rest)
@@ -93,12 +94,12 @@ def parse_url(rest: str) -> Place:
 
 
 def lost_polls(chip: Chip) -> int:
-    """Return how many failed polls in a row take longer than the FIFO lasts."""
+    """Return the number of failed polls in a row after which the FIFO may have overflowed."""
     return math.ceil(chip.fifo_s / (sum(POLL_S) / 2))
 
 
 def device_id(path: str, address: int) -> str:
-    """Return 32 hex digits that stay the same for this machine, bus and address."""
+    """Return 32 hexadecimal digits that depend only on this computer, the bus and the address."""
     try:
         machine = Path("/etc/machine-id").read_text(encoding="ascii").strip()
     except OSError:
@@ -109,8 +110,9 @@ def device_id(path: str, address: int) -> str:
 class I2cSource:
     """Reads the samples of one sensor; every failure becomes a `Trouble`, and reading continues.
 
-    `rest`: the part of the URL after `i2c:`. `open_bus`, `host`: replacements for tests.
-    `unix_offset_ns`: offset to Unix time at the last event.
+    `rest`: the part of the URL after `i2c:`. `open_bus`, `host`: replacements for the bus and the clock in
+    tests.
+    `unix_offset_ns`: offset from the monotonic clock to Unix time at the last event [ns].
     """
 
     live = prompt = True
@@ -141,7 +143,8 @@ class I2cSource:
     def events(self) -> Iterator[Event]:
         """Yield the sensor's events until `close`."""
         for event in self._events():
-            self.unix_offset_ns = self._host.unix_offset_ns()  # the same for the recording and the records
+            # the recording and the records use the same offset
+            self.unix_offset_ns = self._host.unix_offset_ns()
             yield event
 
     def _events(self) -> Iterator[Event]:
@@ -156,7 +159,7 @@ class I2cSource:
             return
 
     def link_stats(self) -> LinkStats:
-        """Return the counts: a frame is a sample, and a bad frame is a restart of the FIFO, by its cause."""
+        """Return the counts: a frame is a sample, and a bad frame is a restart of the FIFO, by cause."""
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,
             frames=self._reader.samples,
@@ -199,7 +202,7 @@ class I2cSource:
             return False
         except TransferFailed as failed:
             code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
-            if self._unanswered:  # not at once, since the sensor may start later than this machine
+            if self._unanswered:  # after a pause, since the sensor may start later than this computer
                 yield from self._report_fault(code, self.address, fatal=True)
             self._unanswered = True
             yield from self._wait(PROBE_S)
@@ -298,13 +301,13 @@ class I2cSource:
         yield from self._report("device_fault", name, text, fatal=fatal)
 
     def _report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Report a trouble unless its topic was reported within a minute and since the sensor's set-up."""
+        """Report a trouble, unless its topic was reported within a minute and since the last set-up."""
         now_ns = self._host.host_ns()
         if self._reported.is_due(topic, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
 
     def _wait(self, seconds: float) -> Iterator[Event]:
-        """Wait, with ticks and statuses meanwhile; in slices, since any thread may call `close`."""
+        """Wait, and yield ticks and statuses meanwhile; wait in slices, since any thread may call `close`."""
         end_ns = self._host.host_ns() + round(seconds * 1e9)
         while True:
             if self._closed:

@@ -1,4 +1,4 @@
-"""Explain failures on a Linux I²C bus to the person who repairs it: what, why, what to do."""
+"""Explains failures on a Linux I²C bus to the user: what happened, the likely cause, and what to do."""
 
 from fltea.sources.i2c.bus import detect_command
 from fltea.sources.i2c.chips import ADDRESSES, with_banks
@@ -39,7 +39,7 @@ def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
 
 
 def bus_lost_text(path: str, error: OSError) -> str:
-    """Return the text about a bus that failed itself."""
+    """Return the text about a failure of the bus itself."""
     return (
         f"the I²C bus {path} was lost ({error}): its adapter was unplugged, its driver was unloaded, or it "
         "cannot do plain I²C transfers. It is opened again."
@@ -47,9 +47,9 @@ def bus_lost_text(path: str, error: OSError) -> str:
 
 
 def loss_text(cause: str, missing: int, doubt: int, fifo_s: float) -> tuple[str, str]:
-    """Return kind and text about samples lost in the sensor's FIFO, which holds `fifo_s` [s].
+    """Return kind and text of a message about samples lost in the sensor's FIFO, which spans `fifo_s` [s].
 
-    `missing`: their number; the true number is within ±`doubt`.
+    `missing`: number of lost samples; the true number is within ±`doubt`.
     """
     lost = f"{missing} samples are lost"
     if doubt:

@@ -1,1 +1,1 @@
-"""Read gyroscopes and IMUs by their drivers in the Linux kernel (IIO, industrial I/O)."""
+"""Reads gyroscopes and IMUs through their drivers in the Linux kernel (IIO, industrial I/O)."""

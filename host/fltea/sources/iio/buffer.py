@@ -1,4 +1,4 @@
-"""Set up and open a device's triggered buffer, and restore its settings at the end."""
+"""Sets up and opens a device's triggered buffer, and restores its settings at the end."""
 
 import contextlib
 import errno
@@ -11,11 +11,11 @@ from fltea.sources.iio.scan import Element, ScanLayout, parse_element
 from fltea.sources.iio.sysfs import Attributes, choose_trigger, triggers
 
 KEPT_S, LATENCY_S = 2.0, 0.02
-"""`KEPT_S`: time for which the kernel keeps samples [s]. `LATENCY_S`: longest wait until it delivers them
-[s]."""
+"""`KEPT_S`: time for which the kernel keeps samples [s]. `LATENCY_S`: longest time until the kernel delivers
+a sample [s]."""
 
 CLOCK = "monotonic"
-"""Clock of the time stamps, if the driver offers a choice: the usual clock jumps when the date is set."""
+"""Clock for time stamps, if the driver offers a choice; the default clock jumps when the date is set."""
 
 HRTIMER = (
     "make one that ticks by itself: 'sudo modprobe iio-trig-hrtimer; sudo mkdir "
@@ -30,7 +30,7 @@ OWN_TRIGGER = (
 
 
 class Unusable(Exception):
-    """The buffer cannot be used. `kind`: of the `error` record. The text says why, and what to do."""
+    """The buffer cannot be used. `kind`: kind of the `error` record. The text says why, and what to do."""
 
     def __init__(self, kind: str, text: str) -> None:
         super().__init__(text)
@@ -47,8 +47,9 @@ class Wishes(NamedTuple):
 class Buffer:
     """An open triggered buffer of some channels.
 
-    `layout`: layout of its scans. `has_time`: whether the scans contain time stamps, in ns. `fd`: descriptor
-    to read scans from.
+    `layout`: layout of a scan (one sample of all channels). `has_time`: whether scans contain time stamps
+    [ns].
+    `fd`: file descriptor from which scans are read.
 
     Raises:
         Unusable: the buffer cannot be set up, or another program uses it.
@@ -65,7 +66,7 @@ class Buffer:
             raise
 
     def close(self) -> None:
-        """Switch the buffer off, and restore every setting that was changed."""
+        """Switch the buffer off, and restore every setting that this class changed."""
         for path, before in reversed(self._undo):
             with contextlib.suppress(OSError):  # the device may be gone
                 path.write_text(before + "\n", encoding="utf-8")
@@ -81,7 +82,8 @@ class Buffer:
         except OSError as error:
             raise _explain_open(device, error) from error
         enable = f"{device.buffer}/enable"
-        # No program has the node open, so a buffer that is on was left on; settings need it off.
+        # No program has the device node open, so a buffer that is on was left on. Settings require it to be
+        # off.
         self._set(enable, "0", undo=False)
         self._set_trigger(wishes)
         self._set_rate(wishes)
@@ -90,7 +92,7 @@ class Buffer:
         if self.has_time:
             elements.append(self._element("timestamp"))
             if device.has("current_timestamp_clock"):
-                with contextlib.suppress(Unusable):  # not necessary: any clock is good enough
+                with contextlib.suppress(Unusable):  # a failure does no harm: any clock is good enough
                     self._set("current_timestamp_clock", CLOCK)
         wanted = {element.name for element in elements}
         for path in sorted((device.folder / device.elements).glob("in_*_en")):
@@ -113,7 +115,7 @@ class Buffer:
     def _set_trigger(self, wishes: Wishes) -> None:
         device, file = self._device, "trigger/current_trigger"
         if not device.has(file):
-            return  # the chip's own FIFO fills the buffer, without a trigger
+            return  # the chip's own FIFO fills the buffer, so no trigger is needed
         wanted, known = choose_trigger(self._root, device, wishes.trigger)
         if not wanted or (wishes.trigger is not None and wanted not in known):
             there = f"Triggers that exist: {', '.join(known)}" if known else "This machine has no trigger"
@@ -151,11 +153,15 @@ class Buffer:
         length = max(2, round(rate_hz * KEPT_S), int(device.number(f"{device.buffer}/length") or 0))
         self._set(f"{device.buffer}/length", str(length))
         if device.has(f"{device.buffer}/watermark"):
-            with contextlib.suppress(Unusable):  # not necessary: it only makes samples come sooner
+            # a failure does no harm: this setting only makes samples come sooner
+            with contextlib.suppress(Unusable):
                 self._set(f"{device.buffer}/watermark", str(max(1, round(rate_hz * LATENCY_S))))
 
     def _set(self, name: str, value: str, *, undo: bool = True, after: str | None = None) -> None:
-        """Write a setting if it differs; `after`: the value to leave at the end, if not the previous one."""
+        """Write a setting if its value differs.
+
+        `after`: value to write at the end; None: the previous value.
+        """
         if after is None and self._device.text(name) == value:
             return
         self._write(self._device.folder / name, value, undo=undo, after=after)
@@ -171,7 +177,7 @@ class Buffer:
 
 
 def rate_path(root: Path, device: Attributes) -> Path | None:
-    """Return the file with the sampling rate, which belongs to the device or to its trigger."""
+    """Return the file that holds the sampling rate; it belongs to the device or to the device's trigger."""
     name = device.rate_file()
     if name is not None:
         return device.folder / name
@@ -183,7 +189,7 @@ def rate_path(root: Path, device: Attributes) -> Path | None:
 
 
 def rate_of(root: Path, device: Attributes) -> float | None:
-    """Return the sampling rate that the driver states [Hz]; None if it states none."""
+    """Return the sampling rate that the driver states [Hz]; None if the driver states no rate."""
     path = rate_path(root, device)
     rate_hz = None if path is None else Attributes(path.parent, path).number(path.name)
     return rate_hz if rate_hz is not None and rate_hz > 0 else None

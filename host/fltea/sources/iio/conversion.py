@@ -1,4 +1,4 @@
-"""Convert the counts of IIO channels by scale, offset and mount matrix."""
+"""Converts the counts of IIO channels by scale, offset and mount matrix."""
 
 import math
 from collections.abc import Sequence
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 
 class Conversion(NamedTuple):
-    """Converts the counts of a sensor's axes, (n, axes), to the values of records.
+    """Converts the counts of a sensor's axes, (n, axes), to the values in records.
 
-    Whole counts stay counts, and `lsb` is the number of counts per unit, if the mount matrix only swaps axes
-    or changes their sign. Otherwise `lsb` is None, and the values are in the unit.
+    If the mount matrix only swaps axes or changes signs, whole counts stay counts, and `lsb` is the number of
+    counts per unit. Otherwise the results are in the unit, and `lsb` is None.
 
-    `matrix`: (axes, axes), which contains the scale if `lsb` is None. `offset`: (axes,), added to the counts.
+    `matrix`: (axes, axes); it includes the scale if `lsb` is None. `offset`: (axes,), added to the counts.
     """
 
     lsb: float | None
@@ -22,7 +22,7 @@ class Conversion(NamedTuple):
     offset: NDArray[np.float64]
 
     def __call__(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return counts or values, (n, axes)."""
+        """Return the converted counts, (n, axes): counts again, or values in the unit."""
         values: NDArray[np.float64] = (counts + self.offset) @ self.matrix.T
         return values
 
@@ -30,13 +30,13 @@ class Conversion(NamedTuple):
 def conversion(
     scales: Sequence[float], offsets: Sequence[float], mount: NDArray[np.float64] | None
 ) -> Conversion:
-    """Return the conversion for axes with these scales, in units per count.
+    """Return the conversion for axes with these scales, given in units per count.
 
-    `mount`: rotation from the sensor's axes to the axes of the machine that contains it, (3, 3); ignored for
-    fewer than three axes.
+    `mount`: rotation from the sensor's axes to the axes of the machine that it is mounted in, (3, 3); ignored
+    if there are fewer than three axes.
 
     Raises:
-        ValueError: a scale is 0 or not finite, or the mount matrix is no rotation.
+        ValueError: a scale is 0 or not finite, or the mount matrix is not a rotation.
     """
     if not all(math.isfinite(scale) and scale > 0 for scale in scales):
         raise ValueError(f"scale {', '.join(f'{scale:g}' for scale in scales)} is no scale")
@@ -60,7 +60,7 @@ def parse_mount(text: str) -> NDArray[np.float64] | None:
     """Return a mount matrix from a text such as `1, 0, 0; 0, 1, 0; 0, 0, 1`; None for an empty text.
 
     Raises:
-        ValueError: the text is no such matrix.
+        ValueError: the text is not such a matrix.
     """
     if text.strip() in ("", "(null)"):
         return None

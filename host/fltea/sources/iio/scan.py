@@ -1,6 +1,6 @@
-"""Decode the scans of a triggered buffer: the position of each channel, and its numbers.
+"""Decodes the scans of a triggered buffer; a scan holds one sample of each channel.
 
-The kernel's rules are in Documentation/driver-api/iio/buffers.rst and in the sysfs ABI
+The kernel documents the format in Documentation/driver-api/iio/buffers.rst and in the sysfs ABI
 (Documentation/ABI/testing/sysfs-bus-iio, `scan_elements`).
 """
 
@@ -15,14 +15,14 @@ from fltea.records.events import Ints
 
 TYPE = re.compile(r"(be|le):([su])(\d{1,3})/(\d{1,3})(?:X(\d{1,3}))?>>(\d{1,3})")
 STORAGE_BITS = (8, 16, 32, 64)
-"""Possible sizes of a channel: the kernel aligns a channel to its own size, which must be a power of 2."""
+"""Possible sizes of a channel [bits]; the kernel aligns each channel to its size, a power of 2."""
 
 
 class Element(NamedTuple):
-    """One channel of a scan.
+    """Description of one channel in a scan.
 
-    `name`: such as `anglvel_x`. `place`: index among the channels. `bits`: size of the number, after a right
-    shift by `shift`, in `storage_bits`. `repeat`: number of numbers, one after the other.
+    `name`: name such as `anglvel_x`. `place`: index among the channels. `bits`: number of significant bits,
+    after a right shift by `shift`, in a field of `storage_bits`. `repeat`: number of successive numbers.
     """
 
     name: str
@@ -41,10 +41,10 @@ class Element(NamedTuple):
 
 
 def parse_element(name: str, index: str, text: str) -> Element:
-    """Return a channel from the content of its files `…_index` and `…_type`, such as `le:s16/16>>0`.
+    """Return the description of a channel from its files `…_index` and `…_type`, such as `le:s16/16>>0`.
 
     Raises:
-        ValueError: the content does not agree with the kernel's documentation.
+        ValueError: the content of the files contradicts the kernel's documentation.
     """
     found = TYPE.fullmatch(text.strip())
     if found is None or not index.strip().isdecimal():
@@ -58,9 +58,9 @@ def parse_element(name: str, index: str, text: str) -> Element:
 
 
 class ScanLayout:
-    """The positions of the channels in a scan. `size`: bytes of a scan.
+    """The positions of the channels in a scan. `size`: length of a scan [bytes].
 
-    Each channel is aligned to its own size, and the scan to the size of its largest channel.
+    Each channel is aligned to its own size, and the whole scan to the size of its largest channel.
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
@@ -74,10 +74,10 @@ class ScanLayout:
         self.size = -(-end // largest) * largest
 
     def decode(self, data: bytes | memoryview) -> dict[str, Ints]:
-        """Return the first number of each channel in whole scans, each (scans,).
+        """Return the first number of each channel in every scan, each (scans,).
 
         Raises:
-            ValueError: the bytes are no whole number of scans.
+            ValueError: the bytes are not a whole number of scans.
         """
         if len(data) % self.size:
             raise ValueError(f"{len(data)} bytes are no whole number of scans of {self.size}")

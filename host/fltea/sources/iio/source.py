@@ -1,7 +1,7 @@
-"""Read a gyroscope or IMU that has a driver in the Linux kernel: `iio:NAME_OR_PATH`.
+"""Reads a gyroscope or IMU that has a driver in the Linux kernel: `iio:NAME_OR_PATH`.
 
-Samples come from the triggered buffer, and the driver's time stamps number them: where the time stamps run
-ahead of the rate, samples were lost, and are counted as missing. The rate follows from the time stamps, too.
+Samples come from the driver's triggered buffer, and its time stamps number them. A time stamp that comes too
+late for the next number shows that samples were lost. The time stamps also give the sampling rate.
 """
 
 import math
@@ -33,12 +33,12 @@ READ_BYTES = 1 << 16
 PATIENCE_NS = 5 * 10**9
 BACKOFF_S = (0.25, 0.5, 1.0, 2.0, 5.0)
 RATE_TOLERANCE = 0.05
-"""Relative difference of the measured from the stated rate above which it is reported: a chip's own
-oscillator is accurate to some percent."""
+"""Largest relative difference between the measured and the stated rate that is not reported; a chip's own
+oscillator is accurate to a few percent."""
 
 
 class Place(NamedTuple):
-    """Parts of the URL: the device, the settings asked for, and whether its mount matrix is applied."""
+    """Parts of the URL: the device, the requested settings, and whether the mount matrix is applied."""
 
     device: str
     wishes: Wishes
@@ -49,7 +49,7 @@ def parse_url(rest: str) -> Place:
     """Return the parts of the URL after `iio:`.
 
     Raises:
-        UsageError: no device, an unknown key, or no rate.
+        UsageError: the URL names no device, has an unknown key, or gives an impossible rate.
     """
     what, _, query = rest.partition("?")
     usual = "Give for instance iio:bmi088_gyro or 'iio:iio:device0?rate_hz=200'; 'fltea devices' lists them"
@@ -76,12 +76,12 @@ def parse_url(rest: str) -> Place:
 
 
 class IioSource:
-    """Reads the samples of one device; every failure becomes a `Trouble`, and then the device is tried again.
+    """Reads the samples of one device; each failure becomes a `Trouble`, and then the device is opened again.
 
-    `rest`: the part of the URL after `iio:`. `unix_offset_ns`: offset to Unix time at the last event.
+    `rest`: the part of the URL after `iio:`. `unix_offset_ns`: offset to Unix time at the last event [ns].
 
     Raises:
-        UsageError: as in `parse_url`.
+        UsageError: `parse_url` refuses the URL.
     """
 
     live = prompt = True
@@ -119,7 +119,7 @@ class IioSource:
             yield from self._pause(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
 
     def link_stats(self) -> LinkStats:
-        """Return the counts; a frame is a sample. Lost samples show in the samples' numbers."""
+        """Return the counts; a frame is a sample. Gaps in the samples' numbers show lost samples."""
         counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
         return LinkStats(
             bytes=self._bytes,
@@ -129,13 +129,13 @@ class IioSource:
         )
 
     def close(self) -> None:
-        """End the iteration of `events`, which restores the device's settings."""
+        """End the iteration of `events`, which then restores the device's settings."""
         if not self._closed:
             self._closed = True
             os.write(self._closed_write, b"\0")
 
     def _use(self) -> Iterator[Event]:
-        """Open the device, and read it until it is lost."""
+        """Open the device, and read samples until it is lost."""
         device = self._find()
         channels = {kind: device.channels(kind) for kind in (GYRO, ACCEL)}
         if not channels[GYRO]:
@@ -238,7 +238,7 @@ class IioSource:
 
 
 class _Reader:
-    """Turns the scans read from one opening of a device into blocks of samples."""
+    """Turns the scans that are read after one opening of a device into blocks of samples."""
 
     def __init__(
         self,
@@ -266,7 +266,7 @@ class _Reader:
             )
 
     def take(self, data: bytes, now_ns: int) -> Iterator[Numbered]:
-        """Number the samples of whole scans; their values are counts."""
+        """Number the samples in whole scans, and yield their counts."""
         counts = self._layout.decode(data)
         names = self._channels[GYRO] + self._channels[ACCEL]
         values = np.stack([counts[name] for name in names], axis=1).astype(np.float64)
@@ -319,12 +319,12 @@ class _Reader:
 def conversion_of(device: Attributes, kind: str, channels: list[str], mounted: bool) -> Conversion:
     """Return the conversion of a sensor's channels from its driver's files.
 
-    `mounted`: apply the mount matrix.
+    `mounted`: whether to apply the mount matrix.
 
     Raises:
         Unusable: the sensor has no scale, or one of its files has an impossible value.
     """
-    unit = math.pi / 180 if kind == GYRO else 1.0  # scales are in rad/s and m/s²
+    unit = math.pi / 180 if kind == GYRO else 1.0  # drivers give scales in rad/s and m/s²
     scales = [device.of_channel(channel, "scale") for channel in channels]
     if None in scales:
         raise Unusable("open_failed", f"{device.id} does not say the scale of its {SENSORS[kind]}.")

@@ -1,8 +1,8 @@
-"""Read IIO devices as the kernel presents them: folders of small files in /sys, and a node in /dev.
+"""Reads IIO devices in the form that the kernel gives: folders of small files in /sys, and a node in /dev.
 
-The kernel's own files are read rather than Debian's libiio. The library's Python binding of Debian 12 (0.24)
-is installed for the system's Python only, PyPI's binding (1.0) does not fit Debian's library, and neither can
-use another folder, so nothing here could be tested. The files are a stable interface
+The kernel's files are read without the library libiio. The Python binding of libiio in Debian 12 (0.24) is
+installed for the system's Python only, and the binding on PyPI (1.0) does not fit Debian's library. Neither
+can read another folder, so this module could not be tested with it. The kernel's files are a stable interface
 (Documentation/ABI/testing/sysfs-bus-iio).
 """
 
@@ -31,7 +31,7 @@ class Attributes:
             return ""
 
     def number(self, *names: str) -> float | None:
-        """Return the number in the first of these files that contains one; None if none does."""
+        """Return the number in the first of the named files that holds a number; None if no file does."""
         for name in names:
             try:
                 value = float(self.text(name))
@@ -47,7 +47,7 @@ class Attributes:
 
     @property
     def id(self) -> str:
-        """Id of the device, such as `iio:device0`."""
+        """ID of the device, such as `iio:device0`."""
         return self.folder.name
 
     @property
@@ -66,17 +66,23 @@ class Attributes:
         return "scan_elements" if self.has("scan_elements") else "buffer0"
 
     def channels(self, kind: str) -> list[str]:
-        """Return a sensor's channels that the buffer can contain: `anglvel_x` …, or only `anglvel`."""
+        """Return the channels of a sensor that the buffer can contain: `anglvel_x` …, or only `anglvel`."""
         names = [*(f"{kind}_{axis}" for axis in AXES), kind]
         return [name for name in names if self.has(f"{self.elements}/in_{name}_en")]
 
     def of_channel(self, channel: str, what: str) -> float | None:
-        """Return a number of a channel, such as its scale or offset: its own, or that of its kind."""
+        """Return a number that describes a channel, such as its scale or offset.
+
+        The number is the channel's own, or else that of all channels of the same kind.
+        """
         kind = channel.partition("_")[0]
         return self.number(f"in_{channel}_{what}", f"in_{kind}_{what}")
 
     def mount_matrix(self, kind: str) -> str:
-        """Return a sensor's mount matrix: its own, that of all inputs, or the device's; "" without one."""
+        """Return a sensor's mount matrix, or that of all inputs, or that of the device.
+
+        "" if there is none.
+        """
         names = (f"in_{kind}_mount_matrix", "in_mount_matrix", "mount_matrix")
         return next((text for name in names if (text := self.text(name))), "")
 
@@ -87,7 +93,10 @@ class Attributes:
         return link.resolve().name if link.is_symlink() else ""
 
     def rate_file(self) -> str | None:
-        """Return the file with the sampling rate; None if the device has none, though its trigger may."""
+        """Return the file with the sampling rate.
+
+        None if the device has no such file (its trigger may have one).
+        """
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
         return next((name for name in names if self.has(name)), None)
 
@@ -120,10 +129,10 @@ def triggers(root: Path) -> list[Trigger]:
 
 
 def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[str, list[str]]:
-    """Return the trigger for a device, and all existing triggers.
+    """Return the name of the trigger for a device, and all triggers of the machine.
 
-    The trigger is the wished one, else the device's present one, else the chip's own, else "". A wished or
-    present trigger may not exist.
+    The result is the trigger that the user wants, or else the device's present trigger, or else the chip's
+    own trigger, or else "". A wanted or present trigger may not exist on this machine.
     """
     known = [trigger.name for trigger in triggers(root)]
     own = next((name for name in known if name.startswith(device.name)), "")
@@ -131,7 +140,7 @@ def choose_trigger(root: Path, device: Attributes, wish: str | None) -> tuple[st
 
 
 def find(root: Path, what: str) -> list[Attributes]:
-    """Return the devices that a name, a label, `iio:device0`, or a path in /dev or /sys stands for."""
+    """Return the devices with a name, a label, an ID such as `iio:device0`, or a path in /dev or /sys."""
     last = os.path.basename(what.rstrip("/")).removeprefix("iio:")
     return [
         one
@@ -141,6 +150,6 @@ def find(root: Path, what: str) -> list[Attributes]:
 
 
 def root_of(what: str) -> Path:
-    """Return the folder that stands for /: it differs if `what` is a path in another tree's /sys."""
+    """Return the folder that takes the place of /, if `what` is a path in another tree's /sys; else /."""
     before, found, _ = what.partition(f"/{DEVICES}/")
     return Path(before or "/") if found else Path("/")
