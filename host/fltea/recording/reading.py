@@ -1,6 +1,7 @@
-"""A reading: how a file was understood, as answers with evidence, and questions without an answer.
+"""A reading describes how a file was understood: answers with evidence, and questions without an answer.
 
-There are five kinds of evidence, the strongest first. A fact without evidence is missing; none is guessed.
+There are five kinds of evidence, the strongest first. A fact without evidence is missing and is never
+guessed.
 
 - given: the user states it by an option;
 - stated: the file states it, by a name, a row of units, its head or its metadata;
@@ -38,7 +39,7 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class Missing(msgspec.Struct, frozen=True):
-    """One missing fact: what it is, and the option that states it, with `?` for the value."""
+    """One missing fact: what is missing, and the option that states it, with `?` for the value."""
 
     what: str
     option: str
@@ -52,7 +53,7 @@ ASK = "Say it, with the right value for each ?: "
 
 
 class NotStated(UsageError):
-    """Facts are missing, and the user has to state them. `missing`, `table`: as in `not_stated`."""
+    """Raised if facts are missing that the user must state. `missing`, `table`: see `not_stated`."""
 
     missing: Sequence[Missing] = ()
     table: str = ""
@@ -61,10 +62,11 @@ class NotStated(UsageError):
 def not_stated(
     where: str, missing: Sequence[Missing], known: Sequence[str] = (), table: str = ""
 ) -> NotStated:
-    """Return the error that asks for what is missing.
+    """Return the error that asks the user for the missing facts.
 
-    `where`: file, for messages. `known`: options with values that the user gave. `missing`: facts to state.
-    `table`: lines of text that show what each candidate would mean for these data.
+    `where`: file, for messages. `known`: options, with values, that the user gave. `missing`: the missing
+    facts.
+    `table`: lines of text that show the result of each possible answer for these data.
     """
     what = "; and ".join(one.what for one in missing)
     options = " ".join([*known, *(one.option for one in missing if one.option)])
@@ -75,18 +77,18 @@ def not_stated(
 
 
 def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
-    """Return the error that asks for `first`, and also for everything that `then` finds missing."""
+    """Return the error that asks for `first`, and for all facts that the function `then` finds missing."""
     try:
         then()
     except NotStated as error:
         return not_stated(where, [first, *error.missing], known, error.table)
     except UsageError:
-        pass  # the answer to `first` decides whether this error remains
+        pass  # this error may disappear with the answer to `first`
     return not_stated(where, [first], known)
 
 
 def given_options(how: How) -> list[str]:
-    """Return the options that the user gave, as they are typed."""
+    """Return the options that the user gave, in the form in which they are typed."""
     given = {
         "--columns": None if how.columns is None else ",".join(how.columns),
         "--units": how.units,

@@ -1,4 +1,4 @@
-"""Makes a complete MCAP file from a truncated or damaged one, with summary and indexes."""
+"""Makes a complete MCAP file, with summary and indexes, from a truncated or damaged file."""
 
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -26,7 +26,7 @@ class Recovered(NamedTuple):
 
 
 def recover(path: Path, *, in_place: bool, limits: Limits = DEFAULT_LIMITS) -> Recovered:
-    """Write the readable part of a damaged file to `NAME.recovered.mcap` in its folder, or in its place.
+    """Write the readable part of a damaged file to `NAME.recovered.mcap`, or replace the file.
 
     Raises:
         UsageError: the file does not exist, is no MCAP file or is still being written, the copy already
@@ -58,7 +58,10 @@ def _check_unused(path: Path, file: BinaryIO) -> None:
 
 
 def _examine(path: Path, limits: Limits) -> Recovered:
-    """Count what can be saved. A message is lost if its channel was described in a damaged chunk."""
+    """Count what can be recovered.
+
+    Messages are lost if their channel's description was in a damaged chunk.
+    """
     scan = Scan(path, limits)
     known: set[int] = set()
     messages = damaged = 0

@@ -1,4 +1,4 @@
-"""Finds the next record of an MCAP file after invalid bytes: a hole, or a wrong length."""
+"""Finds the next record of an MCAP file after invalid bytes, such as a hole or a wrong length."""
 
 import errno
 import os
@@ -16,25 +16,26 @@ DATA_END_BYTES = 4
 FOOTER = struct.Struct("<BQQQI")
 
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-"""Compression names as chunks hold them. Uncompressed chunks cannot be searched for."""
+"""Names of compressions as they stand in chunks; uncompressed chunks cannot be searched for."""
 
 PACKER_AT = HEAD.size + 28
 """Offset of the compression's name in a chunk: after its times, size and checksum."""
 
 WINDOW_BYTES = 1 << 16
 IN_A_ROW = 3
-"""Number of consecutive valid headers that confirm a position."""
+"""Number of consecutive valid headers that confirm the position of a record."""
 
 
 LAST_KIND = Opcode.DATA_END
-"""Higher opcodes belong to other programs, or to a later version of the format."""
+"""Highest opcode of MCAP; higher opcodes belong to other programs, or to later versions of the format."""
 
 
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
-    """Return whether a record may begin at byte `at`, or the file ends there.
+    """Return whether a record may begin at byte `at`, or whether the file ends there.
 
-    A length takes eight bytes, so other bytes rarely look like a header; the end of a time followed by a
-    small number can. Therefore a known opcode has to follow a record with an unknown opcode.
+    A length takes eight bytes, so other bytes rarely look like a header. The end of a time followed by a
+    small number may do so. Therefore a record with a known opcode must follow a record with an unknown
+    opcode.
     """
     file.seek(at)
     head = file.read(HEAD.size)
@@ -80,7 +81,7 @@ def _chunk_bytes(packer: int, packed: int) -> int:
 
 
 def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
-    """Return the end of the zeros from byte `at` on, if several valid records follow there, else None."""
+    """Return the end of the zeros that begin at byte `at`, if several valid records follow; else None."""
     data_at = begin = _data_at(file, at, size)
     for _ in range(IN_A_ROW):
         if begin is None or not begins_record(file, begin, size):
@@ -102,7 +103,7 @@ def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
         at = max(begin, data_at - PACKER_AT)
         file.seek(at)
         window = file.read(WINDOW_BYTES)
-        if not window:  # the file was truncated meanwhile
+        if not window:  # another program truncated the file meanwhile
             return None
         for place in _places(window):
             one = at + place - PACKER_AT
@@ -116,7 +117,7 @@ def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the summary, if a finished file has one after byte `begin`."""
+    """Return the offset of the summary if the file was finished and it lies after byte `begin`; else None."""
     at = size - FOOTER.size - len(MCAP0_MAGIC)
     if at < begin:
         return None
@@ -129,7 +130,7 @@ def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the next byte that is not 0; holes of a sparse file are skipped."""
+    """Return the offset of the next byte other than 0; holes of a sparse file are skipped."""
     at = begin
     while at < size:
         try:

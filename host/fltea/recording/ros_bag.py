@@ -27,7 +27,7 @@ MOST_NOTES = 5
 def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
     """Read the Imu topic of a bag, or the topic that `how` names, in one pass, through a temporary file.
 
-    Units and rate in `how` override a convention; they have to agree with what the bag states.
+    The units and the rate in `how` replace those of a convention; they must agree with what the bag states.
 
     `path`: a .bag, .db3 or .mcap file, or the folder of a bag of ROS 2.
 
@@ -65,7 +65,8 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
             gathered.add(item, layout)
     if chosen is None or gathered is None:
         likely = _alike(layouts)
-        if how.topic is not None and len(likely) == 1:  # the option names a sensor in the only topic
+        # the option names a sensor in the only topic of a gyroscope
+        if how.topic is not None and len(likely) == 1:
             return open_bag(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
         raise _none(path, counts, layouts, how.topic, notes)
     several = _alike(layouts)
@@ -92,7 +93,7 @@ def _quota(path: Path, limits: Limits) -> Quota:
     try:
         files = files_of(path) if path.is_dir() else [path]
         return Quota(path, limits, sum(file.stat().st_size for file in files))
-    except OSError:  # opening it reports the error
+    except OSError:  # opening the file reports the error
         return Quota(path, limits, 0)
 
 
@@ -104,7 +105,7 @@ def _layout(path: Path, batch: Batch, sensor: str | None, quota: Quota) -> Layou
 
 
 def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
-    """Return whether the user names this topic, as TOPIC or TOPIC:SENSOR, and the sensor in it."""
+    """Return whether the user names this topic (TOPIC or TOPIC:SENSOR), and the sensor named in it."""
     name, given = topic.name.lstrip("/"), how.topic
     if given is None or given.lstrip("/") == name:
         return True, None
@@ -113,7 +114,10 @@ def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
 
 
 def _alike(layouts: dict[Topic, Layout | None]) -> set[str]:
-    """Return the topics of types for gyroscopes; without any, all with a gyroscope's numbers."""
+    """Return the topics whose type is made for gyroscopes.
+
+    If there are none, all topics with angular rates.
+    """
     there = {topic: layout for topic, layout in layouts.items() if layout is not None}
     some_known = any(layout.is_known for layout in there.values())
     return {topic.name for topic, layout in there.items() if layout.is_known or not some_known}
@@ -139,7 +143,7 @@ def _none(
 
 
 def _listed(topics: dict[Topic, int]) -> str:
-    """Return a list of topics for people. Messages of unreadable topics are not always counted."""
+    """Return a list of topics for people; for unreadable topics, the number of messages may be unknown."""
     known = sorted(topics.items(), key=lambda item: item[0][:2])
     lines = []
     for topic, count in known[:MOST_NAMES]:
@@ -156,7 +160,7 @@ def _about(chosen: Topic, topics: dict[Topic, int]) -> str:
 
 
 def _few(notes: list[Note]) -> list[Note]:
-    """Return the first notes, and a note on how many more there are."""
+    """Return the first notes, and one note with the number of the remaining notes."""
     left = len(notes) - MOST_NOTES
     return notes[:MOST_NOTES] + (
         [Note(notes[-1].kind, f"… and {left} more such places.")] if left > 0 else []

@@ -15,25 +15,30 @@ from fltea.recording.sample_times import (
 )
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
-"""Factors for the remainder that is carried to the next step; the rate is known to 0.1 % or better."""
+"""Factors for the remainder that is carried to the next step, since the rate is known only to 0.1 % or
+better."""
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""Numbers of steps: FEW and fewer are numbered one by one, others in a STRETCH; FADED: LEAK**FADED is 0."""
+"""Numbers of steps.
+
+Up to FEW steps are numbered one by one, and more steps in stretches of STRETCH; LEAK**FADED is practically 0.
+"""
 
 NO_DOUBT = 0.499
-"""Largest remainder, in periods, that cannot change a number."""
+"""Largest remainder, in periods, with which rounding to whole periods is certain."""
 
 DOUBT_OF_ROUNDED = 0.6
-"""Smallest remainder, in periods, that counts as a lost sample if times are rounded; otherwise 0.5.
+"""Smallest remainder, in periods, that counts as a lost sample if times are rounded; otherwise it is 0.5.
 
-Times rounded to 0.99 of a period leave a remainder of about 0.5 at longer steps, wherever the first one is.
+Rounding a time by 0.99 of a period leaves a remainder of about 0.5 at longer steps.
 """
 
 
 class Numbered(NamedTuple):
-    """Numbered samples. `kept`: marks (rows,) of rows that are samples; other fields: (samples,).
+    """Numbered samples. `kept`: marks (rows,) of the rows that are samples; the other fields are (samples,).
 
-    `begins`: marks of samples that begin a new run. `elapsed`: times of the samples, strictly increasing.
+    `begins`: marks of samples that begin a new run of the sender. `elapsed`: strictly increasing times of the
+    samples.
     """
 
     kept: Marks
@@ -43,10 +48,10 @@ class Numbered(NamedTuple):
 
 
 class Numbering:
-    """Numbers samples by elapsed times, from 0.
+    """Numbers samples from 0 by their elapsed times.
 
-    `period`: sampling period in the unit of the times. `rate_hz`: sampling rate. `is_rounded`: the times are
-    rounded to a large part of the period.
+    `period`: sampling period in the unit of the times. `rate_hz`: sampling rate. `is_rounded`: whether the
+    times are rounded to a large part of the period.
     """
 
     def __init__(self, period: float, rate_hz: float, *, is_rounded: bool = False) -> None:
@@ -59,7 +64,7 @@ class Numbering:
         self._ahead = self._shift = 0.0
 
     def add(self, elapsed: Floats, begins: Marks) -> Numbered:
-        """Number the next rows, at least one; `begins`: marks as `Elapsed.add` returns them."""
+        """Number the next rows (at least one). `begins`: marks of new runs, as `Elapsed.add` returns them."""
         before = elapsed[0] - self._period if self._last is None else self._last
         steps = differences(elapsed, before)
         self._last = float(elapsed[-1])
@@ -79,7 +84,7 @@ class Numbering:
         return Numbered(kept, sequence, begins, elapsed)
 
     def _whole(self, periods: Floats) -> Ints:
-        """Return steps as whole periods, at least 1; the remainder is carried to the next step."""
+        """Return steps as whole periods, at least 1; a remainder is carried to the next step."""
         off = periods - 1
         if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - self._leak) < NO_DOUBT:
             last = off[-FADED:]
@@ -94,7 +99,7 @@ class Numbering:
         return found
 
     def _of_stretch(self, periods: Floats, rounded: Ints) -> Ints:
-        if len(periods) > FEW:  # individual rounding is right if all remainders stay below one half
+        if len(periods) > FEW:  # rounding each step alone is right if all remainders stay below one half
             weights = self._leak ** np.arange(1, len(periods) + 1)
             ahead = weights * (self._ahead + np.cumsum((periods - rounded) / weights))
             if (np.abs(ahead) < NO_DOUBT).all():

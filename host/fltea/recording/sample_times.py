@@ -55,42 +55,46 @@ Marks = NDArray[np.bool_]
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 EVENNESS, EVEN_SHARE = 0.2, 0.9
-"""Times come from a sensor's clock if nine steps in ten are within a fifth of the median."""
+"""Times are from a sensor's clock if at least nine steps in ten deviate by less than a fifth from the
+median."""
 
 PLAUSIBLE_HZ = 5.0, 10_000.0
 """Usual sampling rates of gyroscopes.
 
-A column without a unit is in seconds only if its rate is within these.
+A column of times without a unit is taken as seconds only if the resulting rate is in this range [Hz].
 """
 
 LONGEST_S = 4e9
-"""Longest time [s]: 126 years, the most nanoseconds that fit into 64 bits."""
+"""Longest time [s]: 126 years, since 64 bits hold no more nanoseconds."""
 
 COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
-"""Values at which times restart: millis() and micros(), which boards send in ms and us; and times of day."""
+"""Values at which times restart at 0: 32-bit counters (millis() and micros()), and the time of day [s]."""
 
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
 HOUR_S = 3600.0
 MINUTE_TURNS_S, NEAR_TURN_S = 39.0, 1.0
-"""Times of day as hhmmss jump by at least MINUTE_TURNS_S at each minute, within NEAR_TURN_S of its end."""
+"""Times of day as hhmmss jump by at least MINUTE_TURNS_S, within NEAR_TURN_S of the end of a minute [s]."""
 
 SAME_TIME = 4 * float(np.finfo(np.float64).eps)
-"""Largest relative difference of two equal times."""
+"""Largest relative difference between two times that count as equal."""
 
 SAME_RATE = 0.1
-"""Largest relative difference between a given rate and the same rate measured from the times."""
+"""Largest relative difference between the user's rate and the measured rate that count as equal."""
 
 
 class Elapsed:
-    """Converts times of rows to the time since the first row, in the same unit, which never decreases.
+    """Converts the times of rows to the time since the first row, which never decreases; the unit stays.
 
-    `rows`: number of rows. `repeated`: rows with the time of the row before.
-    `odd`: steps that no sensor's clock makes: backwards, or a repeated time with different values.
-    `backwards`: steps backwards. `first`: number of the first row with a repeated or earlier time, or None.
-    `of_day`: beginnings of minutes in times of day as hhmmss. `hours`: steps of an hour, to a second, in
-    either direction.
-    `longest`: longer steps begin a new run; infinite without a known unit. `unit_s`: unit of the times [s].
+    `rows`: number of rows. `repeated`: number of rows with the same time as the previous row.
+    `odd`: number of steps that no sensor's clock makes: steps backwards, and repeated times with other
+    values.
+    `backwards`: number of steps backwards. `first`: number of the first row whose time is repeated or
+    earlier, or None.
+    `of_day`: number of beginnings of minutes, in times of day as hhmmss. `hours`: number of steps of one
+    hour, to within a second, in either direction.
+    `longest`: length of step above which a new run begins; infinite if the unit is unknown. `unit_s`: unit of
+    the times [s].
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
@@ -116,9 +120,9 @@ class Elapsed:
         return 0.0 if self._last is None else self._last[1]
 
     def add(self, time: Floats, values: Floats, numbers: Ints | None = None) -> tuple[Floats, Marks]:
-        """Return the elapsed times of the next rows (n,), and marks where a new run begins.
+        """Return the elapsed times (n,) of the next rows, and marks of the rows that begin a new run.
 
-        `values`: values (n, columns). `numbers`: numbers of the rows, for messages.
+        `values`: other numbers of the rows (n, columns). `numbers`: numbers of the rows, for messages.
         """
         is_first = self._last is None
         last_time, last_elapsed, last_values = self._last or (float(time[0]), 0.0, values[0])
@@ -157,14 +161,17 @@ class Elapsed:
         return elapsed, begins
 
     def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
-        """Return what to add where times of day as hhmmss pass to the next minute; None if they do not."""
+        """Return the corrections where times of day as hhmmss pass to the next minute.
+
+        None if there are none.
+        """
         turns = np.flatnonzero(np.abs(steps) * self.unit_s > MINUTE_TURNS_S)
         if not len(turns):
             return None
         off_s = np.abs(np.abs(steps[turns]) * self.unit_s - HOUR_S)
         self.hours += int((off_s < NEAR_TURN_S).sum())
         after_s, before_s = time[turns] * self.unit_s, (time[turns] - steps[turns]) * self.unit_s
-        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S  # NaN for values that are no time of day
+        real_s = (_of_day(after_s) - _of_day(before_s)) % DAY_S  # NaN for numbers that are no time of day
         ends = (before_s % 100 >= 60 - NEAR_TURN_S) & (after_s % 100 < NEAR_TURN_S)
         is_turn = ends & (real_s > 0) & (real_s < 2 * NEAR_TURN_S)
         self.of_day += int(is_turn.sum())
@@ -180,14 +187,14 @@ class Elapsed:
 
 
 def _of_day(times: Floats) -> Floats:
-    """Return the seconds of a day for times as hhmmss; NaN for other values."""
+    """Return seconds since midnight for times of day as hhmmss; NaN for other numbers."""
     hours, minutes, seconds = times // 10_000, times // 100 % 100, times % 100
     is_one = (times >= 0) & (hours < 24) & (minutes < 60) & (seconds < 60)
     return np.where(is_one, 3600 * hours + 60 * minutes + seconds, math.nan)
 
 
 def differences(values: Floats, before: float) -> Floats:
-    """Return the steps between values; for a few values faster than `np.diff` with `prepend`."""
+    """Return the steps between values; for a few values, this is faster than `np.diff` with `prepend`."""
     found = np.empty(len(values))
     found[0] = values[0] - before
     np.subtract(values[1:], values[:-1], out=found[1:])
@@ -195,10 +202,12 @@ def differences(values: Floats, before: float) -> Floats:
 
 
 class TimeColumn(NamedTuple):
-    """A column of times. `unit`: its unit, None if unknown. `ticks`: multiple of this unit that 1 stands for.
+    """A column of times. `unit`: unit of the times, None if unknown.
 
-    `rate_hz`: sampling rate that the user gives or the file states; `is_given`: whether the user gives it.
-    `overrule`: the user's rate counts, whatever the times show.
+    `ticks`: multiple of the unit that 1 means.
+
+    `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
+    `overrule`: whether the user's rate is used even if the times contradict it.
     """
 
     name: str
@@ -210,10 +219,10 @@ class TimeColumn(NamedTuple):
 
 
 def between(times: Floats, period: float) -> Marks:
-    """Mark rows between two samples of an even clock: rows whose neighbours are one period apart.
+    """Mark rows between two samples of an even clock: their two neighbours are one period apart.
 
     `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If two neighbouring rows
-    qualify, the row farther from the expected time of the next sample is marked.
+    could be marked, the row farther from the expected time of the next sample is marked.
     """
     marks = np.zeros(len(times), np.bool_)
     places = np.flatnonzero(np.diff(times, prepend=-math.inf) > 0)

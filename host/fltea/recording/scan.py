@@ -1,4 +1,4 @@
-"""Reads one MCAP file as far as possible: complete, truncated, damaged, or with holes."""
+"""Reads as much as possible of an MCAP file, which may be truncated, damaged, or have holes."""
 
 import zlib
 from collections.abc import Collection, Iterator
@@ -33,19 +33,19 @@ from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 CHUNK_HEAD_BYTES = 1 << 10
-"""Upper limit of the bytes before the data in a chunk."""
+"""Most bytes that precede the data in a chunk."""
 
 MAX_DESCRIPTION_BYTES = 16 << 20
-"""Longest metadata, schema or channel; fltea's are a thousand times shorter.
+"""Longest metadata, schema or channel record [bytes]; fltea's records are a thousand times shorter.
 
-Memory use is ten times larger.
+Reading a record needs ten times as much memory.
 """
 
 MOST_DAMAGED_FILES, MOST_DAMAGED_BYTES = 4, 64 << 20
-"""Limit of the search through damaged parts: four times the file's size plus 64 MB."""
+"""Most bytes that the search through damaged parts reads: four times the file's size, plus 64 MB."""
 
 BEGIN, END, CHANNEL, SEQUENCE, LOG_TIME, PUBLISH_TIME = range(1, 7)
-"""Columns of `Messages.table`."""
+"""Indices of the columns in `Messages.table`, after the kind in column 0."""
 
 
 class Message(NamedTuple):
@@ -60,17 +60,17 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class Messages:
-    """Successive messages, kept in a table, since a recording has millions.
+    """Successive messages, stored as a table, since a recording has millions of messages.
 
-    `table`: (n, 7): kind, begin and end of the content in `data`, channel, sequence, log time and publish
-    time.
+    `table`: (n, 7), with the kind, the begin and end of the content in `data`, the channel, the sequence
+    number, the log time and the publish time.
     """
 
     data: bytes
     table: Ints
 
     def of_channels(self, channels: Collection[int]) -> "Messages":
-        """Return the messages of some channels."""
+        """Return the messages of the given channels."""
         rows = np.isin(self.table[:, CHANNEL], list(channels))
         return self if rows.all() else Messages(self.data, self.table[rows])
 
@@ -81,7 +81,7 @@ class Messages:
 
 
 class Damage(NamedTuple):
-    """An unreadable record or hole. `size`: number of bytes that are skipped, 0 if everything is read."""
+    """An unreadable record or a hole. `size`: number of bytes that are skipped, 0 if everything is read."""
 
     offset: int
     text: str
@@ -96,17 +96,17 @@ class Damage(NamedTuple):
 
 
 class ChunkEnd(NamedTuple):
-    """Marks that all messages of a chunk were yielded."""
+    """Marks that all messages of a chunk have been yielded."""
 
 
 Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
 
 
 class Scan:
-    """One pass through a file, with memory for one chunk.
+    """One pass through a file; only one chunk is in memory at a time.
 
-    Afterwards, `whole` tells whether the file was finished properly, `lost_bytes` how many bytes at its end
-    are unreadable, and `why` what is wrong there, unless the file merely ends.
+    After the pass, `whole` tells whether the file was finished properly, and `lost_bytes` how many bytes at
+    its end are unreadable. `why` says what is wrong at the end; it is empty if the file merely ends early.
     """
 
     def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
@@ -116,7 +116,7 @@ class Scan:
         self.lost_bytes = 0
         self.why = ""
         self._size = 0
-        self._known = 0  # end of the last readable chunk; a search for skipped chunks begins here
+        self._known = 0  # end of the last readable chunk, where a search for skipped chunks begins
         self._last = 0, 0  # offset and claimed length of the newest record
         self._spent_bytes = 0
 
@@ -148,7 +148,7 @@ class Scan:
                         break
                     yield hole
                     continue
-                if kind == Opcode.DATA_END:  # only summary and indexes follow
+                if kind == Opcode.DATA_END:  # after this record come only summary and indexes
                     self.whole = _ends_with_magic(file, size)
                     at = size
                     break
@@ -158,7 +158,10 @@ class Scan:
             self.lost_bytes = size - at
 
     def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
-        """Return a chunk's length by its fields if its header claims another, and a record follows."""
+        """Return the length that a chunk's fields give if its header differs and a record follows.
+
+        Else None.
+        """
         found = chunk_length(file, at)
         if found is None or found.by_fields == length:
             return None
@@ -185,7 +188,7 @@ class Scan:
             self.whole, begin = True, end
         self._known = max(self._known, begin + 1)
         last, claimed = self._last
-        if begin < at:  # a wrong length led here, past readable records
+        if begin < at:  # a wrong length led to this position, past readable records
             at, text = last, f"a record that claims {claimed} bytes, and no record follows there"
         else:
             what = "zeros" if kind == 0 else f"a record of {length} bytes, of which the file has {room},"
@@ -238,7 +241,7 @@ def _ends_with_magic(file: BinaryIO, size: int) -> bool:
 
 
 def _unpacked(chunk: Chunk, limits: Limits, place: str) -> bytes:
-    """Return the decompressed data of a chunk, after a check of their declared size and checksum."""
+    """Return the decompressed data of a chunk, after checks of the declared size and the checksum."""
     most = min(chunk.uncompressed_size, limits.chunk_bytes)
     match chunk.compression:
         case "zstd":

@@ -1,8 +1,8 @@
-"""JSON schemas for the record channels of an MCAP file, simple enough for Foxglove and PlotJuggler.
+"""JSON schemas for the record channels of an MCAP file, in the form that Foxglove and PlotJuggler can read.
 
 Foxglove's reader of JSON schemas accepts objects, lists and scalars, but neither references nor alternatives
-such as "number or null". So references are resolved. A field that may be null has the type of its values, and
-is left out of a message if it is null.
+such as "number or null". So references are resolved. A field that may be null gets the type of its other
+values, and is left out of a message if it is null.
 """
 
 import functools
@@ -16,7 +16,7 @@ from fltea.records.records import ACCEL_AXES, AXES
 NAMED = {"axes": AXES + ACCEL_AXES}
 """Fields that are objects with a value for each axis.
 
-The schema lists their keys, since a plot needs these.
+The schema lists the names of the axes, since a plot needs them.
 """
 
 NULL = re.compile(rb',"\w+":null|"\w+":null,?')
@@ -35,7 +35,7 @@ def record_schema(kind: type[msgspec.Struct]) -> bytes:
 
 
 def encode_message(record: msgspec.Struct) -> bytes:
-    """Return a record as a message: its JSON without null fields."""
+    """Return a record as a message: the record's JSON without null fields."""
     return NULL.sub(b"", _encode(record))
 
 
@@ -52,9 +52,9 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         case "array":
             items = _plain(
                 schema["items"] or schema["prefixItems"][0], definitions
-            )  # the items of a tuple have one type
+            )  # all items of a tuple have the same type
             return None if items is None else {"type": "array", "items": items}
-        case None:  # an enumeration
+        case None:  # this is an enumeration
             words = [word for word in schema["enum"] if word is not None]
             return {"type": "string", "enum": words}
         case kind:

@@ -1,4 +1,4 @@
-"""Selects the text lines of one of several sensors, by a column or by turns."""
+"""Selects the text lines of one of several sensors, by a column or by their regular alternation."""
 
 import math
 from collections.abc import Callable
@@ -17,13 +17,13 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 FEWEST_LINES, LOOKS, MOST_LINES = 64, 4, 2000
-"""Live lines are checked for several sensors after FEWEST_LINES, then whenever their number has grown by
-the factor LOOKS, until MOST_LINES.
+"""Live text is checked for several sensors after FEWEST_LINES lines, and then each time that the number of
+lines has grown by the factor LOOKS, up to MOST_LINES.
 """
 
 
 class SensorLines:
-    """Leaves out lines and rows of other sensors. `where`: file, for messages. `how`: the user's options."""
+    """Leaves out the lines of other sensors. `where`: file, for messages. `how`: the user's options."""
 
     def __init__(self, where: str, how: How) -> None:
         self._where, self._how = where, how
@@ -34,11 +34,11 @@ class SensorLines:
 
     @property
     def is_known(self) -> bool:
-        """Whether a column tells sensors apart."""
+        """Whether a column distinguishes sensors."""
         return self._sensor is not None
 
     def begin(self, chosen: Chosen, looked_at: int) -> None:
-        """Take the columns that were chosen after `looked_at` lines."""
+        """Use the columns that were chosen after `looked_at` lines."""
         if self._chosen is None:
             self._chosen = chosen
             more = max(FEWEST_LINES, LOOKS * looked_at)
@@ -67,11 +67,11 @@ class SensorLines:
         check_sensors(self._where, chosen, self._how, facts(chosen.names))
 
     def why_none(self) -> UsageError | None:
-        """Return an error if no line was of the sensor that the user names, else None."""
+        """Return an error if no line was from the sensor that the user names; else None."""
         return None if self._sensor is None else self._sensor.why_none()
 
     def only(self, layout: Layout, data: bytes) -> bytes:
-        """Return the lines with those of other sensors empty, so that line numbers stay the same.
+        """Return the lines; those of other sensors become empty, so that line numbers stay the same.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -87,7 +87,7 @@ class SensorLines:
         return b"\n".join(lines)
 
     def in_turn(self, rows: list[Rows]) -> list[Rows]:
-        """Return the rows of the sensor to read, if several sensors take turns."""
+        """Return the rows of the sensor to read, if the rows of several sensors alternate."""
         turns = self._turns
         return rows if turns is None else [one for some in rows for one in turns.take(some)]
 
@@ -97,7 +97,7 @@ class SensorLines:
 
 
 def _value(layout: Layout, place: int, line: bytes) -> str | None:
-    """Return a line's value in the column that tells sensors apart; None if the line has no such column."""
+    """Return a line's text in the column that distinguishes sensors; None if the line is too short."""
     if layout.parse is not None:
         try:
             value = layout.parse(decoded(line)).get(layout.chosen.names[place])

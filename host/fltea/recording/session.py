@@ -7,38 +7,39 @@ import msgspec
 from fltea.records.records import Hello
 
 SESSION, HELLO = "fltea.session", "fltea.hello"
-"""Names of the metadata: one SESSION at the head of each file, and a HELLO for each new hello of a device."""
+"""Names of metadata: a file has one SESSION at its beginning, and a HELLO for each new HELLO of the
+device."""
 
 FORMAT = 1
 WIRE, LINK = "wire", "link"
 """Last parts of the topics of raw bytes and of port events; other topics end in their records' class."""
 
 WIRE_CHANNEL, LINK_CHANNEL = 1, 2
-"""Channel IDs in each file, fixed so that messages are readable without the chunk that describes them."""
+"""Channel IDs, equal in all files, so that messages are readable if their channel's description is lost."""
 
 OVERFLOW = "overflow"
-"""Kind of a gap that the recorder caused because it was too slow; it does not know what it missed."""
+"""Kind of a gap that the recorder caused because it was too slow; the lost items were not counted."""
 
 LATEST_NS = (1 << 62) - 1
 """Latest accepted time, in the year 2116 [ns]; sums and differences of such times fit into 64 bits."""
 
 Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
-"""A whole number from a file, within limits, since Python accepts a million digits."""
+"""A whole number from a file, limited to this range, since Python would accept a million digits."""
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
-"""Limits far beyond any sensor; results of calculations with them stay finite."""
+"""Limits for scales in a HELLO, far beyond any sensor; results of calculations stay finite."""
 
 WIRE_WRAP = 1 << 32
-"""Sequence numbers of wire messages wrap like MCAP's field for them: after 16 months at 100 per second."""
+"""Sequence numbers of wire messages wrap at this value, since MCAP's field has 32 bits."""
 
 
 class PartInfo(msgspec.Struct, frozen=True):
     """Metadata of one file of a session; a session is one run of a recorder.
 
-    `part`: index of the file in the session, from 0. `offset_ns`: monotonic clock to log time of wire and
-    link messages, the same in the whole session. `created_ns`: Unix time. `hello`: the device's hello before
-    the first message, if known then.
+    `part`: index of the file in the session, from 0. `offset_ns`: offset from the monotonic clock to the log
+    time of wire and link messages [ns], equal in the whole session. `created_ns`: Unix time of creation [ns].
+    `hello`: the device's HELLO before the first message, if it was known then.
     """
 
     session: str
@@ -50,14 +51,14 @@ class PartInfo(msgspec.Struct, frozen=True):
     hello: Hello | None = None
 
     def to_metadata(self) -> dict[str, str]:
-        """Return the metadata in MCAP's form, texts by texts."""
+        """Return the metadata as a dictionary of texts, in the form that MCAP stores."""
         fields = {name: str(value) for name, value in msgspec.structs.asdict(self).items() if name != "hello"}
         hello = {} if self.hello is None else {"hello": msgspec.json.encode(self.hello).decode()}
         return {"format": str(FORMAT), **fields, **hello}
 
 
 def from_metadata(metadata: dict[str, str]) -> PartInfo:
-    """Return the `PartInfo` that `to_metadata` wrote.
+    """Return the `PartInfo` from metadata that `to_metadata` wrote.
 
     Raises:
         ValueError: a field is missing or has a wrong type, or the format is of a later version.
@@ -78,14 +79,15 @@ def from_metadata(metadata: dict[str, str]) -> PartInfo:
 
 
 def check_hello(hello: Hello) -> None:
-    """Refuse an impossible hello.
+    """Raise an error for a HELLO that no sensor can have sent.
 
     Raises:
-        ValueError: no sensor has its rate or scale.
+        ValueError: no sensor has this rate or scale.
     """
     if not LOWEST_RATE_HZ <= hello.rate_hz <= HIGHEST_RATE_HZ:
         raise ValueError(f"the rate has to be positive and that of a sensor, not {hello.rate_hz:g} Hz")
-    for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g or None):  # 0: there is no accelerometer
+    # 0 means that there is no accelerometer
+    for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g or None):
         if lsb is not None and not LOWEST_SCALE <= lsb <= HIGHEST_SCALE:
             raise ValueError(f"the scale has to be positive and that of a sensor, not {lsb:g} LSB")
 
@@ -93,8 +95,9 @@ def check_hello(hello: Hello) -> None:
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
     """An event of the port or of the recorder.
 
-    `kind`, `message`: kind and description of a failure. For a gap, `kind` is its reason; `chunks` and
-    `bytes` are missing reads and bytes, as far as they were counted, and `items` missing items of any kind.
+    `kind`, `message`: kind and description of a failure. For a gap, `kind` is the reason; `chunks` and
+    `bytes` are the numbers of reads and bytes that are missing, as far as they were counted; `items` is the
+    number of missing items.
     """
 
     event: Literal["opened", "failed", "gap"]

@@ -1,6 +1,6 @@
 """Tables: named columns of numbers from a file of any format, and the recording made from them.
 
-A new format needs one module in `readers` whose `read` returns a `Sheet`, and a row in `formats`.
+A new file format needs one module in `readers` whose `read` returns a `Sheet`, and a row in `formats`.
 """
 
 import math
@@ -42,27 +42,28 @@ SAMPLE_ROWS, MOST_SAMPLED = 60, 64
 """Number of first rows and columns that are examined to choose the columns."""
 
 FEW = 10
-"""An array with fewer rows than this, if others are longer, is a calibration and not a recording."""
+"""An array with fewer rows than this, next to longer arrays, is a calibration and not a recording."""
 
 RATE_TOLERANCE = 0.01
-"""Two rates that differ more are not of the same samples; sensor clocks are off by about 5 ‰ at most."""
+"""Largest relative difference of two rates of the same samples; sensor clocks deviate by about 5 ‰ at
+most."""
 
 
 class SheetHead(msgspec.Struct, frozen=True):
-    """What a file holds, except its rows.
+    """Everything that a table in a file holds, except its rows.
 
-    `names`: names of the columns, after the groups that contain them: `imu.gyro_x`.
+    `names`: names of the columns, each after the groups that contain the column: `imu.gyro_x`.
     `units`: unit of each column, "" if the file states none.
     `rows`: length of the longest column. `lengths`: length of each column; empty: all are equal.
-    `arrays`: array of each column; empty: each column is an array of its own.
-    `stamps`: columns of dates, converted to seconds since the first one.
-    `rates`: sampling rates [Hz] by the name that states them: `imu.fs` for all of `imu`, `imu.gyro@fs` for
-    one array.
+    `arrays`: name of the array that contains each column; empty: each column is an array of its own.
+    `stamps`: columns of dates, which are converted to seconds since the first date.
+    `rates`: sampling rates [Hz] by the name of the fact: `imu.fs` applies to all of `imu`, and `imu.gyro@fs`
+    to one array.
     `doubts`: reasons why the numbers of columns may be wrong.
-    `changed`: columns whose numbers may need a further scale or offset, and which.
-    `topic`: the sensor that is read of several, else "".
+    `changed`: columns whose numbers may need a further scale or offset, each with a text about it.
+    `topic`: the sensor that is read if the file holds several, else "".
     `sample`: first rows of the first columns, null where there is no number.
-    `words`: for columns of words that tell sensors apart, the words that the numbers 0, 1, … stand for.
+    `words`: for columns of words that distinguish sensors, the words for the numbers 0, 1, ….
     """
 
     names: list[str]
@@ -81,7 +82,7 @@ class SheetHead(msgspec.Struct, frozen=True):
     words: dict[str, list[str]] = {}
 
     def called(self, place: int, values: Sequence[float]) -> list[str]:
-        """Return values of a column as texts: the words that they stand for, or the numbers."""
+        """Return numbers of a column as texts: as the words that they stand for, or as digits."""
         words = self.words.get(self.names[place])
         return [words[int(v)] if words and 0 <= v < len(words) else as_word(v) for v in values]
 
@@ -91,12 +92,12 @@ class SheetHead(msgspec.Struct, frozen=True):
 
 
 class Sheet(SheetHead, frozen=True, kw_only=True):
-    """A table. `blocks`: yields the rows of the columns with the given indices, (n, columns) at a time."""
+    """A table. `blocks`: function that yields the rows of the given columns, (n, columns) at a time."""
 
     blocks: Callable[[Sequence[int]], Iterator[Floats]]
 
     def only(self, called: Mapping[int, str]) -> "Sheet":
-        """Return a table of some columns; `called`: new name by column."""
+        """Return a table of some columns. `called`: new name of each column to keep, by its index."""
         blocks, keep = self.blocks, list(called)
         names = {self.names[place]: name for place, name in called.items()}
         return replace(
@@ -116,10 +117,10 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
 
 
 class TextHead(msgspec.Struct, frozen=True):
-    """Facts on a file that is read as text.
+    """Facts about a file that is read as text.
 
-    `topic`: part that the user names. `parts`: parts that the user has to choose from. `head`: lines of other
-    parts that describe it.
+    `topic`: part of the file that the user names. `parts`: parts from which the user has to choose. `head`:
+    lines of other parts that describe this part.
     """
 
     topic: str = ""
@@ -128,13 +129,13 @@ class TextHead(msgspec.Struct, frozen=True):
 
 
 class Text(TextHead, frozen=True, kw_only=True):
-    """The text of one part of a file. `pieces`: yields whole lines at a time."""
+    """The text of one part of a file. `pieces`: yields the text in pieces of whole lines."""
 
     pieces: Iterator[bytes]
 
 
 def with_sample(sheet: Sheet) -> Sheet:
-    """Return a table with its first rows as `sample`."""
+    """Return the table with its first rows in the field `sample`."""
     columns: list[list[float | None]] = []
     for place in range(min(len(sheet.names), MOST_SAMPLED)):
         try:
@@ -169,7 +170,7 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
 
 
 def _by_names(names: Sequence[str], how: How) -> How:
-    """Return the options with column names in place of positions from 1."""
+    """Return the options with column names instead of positions."""
 
     def named(one: str) -> str:
         known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
@@ -197,7 +198,7 @@ def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
 
 def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
-    file = f"{Path(where).name} {topic.replace(':', '_')}"  # tools name a topic's file in this way
+    file = f"{Path(where).name} {topic.replace(':', '_')}"  # tools name the file of a topic in this way
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
 
     def first() -> Floats:
@@ -211,7 +212,7 @@ def _facts(where: str, sheet: Sheet) -> Facts:
 
 
 def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
-    """Yield the rows of the sensor to read, of several that take turns."""
+    """Yield the rows of the sensor to read, if the rows of several sensors alternate."""
     turns = Turns(*chosen.turn, chosen.time_at)
     for some in rows:
         yield from turns.take(some)
@@ -219,7 +220,7 @@ def _in_turn(rows: Iterator[Rows], chosen: Chosen) -> Iterator[Rows]:
 
 
 def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
-    """Yield the rows of one sensor, with sequence numbers of its own."""
+    """Yield the rows of one sensor, numbered separately from other sensors."""
     row = ordinal = 0
     places, sensor = chosen.places, None
     if chosen.sensor is not None:
@@ -237,7 +238,7 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
-    """Compare a rate with the rates that the file states; `who`: source of the rate, for the message."""
+    """Compare a rate with the rates that the file states. `who`: source of the rate, for the message."""
     for name, stated_hz in sheet.rates.items() if not how.overrule else ():
         if rate_hz is not None and abs(rate_hz / stated_hz - 1) > RATE_TOLERANCE:
             raise UsageError(
@@ -265,12 +266,12 @@ def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
 
 
 class _Gyroscope(NamedTuple):
-    """The axes to read.
+    """The gyroscope's axes that are read.
 
-    `places`: their columns. `group`: path of the group that contains the sensor: `imu` for `imu.gyro.x`.
-    `others`: groups of other gyroscopes. `topic`: name of the group, if there are several gyroscopes.
-    `is_by_group`: the axes were identified by their group. `is_of_dialect`: a dialect identified their whole
-    names.
+    `places`: columns of the axes. `group`: path of the group that contains the sensor: `imu` for
+    `imu.gyro.x`. `others`: groups of other gyroscopes. `topic`: name of the group, if there are several
+    gyroscopes. `is_by_group`: whether the name of the group identified the axes. `is_of_dialect`: whether a
+    dialect identified the whole names of the axes.
     """
 
     places: Sequence[int] = ()
@@ -282,9 +283,9 @@ class _Gyroscope(NamedTuple):
 
 
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
-    """Return the columns with the length of the axes, and the sampling rate of their nearest group.
+    """Return the columns that are as long as the axes, and the sampling rate of the axes' nearest group.
 
-    Columns in the groups around the axes have short names: `imu.t` becomes `t`. An axis of another length or
+    Columns in the groups around the axes get short names: `imu.t` becomes `t`. An axis of another length or
     without numbers is kept, so that the error can name it.
 
     Raises:

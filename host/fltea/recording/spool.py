@@ -1,6 +1,6 @@
 """Keeps columns of numbers in temporary files; they are written and read in blocks.
 
-A day at 100 Hz takes 69 MB of memory for each column; here only one block is in memory.
+One day at 100 Hz takes 69 MB for each column. With this class, only one block is in memory.
 """
 
 import contextlib
@@ -23,14 +23,14 @@ class _Column(NamedTuple):
     file: Any
     dtype: "np.dtype[Any]"
     shape: tuple[int, ...]
-    """Shape of a row."""
+    """Shape of one row of the column."""
 
 
 class Spool(contextlib.AbstractContextManager["Spool"]):
-    """Named columns; the first block of a column determines its type and width.
+    """Named columns; the first block of a column determines the column's type and width.
 
-    The temporary files disappear at the end of a `with`, or with the last reference to the spool. In a
-    folder, the files have names and stay.
+    The temporary files are deleted at the end of a `with`, or with the last reference to the spool. If a
+    folder is given, the files have names and stay.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -80,7 +80,10 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         return self._read(name, 0, self.length(name))
 
     def mapped(self, name: str) -> NDArray[Any]:
-        """Return a column with rows as a memory map, which other processes may share; needs a folder."""
+        """Return a non-empty column as a memory map, which other processes may share.
+
+        The spool needs a folder.
+        """
         column = self._columns[name]
         column.file.flush()
         return np.memmap(column.file.name, column.dtype, "r", shape=(self._rows[name], *column.shape))

@@ -28,26 +28,26 @@ from fltea.records.errors import Implausible, NoNumbers, UsageError
 from fltea.settings.limits import Limits
 
 MOST_DPS = 4000.0
-"""Largest plausible rate [deg/s]: the range of gyroscopes in phones or for navigation is no wider."""
+"""Largest plausible rate [deg/s]; gyroscopes in phones and for navigation have no wider range."""
 
 ENOUGH_ROWS = 50
-"""Number of rows from which implausible values are reported."""
+"""Number of rows from which implausible numbers are reported."""
 
 FEWEST_BETWEEN = 20
-"""Smallest number of rows between two samples that are left out; fewer may be jitter of the clock."""
+"""Fewest rows between two samples that are left out as surplus; fewer rows may be jitter of the clock."""
 
 STEPS_AT_ONCE = 1 << 16
 LATEST = LARGEST_NUMBER * 1e3
-"""Latest time, in any unit."""
+"""Latest accepted time, in the unit of the column of times."""
 
 
 class Rows(NamedTuple):
-    """Some rows.
+    """Some rows of a table.
 
-    `numbers`: (n,) numbers of their lines or rows in the file, for messages.
-    `values`: (n, columns) of `Chosen.places`, scaled by `Chosen.scale`; NaN where there is no number.
-    `ordinal`: (n,) index of each row among samples and lost samples, from 0.
-    `begins`: the sender restarted before the first of these rows.
+    `numbers`: (n,) number of each row or line in the file, for messages.
+    `values`: (n, columns), in the order of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number.
+    `ordinal`: (n,) index of each row among all samples, lost samples included, from 0.
+    `begins`: whether the sender restarted before the first of these rows.
     """
 
     numbers: Ints
@@ -57,7 +57,7 @@ class Rows(NamedTuple):
 
 
 def joined(pieces: Sequence[Rows]) -> Rows:
-    """Return successive pieces of rows, at least one, as one piece."""
+    """Join successive `Rows`, at least one, to one."""
     if len(pieces) == 1:
         return pieces[0]
     numbers, values, ordinal = (
@@ -69,8 +69,8 @@ def joined(pieces: Sequence[Rows]) -> Rows:
 class Samples(NamedTuple):
     """Rows that are samples. `time`: (n,) times as in the file, or None. `accel`: (n, 3) [m/s²], or None.
 
-    `left_out`: for each reason in `text_numbers.REASONS`, the first row that is left out and the number of
-    rows.
+    `left_out`: for each reason in `text_numbers.REASONS`, the first row that was left out and the number of
+    such rows.
     """
 
     numbers: Ints
@@ -82,7 +82,7 @@ class Samples(NamedTuple):
 
 
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
-    """Return the rows that are samples: those with all needed numbers, and no impossible ones."""
+    """Return the rows that are samples: rows that have all needed numbers and no impossible ones."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
@@ -128,7 +128,7 @@ class Plausible:
         """Check all samples so far, if there are enough.
 
         Raises:
-            Implausible: no gyroscope gives such values.
+            Implausible: no gyroscope gives such numbers.
         """
         if self.rows < ENOUGH_ROWS:
             return
@@ -150,7 +150,7 @@ class Plausible:
 
 
 def is_of_sensor(values: Floats) -> Marks:
-    """Mark the rows of numbers that a sensor may give, in deg/s or m/s²; NaN is not marked."""
+    """Mark the rows whose numbers a sensor can give, in deg/s or m/s²; rows with NaN are not marked."""
     good = np.abs(values) <= LARGEST_DPS
     return np.ones(len(values), np.bool_) if good.all() else np.asarray(good.all(axis=1))
 
@@ -164,10 +164,10 @@ def gather(
 ) -> Stored:
     """Read all rows into a temporary file, and return them as a recording.
 
-    `place`: returns the position of a line or row, for messages.
+    `place`: function that returns the position of a line or row in words, for messages.
 
     Raises:
-        UsageError: there are no rows, no gyroscope gives such numbers, or the times tell no rate.
+        UsageError: there are no rows, no gyroscope gives such numbers, or the times give no rate.
     """
     table = _Table(path, chosen, limits, place)
     for block in blocks:
@@ -182,7 +182,7 @@ def row_place(path: Path, row: int) -> str:
 
 
 class _Table:
-    """The rows so far."""
+    """Collects the rows of a table."""
 
     def __init__(self, path: Path, chosen: Chosen, limits: Limits, place: Callable[[int], str]) -> None:
         self._path, self._chosen, self._place = path, chosen, place
@@ -237,7 +237,7 @@ class _Table:
             self._add_accel(found.numbers, found.accel)
 
     def _add_accel(self, numbers: Ints, accel: Floats) -> None:
-        """Keep the acceleration; drop the accelerometer if a sample has no acceleration."""
+        """Keep the accelerations; drop the accelerometer if a sample has no acceleration."""
         good = is_of_sensor(accel)
         if good.all():
             self._spool.append("accel", accel)
@@ -330,7 +330,7 @@ class _Table:
                     self._notes.append(Note("bad_lines", where + text))
 
     def _timing(self) -> Timing:
-        """Return how the rows are numbered; report runs and repeated rows that the times show."""
+        """Return how rows are numbered; report new runs and repeated rows that the times show."""
         chosen, spool = self._chosen, self._spool
         if chosen.time is None:
             assert chosen.rate_hz is not None  # `choose` requires a column of times or a rate
@@ -365,8 +365,8 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Yield blocks of samples.
 
-    `given`: the user gives the rate, so sequence numbers determine the times. `has_between`: rows between two
-    samples are left out.
+    `given`: whether the user gives the rate; then sequence numbers determine the times. `has_between`:
+    whether surplus rows between two samples are left out.
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool
     columns = ["gyro", "time" if by_times else "row", *(["accel"] if "accel" in spool else [])]

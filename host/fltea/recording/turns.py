@@ -1,4 +1,4 @@
-"""Selects the rows of one of several sensors that take turns, when no column tells them apart."""
+"""Selects the rows of one of several sensors whose rows alternate, if no column distinguishes the sensors."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
 LOOKED_AT, STEADY = 8, 0.2
-"""Rounds of turns by which the steps between sensors are measured, and the tolerance of a step."""
+"""Number of rounds in which the steps between sensors are measured, and relative tolerance of a step."""
 
 
 class Turns:
-    """Takes rows, and returns those of one sensor.
+    """Takes the rows of all sensors, and returns the rows of one sensor.
 
     `which`: index of the sensor, from 0. `count`: number of sensors. `time`: column of times, or None.
 
-    If rows share times, each time has one row of each sensor, in a fixed order; incomplete groups are left
-    out, since the missing sensor is unknown. If all times differ, the steps between them show whose row is
-    missing. Without times, the order of the rows counts.
+    If rows share times, each time has one row of each sensor, in a fixed order. Incomplete groups are left
+    out, since it is unknown which sensor is missing. If all times differ, the steps between them show which
+    sensor's row is missing. Without times, the order of the rows decides.
     """
 
     def __init__(self, which: int, count: int, time: int | None) -> None:
@@ -28,7 +28,7 @@ class Turns:
         self._ordinal = 0
 
     def take(self, rows: Rows) -> list[Rows]:
-        """Return the sensor's rows among `rows` and rows held back; the last few are held back again."""
+        """Return the sensor's rows among `rows` and the rows held back; hold the last few rows back again."""
         found = self.finish() if rows.begins else []
         self._held.append(rows)
         if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
@@ -36,7 +36,7 @@ class Turns:
         return found + self._release(is_last=False)
 
     def finish(self) -> list[Rows]:
-        """Return the rows that are held back, at the end of a run."""
+        """Return the rows that were held back; call this at the end of a run."""
         found = self._release(is_last=True)
         self._are_groups = self._steps = self._last = None
         return found
@@ -57,7 +57,7 @@ class Turns:
             ours = self._turn_of(time) == self._which
         else:
             edges = np.flatnonzero(~same) + 1
-            if not is_last:  # more rows with the last time may follow
+            if not is_last:  # more rows with the last time may still come
                 end = int(edges[-1]) if len(edges) else 0
                 self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
                 numbers, values, edges = numbers[:end], values[:end], edges[:-1]
@@ -66,7 +66,7 @@ class Turns:
         return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
 
     def _of_groups(self, rows: int, edges: Ints) -> Marks:
-        """Mark one row of each complete group; groups begin at 0 and at the edges."""
+        """Mark one row in each complete group; groups begin at row 0 and at `edges`."""
         ours = np.zeros(rows, np.bool_)
         begin = np.concatenate([[0], edges])
         sizes = np.diff(begin, append=rows)
@@ -76,7 +76,7 @@ class Turns:
         return ours
 
     def _turn_of(self, time: Floats) -> Ints:
-        """Return the sensor of each row, by the steps between times."""
+        """Return the index of the sensor of each row, by the steps between times."""
         if self._steps is None:
             # later rounds may be shifted, if a row is missing
             rounds = min(len(time[1:]) // self._count, LOOKED_AT)
@@ -99,7 +99,7 @@ class Turns:
         return turns
 
     def _after(self, turn: int, step: float) -> int:
-        """Return the sensor whose turn it is after a step; rows between may be missing."""
+        """Return the sensor whose row follows a step; rows between may be missing."""
         assert self._steps is not None
         around = float(self._steps.sum())
         if not np.isfinite(step) or around <= 0:

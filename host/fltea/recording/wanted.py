@@ -1,4 +1,4 @@
-"""The columns that the user names, and tests for what a field of text holds."""
+"""The columns that the user names, and tests for what a text field holds."""
 
 import re
 from collections.abc import Sequence
@@ -21,7 +21,8 @@ MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 class Wanted(NamedTuple):
     """The columns that the user names.
 
-    `columns`: the axes, None: chosen by name or dialect. `time`: the times.
+    `columns`: names of the axes; None: they are chosen by name or dialect. `time`: name of the column of
+    times.
     """
 
     columns: list[str] | None
@@ -38,11 +39,11 @@ class Wanted(NamedTuple):
         return self.columns is not None and all(map(_is_position, self.names))
 
     def is_in(self, header: Sequence[str]) -> bool:
-        """Return whether the user names axes, and a line of names has all the names that the user gives."""
+        """Return whether the user names axes, and a header contains all names that the user gives."""
         return self.columns is not None and all(name in header for name in self.names)
 
     def is_at(self, fields: Sequence[str]) -> bool:
-        """Return whether a line without a header is a row, by the positions or by its number of fields."""
+        """Return whether a line without a header is a row, by positions or by its number of fields."""
         if self.by_position:
             found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
             return (
@@ -54,7 +55,7 @@ class Wanted(NamedTuple):
         return self.time is None and alike and all(map(is_number, fields))
 
     def lacking(self, header: Sequence[str] | None, line: str = "") -> str:
-        """Return which of the user's columns a header lacks.
+        """Return a text that says which of the user's columns a header lacks.
 
         `line`: position of the missing header, for the text.
         """
@@ -67,7 +68,7 @@ def wanted_of(how: How) -> Wanted:
     """Return the columns that the user names.
 
     Raises:
-        UsageError: there are more columns than a gyroscope has axes, or one is named twice.
+        UsageError: the user names more columns than a gyroscope has axes, or one column twice.
     """
     if how.columns is not None and len(how.columns) > len(AXES):
         raise UsageError(

@@ -1,6 +1,6 @@
-"""Chooses the accelerometer's axes and their unit, in addition to the gyroscope's.
+"""Chooses the columns of the accelerometer's axes, and their unit.
 
-If the choice is unclear, no accelerometer is read.
+If the choice is unclear, no accelerometer is read, since only the gyroscope is needed.
 """
 
 from fltea.recording import candidates
@@ -13,14 +13,14 @@ from fltea.recording.units import accel_unit, parse_accel_unit
 from fltea.records.errors import UsageError
 
 Accelerometer = tuple[tuple[int, ...], float]
-"""Columns of the axes x, y, z, or empty; and their unit [m/s²]."""
+"""Columns of the axes x, y, z, or empty; and the unit of these columns [m/s²]."""
 
 
 def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Accelerometer:
     """Choose the accelerometer. `taken`: columns of the gyroscope's axes and of the times.
 
     Raises:
-        UsageError: two statements of its unit contradict each other.
+        UsageError: two statements of the accelerometer's unit contradict each other.
     """
     accel, is_of_dialect = _axes(choice, taken)
     if not accel:
@@ -52,7 +52,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     measured: list[str] = []
     if values is not None and len(values) and not stated:
         measured = candidates.gravity_units(values[:, list(accel)])
-    if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the counts' scale is uncertain
+    if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the scale of counts would be uncertain
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"
         )

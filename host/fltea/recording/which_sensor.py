@@ -1,4 +1,4 @@
-"""Finds the column that tells several sensors apart, and the sensor to read."""
+"""Finds the column that distinguishes several sensors, and chooses the sensor to read."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,13 +16,13 @@ from fltea.records.errors import UsageError
 
 MOST_TURNS = 16
 MOST_SHOWN, MOST_FIGURES = 8, 6
-"""Most sensors, and most columns, that a table of sensors shows."""
+"""Most sensors, and most columns, in the table that shows the sensors to the user."""
 
 
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
-    """Find the column that tells sensors apart, and the sensor to read, whose rows later questions use.
+    """Find the column that distinguishes sensors, and the sensor to read; later questions use only its rows.
 
-    `tag`: first field of a row, in files with rows of several kinds. `gyro`: columns of the axes.
+    `tag`: first field of the rows, in files with rows of several kinds. `gyro`: columns of the axes.
 
     Raises:
         UsageError: the sensor that the user names is unknown.
@@ -57,7 +57,7 @@ def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, s
 def _of_value(
     choice: Choice, value: str, named: Sequence[int], gyro: Sequence[int]
 ) -> tuple[int, str | None]:
-    """Find the column that holds the user's name for the sensor."""
+    """Find the column that contains the sensor name that the user gives."""
     holding = [place for place in (*named, *_measured(choice, gyro)) if value in _cells(choice, place)]
     if not holding and not named and not is_number(value):
         others = [place for place in range(len(choice.names)) if place not in gyro]
@@ -78,7 +78,7 @@ def _read(choice: Choice, place: int, value: str, column: str) -> tuple[int, str
 
 
 def _place_of(choice: Choice, column: str) -> int | None:
-    """Return the column that the user names, by its label, its name, or its position from 1; or None."""
+    """Return the column that the user names by label, name, or position from 1; None if there is none."""
     for known in (choice.labels, choice.names):
         if column in known:
             return known.index(column)
@@ -90,7 +90,7 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Return the columns that tell sensors apart by name or dialect, and columns that state units."""
+    """Return the columns that by name or dialect distinguish sensors, and columns that state units."""
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
         return [found[0]]
@@ -104,7 +104,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Return whether a column counts the rows."""
+    """Return whether the numbers in a column only count the rows."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -113,7 +113,7 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Yield columns whose values take turns as sensors do; columns of times and measurements are left out."""
+    """Yield columns whose values alternate as sensors do; times and measurements are left out."""
     values, names = choice.first_rows(), choice.names
     if values is None:
         return
@@ -127,7 +127,7 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
             axes.append(place)
         elif not (place in gyro or is_time(name) or is_physical(unit_in(name) or unit)):
             free += [] if choice.labels[place] in wanted else [place]
-    if not axes:  # then all columns of many values serve as measurements
+    if not axes:  # all columns with many values then serve as measurements
         axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
     figures = values[:, axes]
     yield from (
@@ -141,7 +141,7 @@ def _cells(choice: Choice, place: int) -> Sequence[str]:
 
 
 def _only(choice: Choice, marks: Marks) -> None:
-    """Use only the first rows of the chosen sensor for the next questions."""
+    """Restrict the first rows, which later questions use, to the chosen sensor."""
     values = choice.facts.sample()
     if len(marks) == len(values) and marks.any():
         values, all_cells = values[marks], choice.facts.cells
@@ -176,7 +176,7 @@ def _figures(name: str, values: Floats) -> str:
 
 
 def _turns(given: str) -> tuple[int, int] | None:
-    """Return the index (from 0) and the number of sensors of `1/2`, the first of two in turns; or None."""
+    """Return index (from 0) and number of alternating sensors from a text such as `1/2`; or None."""
     first, mark, count = given.partition("/")
     if not (mark and first.isdecimal() and count.isdecimal()):
         return None

@@ -13,10 +13,10 @@ from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError
 
 ALIKE = 0.02
-"""Largest relative difference of two equal scales, since scales in heads are rounded."""
+"""Largest relative difference of two scales that count as equal, since scales in heads are rounded."""
 
 Unit = tuple[str, float, float | None]
-"""Name of the unit, its factor to deg/s or counts, and counts per deg/s or None."""
+"""Name of the unit, its factor to deg/s or counts, and the number of counts per deg/s or None."""
 
 _ASKED: Unit = ("", 1.0, None)
 
@@ -25,7 +25,7 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
     """Choose the unit of the axes.
 
     Raises:
-        UsageError: two statements of the unit contradict each other, or it is no unit of angular rates.
+        UsageError: two statements of the unit contradict each other, or the unit is not one of angular rates.
     """
     _use_head(choice, gyro)
     stated = [rate_unit_of(choice.names[p]) or _rate_or_counts(choice.units[p]) for p in gyro]
@@ -60,7 +60,7 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
     """Ask for the unit.
 
-    If the columns are asked for as well, the unit is asked for only if no column states one.
+    If the columns are asked for too, the unit is asked for only if no column states one.
     """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
@@ -74,9 +74,10 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
 
 
 def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
-    """Take the unit of the axes from the head, and compare it with the unit in their names."""
+    """Use the unit of the axes that the head states, and compare it with the unit in the axes' names."""
     units = dict(stated_in(choice.facts.head).units)
-    if not _is_whole(choice, gyro):  # fractions are not counts; a scale in the head is then the sensor's
+    # fractions are not counts; a scale in the head is then that of the sensor
+    if not _is_whole(choice, gyro):
         units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
     beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
     others = {line: unit for line, unit in units.items() if rate_unit(unit)}
@@ -101,7 +102,7 @@ def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
 
 
 def _given(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None], changed: str) -> Unit:
-    """Take the user's unit, after a comparison with what the file and the dialect state."""
+    """Use the user's unit, after a comparison with what the file and the dialect state."""
     units = str(choice.how.units)
     parsed = parse_units(units)
     if not choice.how.overrule:
@@ -177,7 +178,7 @@ def _check_against_dialect(choice: Choice, gyro: Sequence[int], unit: str) -> No
 
 
 def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
-    """Raise UsageError for columns in a unit of another quantity than angular rate."""
+    """Raise UsageError for columns whose unit is one of another quantity than angular rate."""
     for place in gyro if not choice.how.overrule else ():
         unit = unit_in(choice.names[place]) or choice.units[place]
         if is_physical(unit) and rate_unit(unit) is None:
@@ -188,7 +189,7 @@ def _refuse_other_units(choice: Choice, gyro: Sequence[int]) -> None:
 
 
 def _changed(choice: Choice, places: Sequence[int]) -> str:
-    """Return which columns may need a further scale or offset that the file states, and which."""
+    """Return a text on the columns that, as the file states, may need a further scale or offset."""
     found = {name: what for p in places if (what := choice.facts.changed.get(name := choice.names[p]))}
     return f"{listed([*found])} may have to be changed by {listed([*{*found.values()}])}" if found else ""
 
@@ -196,13 +197,13 @@ def _changed(choice: Choice, places: Sequence[int]) -> str:
 def _whole(
     choice: Choice, parsed: tuple[float, float | None], gyro: Sequence[int]
 ) -> tuple[float, float | None]:
-    """Return a unit as factor and counts per unit; for fractions, `lsb:N` is a scale and no resolution."""
+    """Return a unit as factor and counts per unit; for fractions, `lsb:N` is only a scale."""
     factor, lsb = parsed
     return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)
 
 
 def _is_whole(choice: Choice, gyro: Sequence[int]) -> bool:
-    """Return whether the first rows hold whole numbers only, as far as is known."""
+    """Return whether the first rows are known to hold whole numbers only."""
     values = choice.facts.sample()
     if not gyro or values.ndim != 2 or values.shape[1] <= max(gyro):
         return True

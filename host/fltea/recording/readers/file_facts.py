@@ -1,7 +1,7 @@
 """Reads units, rates, scales and column names that a file states in attributes or in arrays next to the data.
 
-Each fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`. `imu.gyro_units` and
-`imu.units.gyro` are arrays that describe this array only, and `imu.units` describes everything in `imu`.
+Each fact has a name. `imu.gyro@units` is an attribute of the array `imu.gyro`. The arrays `imu.gyro_units`
+and `imu.units.gyro` describe only the array `imu.gyro`, and `imu.units` describes all arrays in `imu`.
 """
 
 import math
@@ -22,11 +22,11 @@ from fltea.recording.wanted import NUMBER
 UNITS = "units?|unit_string|ni_unitdescription"
 COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
 COUNTS = "(?:lsb|counts)_per_(?:dps|deg_s)"
-"""Name of counts in 1 deg/s, as fltea writes it: the only scale whose name tells its use."""
+"""Matches the name of the number of counts in 1 deg/s; for other scales, the name does not tell the use."""
 
 SCALES = "scale(?:_?factor)?|scaling|gain|sensitivity|offset|multiplier|factor|lsb|slope|resolution"
 SCALES += rf"|conversion(?:_?factor)?|{COUNTS}"
-"""Names of facts that change numbers, where the name does not tell whether by multiplication or division."""
+"""Matches names of facts that change numbers; they do not tell whether to multiply or to divide."""
 
 _RATE = re.compile(
     r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
@@ -39,7 +39,7 @@ PER_S |= {"hz": 1.0, "hertz": 1.0, "khz": 1e3, "samples per second": 1.0}
 
 
 def texts_of(value: Any) -> list[str]:
-    """Return the texts that a value holds, one or a list; empty if it holds anything else."""
+    """Return the texts in a value, which is a text or a list of texts; empty for other values."""
     if not isinstance(value, str | bytes | np.ndarray | np.generic | list | tuple):
         return []
     found = np.asarray(value, object).reshape(-1).tolist()
@@ -48,7 +48,7 @@ def texts_of(value: Any) -> list[str]:
 
 
 def number_of(value: Any, other: float = math.nan) -> float:
-    """Return the single number that a value holds, NaN for none or several; `other` if the value is None."""
+    """Return the single number in a value, NaN if it holds none or several; `other` if the value is None."""
     try:
         return float(other if value is None else np.asarray(value, np.float64).reshape(()))
     except (TypeError, ValueError, OverflowError):
@@ -58,7 +58,7 @@ def number_of(value: Any, other: float = math.nan) -> float:
 def rate_of(name: str, value: Any, unit: str = "") -> float | None:
     """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states; else None.
 
-    `name`: name of the fact. `unit`: unit that is stated separately.
+    `name`: name of the fact. `unit`: unit that another fact states for it.
     """
     leaf = re.sub(r"[\s\-]+", "_", name.rpartition(".")[2].rpartition("@")[2].strip().lower())
     found, period = _RATE.fullmatch(leaf), _PERIOD.fullmatch(leaf)
@@ -80,7 +80,7 @@ def rate_of(name: str, value: Any, unit: str = "") -> float | None:
 
 
 def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
-    """Return the stated sampling rates [Hz], by the names of the facts."""
+    """Return the stated sampling rates [Hz], by the names of the facts that state them."""
     units = {owner: texts_of(facts[name])[:1] for name, owner in _owners(facts, UNITS)}
     found = {}
     for name, value in facts.items():
@@ -92,9 +92,11 @@ def rates_of(facts: Mapping[str, Any]) -> dict[str, float]:
 
 
 def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return stated units, one or one for each column, by array name, or by group name with a dot after it.
+    """Return the stated units by array name, or by group name followed by a dot.
 
-    Counts in 1 deg/s are also returned as a unit, if no unit is stated.
+    An array has one unit, or one for each column.
+
+    Counts in 1 deg/s are returned as a unit too, if no unit is stated.
     """
     found = {owner: texts for name, owner in _owners(facts, UNITS) if any(texts := texts_of(facts[name]))}
     for name, owner in _owners(facts, COUNTS):
@@ -104,21 +106,22 @@ def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
 
 
 def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, width: int) -> str:
-    """Return the unit of a column: its own, its array's, or that of the nearest group that states one.
+    """Return the unit of a column: its own, or else its array's, or else that of the nearest group.
 
-    `label`: name of the column. `place`, `width`: its index in its array, and the array's number of columns.
+    `label`: name of the column. `place`, `width`: index of the column in its array, and the array's number of
+    columns.
     """
     groups = [f"{one}." for one in (array, *around(array), "")]
     by = next((known for known in (label, array, *_of_sensor(units, label), *groups) if known in units), None)
     own = [""] if by is None else units[by]
     unit = own[0] if len(own) == 1 else own[place] if len(own) == width else ""
-    unit = unit.partition(" since ")[0]  # netCDF writes times in this form
+    unit = unit.partition(" since ")[0]  # netCDF writes the unit of times in this form
     is_of_all = len(own) == 1 and (by in groups or width > 1)
     return "" if is_of_all and is_time(label.rpartition(".")[2]) and not time_scale(unit) else unit
 
 
 def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
-    """Yield the units stated for a column's sensor in the groups around it: `gyro_units` apply to `gx`."""
+    """Yield the units that groups around a column state for its sensor: `gyro_units` apply to `gx`."""
     axis = axis_of if gyroscopes_in([label]) else accel_axis_of if is_of_accelerometer(label) else None
     is_clock = axis is None and is_time(label.rpartition(".")[2])
     for level in (*around(label), "") if axis or is_clock else ():
@@ -130,7 +133,7 @@ def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
 
 
 class Near:
-    """Facts of one kind by the array or group that they describe, for fast access."""
+    """Facts of one kind, by the array or group that they describe."""
 
     def __init__(self, facts: Mapping[str, Any], words: str) -> None:
         self._found = defaultdict[str, dict[str, Any]](dict)
@@ -138,7 +141,7 @@ class Near:
             self._found[owner if "@" in name else f"{group_of(owner)}."][name] = facts[name]
 
     def of(self, array: str) -> Mapping[str, Any]:
-        """Return the facts on an array, and those in the group around it."""
+        """Return the facts about an array, and those in the group around the array."""
         return self._found.get(array, {}) | self._found.get(f"{group_of(array)}.", {})
 
 
@@ -161,17 +164,18 @@ def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[s
 
 
 def is_of_columns(name: str) -> bool:
-    """Return whether a name is for units, scales or column names, which may have several values."""
+    """Return whether a fact's name is for units, scales or column names, which may be one for each column."""
     return any(_owners({name: None}, f"{UNITS}|{COLUMNS}|{SCALES}"))
 
 
 def scale_of(
     facts: Mapping[str, Any], array: str, labels: Sequence[str], unit: str, *, is_whole: bool
 ) -> str:
-    """Return the fact that changes the numbers of an array, such as `gyro_scale 0.0153`; "" if there is none.
+    """Return the fact that changes an array's numbers, such as `gyro_scale 0.0153`; "" if there is none.
 
-    `labels`: the array's columns; a scale with a gyroscope's name applies to any array of a gyroscope.
-    `unit`: unit of the columns. `is_whole`: they hold whole numbers, whose scale may be called resolution.
+    `labels`: columns of the array; a scale with a gyroscope's name applies to every array of a gyroscope.
+    `unit`: unit of the columns. `is_whole`: whether they hold whole numbers; their scale may be called
+    resolution.
     """
     group, _, leaf = array.rpartition(".")
     is_of_gyro = any(axis_of(label.rpartition(".")[2]) for label in labels)
@@ -193,7 +197,7 @@ def scale_of(
 
 
 def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
-    """Yield the facts of a kind, each with the array it describes, or the group with a dot after it."""
+    """Yield the facts of a kind, each with the name of its array, or of its group followed by a dot."""
     for name in facts:
         array, mark, key = name.rpartition("@")
         group, _, leaf = name.rpartition(".")

@@ -1,6 +1,6 @@
-"""Reads HDF5 files: tables of pandas, and data sets with attributes, as in netCDF and NWB.
+"""Reads HDF5 files: tables of pandas, and data sets with attributes, such as those of netCDF and NWB.
 
-A data set may lie in other files, which can be anything. Only the file itself is read.
+The data of a data set may lie in other files, which are not read.
 """
 
 import math
@@ -27,13 +27,13 @@ NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
 https://nwb-schema.readthedocs.io (TimeSeries), whose `resolution` changes no numbers."""
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
-"""Advice for data sets in other files."""
+"""Advice for the user if a data set lies in another file."""
 
 MATLABS = "#refs#", "#subsystem#"
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read the tables of pandas, or else all data sets by their paths, in blocks."""
+    """Read the tables of pandas in the file, or else all data sets; both are read in blocks."""
     import h5py
 
     found: dict[str, Any] = {}
@@ -47,7 +47,8 @@ def read(path: Path, _: str) -> Sheet:
             found[name] = NoNumbers(elsewhere, max((1, *item.shape)))
             return
         attributes = _attributes_of(item)
-        if path.endswith("/starting_time") and "rate" in attributes:  # the rate of a group in NWB
+        # this attribute is the rate of a group in NWB
+        if path.endswith("/starting_time") and "rate" in attributes:
             facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):
             facts.update({f"{name}.{key}".lstrip("."): value for key, value in attributes.items()})
@@ -80,7 +81,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def outside(item: Any) -> str:
-    """Return where a data set lies if it is outside the file, as words without a subject; else ""."""
+    """Return where a data set lies if it is outside the file, as the end of a sentence about it; else ""."""
     import h5py
 
     if not isinstance(item, h5py.Dataset):
@@ -94,7 +95,7 @@ def outside(item: Any) -> str:
 
 
 def _links_elsewhere(file: Any) -> dict[str, str]:
-    """Return the links that lead out of a file, directly or through other links, and their targets."""
+    """Return the links that lead out of the file, directly or through other links, with their targets."""
     import h5py
 
     found: dict[str, str] = {}
@@ -116,7 +117,7 @@ def _links_elsewhere(file: Any) -> dict[str, str]:
 
 
 def _parts_elsewhere(group: Any) -> str:
-    """Return which part of a pandas table lies outside the file, and where; "" if none does."""
+    """Return which part of a pandas table lies outside the file, and where; "" if no part does."""
     import h5py
 
     for name in group:
@@ -128,13 +129,13 @@ def _parts_elsewhere(group: Any) -> str:
 
 
 def _attributes_of(item: Any) -> dict[str, Any]:
-    """Return attributes by their names in small letters; long ones do not describe columns."""
+    """Return the attributes by their names in small letters, without long ones, which describe no columns."""
     sizes = {key: np.size(one) for key, one in item.attrs.items()}  # None for an empty attribute
     return {key.lower(): item.attrs[key] for key, size in sizes.items() if 0 < (size or 0) <= MOST_SENSORS}
 
 
 def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
-    """Yield a data set, or the targets of the references in a MATLAB array of structures."""
+    """Yield a data set; for a MATLAB array of structures, yield the data sets that it refers to."""
     import h5py
 
     of_structures = "/" in path and h5py.check_ref_dtype(data.dtype) is not None
@@ -148,9 +149,9 @@ def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) -> tuple[Any, str]:
-    """Return a data set converted as its attributes state, and what is wrong with the attributes.
+    """Return a data set converted as its attributes state, and a text on what is wrong with the attributes.
 
-    `scaled_by`: names of the attributes for factor and offset; attributes that are applied are removed.
+    `scaled_by`: names of the attributes for factor and offset; attributes that were applied are removed.
     """
     kind = next(iter(texts_of(attributes.get("matlab_class"))), "")
     if kind == "char":

@@ -1,4 +1,4 @@
-"""Reads one JSON document: named lists, or a list of objects, each of which is a row."""
+"""Reads a JSON document that consists of named lists, or of a list of objects, each of which is a row."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,22 +19,22 @@ from fltea.recording.wanted import is_missing
 from fltea.records.errors import UsageError
 
 PHONE_GYROSCOPES = "Gyroscope", "GyroscopeUncalibrated"
-"""Names of gyroscopes in the app Sensor Logger, which are in rad/s."""
+"""Names of gyroscopes in files of the app Sensor Logger, whose rates are in rad/s."""
 
 ROWS = {"data", "samples", "rows", "records", "readings", "measurements", "values", "frames", "items"}
 NAMES = "name", "id", "sensor", "label"
 BESIDE = {"meta", "metadata", "info", "header", "head", "attrs", "attributes", "config", "settings"}
-"""Names of parts whose content belongs to the part around them: rows, and facts on everything."""
+"""Names of objects whose content belongs to the object around them."""
 
 NS = 10**6, 10**3, 1
 """Nanoseconds in a millisecond, a microsecond and a nanosecond."""
 
 FIRST_NS, LAST_NS = 10**17, 4 * 10**18
-"""Unix times from 1973 to 2096 [ns]; a number lies between these in one unit only."""
+"""Unix times from 1973 to 2096 [ns]; a number lies in this range in one time unit only."""
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read all lists; in files of the app Sensor Logger, those of its gyroscope."""
+    """Read all lists; in files of the app Sensor Logger, read those of its gyroscope."""
     found: dict[str, Any] = {}
     for name, value in _values("", _decoded(path.read_bytes())):
         is_word = isinstance(value, str) and not is_unit(value)
@@ -50,7 +50,7 @@ def _decoded(data: bytes) -> Any:
     except msgspec.DecodeError:
         if b"NaN" not in data and b"Infinity" not in data:
             raise
-        return json.loads(data)  # which accepts NaN and Infinity as Python writes them
+        return json.loads(data)  # this decoder accepts NaN and Infinity, which Python writes
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -70,7 +70,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     elif isinstance(value, list) and any(isinstance(row, dict) for row in value):
         columns = _columns_of([flat(row) for row in value if isinstance(row, dict)])
         yield from ((f"{name}.{key}" if name else key, column) for key, column in columns.items())
-    elif isinstance(value, list) and not name:  # columns without names get positions
+    elif isinstance(value, list) and not name:  # columns without names get their positions as names
         is_table = len({len(row) if isinstance(row, list) else 0 for row in value}) == 1
         lists = [*map(list, zip(*value, strict=True))] if is_table and isinstance(value[0], list) else [value]
         yield from ((str(place), column) for place, column in enumerate(lists, 1))
@@ -81,12 +81,15 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _is_part(value: Any) -> bool:
-    """Return whether a value is a long list or one of objects; it then belongs to a sensor, not to a row."""
+    """Return whether a value is a long list, or a list of objects.
+
+    It then belongs to a sensor, not to a row.
+    """
     return isinstance(value, list) and (len(value) > MOST_WIDE or any(isinstance(one, dict) for one in value))
 
 
 def _called(row: Any, place: int) -> str:
-    """Return the name of a sensor in a list of sensors, or else its position."""
+    """Return the name that a row in a list of sensors states, or else its position."""
     names = [row[key] for key in NAMES if isinstance(row.get(key), str)] if isinstance(row, dict) else []
     return names[0] if names else str(place)
 
@@ -99,7 +102,10 @@ def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
 
 
 def _of_pandas(found: dict[str, Any]) -> Any:
-    """Convert forms of pandas' `to_json` to lists by column name, or rows; other values stay as they are."""
+    """Convert the output forms of pandas' `to_json` to lists by column name, or to rows.
+
+    Keep other values.
+    """
     if isinstance(found.get("schema"), dict) and isinstance(found.get("data"), list):  # "table"
         return found["data"]
     if (split := _split(found)) is not None:
@@ -122,7 +128,7 @@ def _of_pandas(found: dict[str, Any]) -> Any:
 
 
 def _split(found: dict[str, Any]) -> dict[str, Any] | None:
-    """Convert rows in one list and column names in another to columns; None for other forms."""
+    """Convert rows in one list, with column names in another list, to columns; None for other forms."""
     tables = [key for key, rows in found.items() if isinstance(rows, list) and rows and _is_table(rows)]
     width = len(found[tables[0]][0]) if len(tables) == 1 else 0
     texts = [
@@ -151,7 +157,7 @@ def _is_inner(value: Any) -> bool:
 
 
 def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
-    """Return the keys of rows, numbers or times, in their order; None if they are neither."""
+    """Return the keys of rows in order, if all are numbers or times; else None."""
     keys = list(rows)
     if len(keys) < 2 or not keys[0].removeprefix("-")[:1].isdigit():
         return None
@@ -163,7 +169,7 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 
 
 def _index(keys: Sequence[str]) -> dict[str, Any]:
-    """Return a column of row keys, unless they count the rows; Unix times become dates."""
+    """Return the keys of rows as a column, unless they only count the rows; Unix times become dates."""
     if not all(key.removeprefix("-").isdecimal() for key in keys):
         return {"index": list(keys)}
     numbers = [int(key) for key in keys]
@@ -175,7 +181,10 @@ def _index(keys: Sequence[str]) -> dict[str, Any]:
 
 
 def _array(name: str, value: Any) -> Any:
-    """Return numbers (null is missing, and texts may hold numbers), or dates, or words, as an array."""
+    """Return a list as an array of numbers, dates or words.
+
+    Null is a missing number, and texts may be numbers.
+    """
     if not isinstance(value, list):
         return value if isinstance(value, str) else np.array(value)
     if value and isinstance(value[0], np.datetime64):

@@ -1,4 +1,4 @@
-"""Reads MATLAB variables of versions 4 to 7.2; later versions write HDF5."""
+"""Reads MATLAB files of versions 4 to 7.2; later versions are HDF5 files."""
 
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,14 @@ from fltea.recording.sheet import Sheet
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read variables and the fields of structures."""
+    """Read all variables and the fields of structures."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatlabOpaque
 
     found: dict[str, Any] = {}
 
     def take(name: str, value: Any) -> None:
-        if name.startswith("__"):  # scipy's own facts on the file
+        if name.startswith("__"):  # scipy adds these facts on the file
             return
         if isinstance(value, dict):
             for key, inner in value.items():

@@ -15,11 +15,11 @@ from fltea.records.errors import UsageError
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read the channels of all groups as measured, without resampling to another clock."""
+    """Read the channels of all groups as they were measured, without resampling to another clock."""
     from asammdf import MDF
     from asammdf.blocks import mdf_v3, mdf_v4
 
-    for module in (mdf_v3, mdf_v4):  # asammdf writes temporary files, which this process may not
+    for module in (mdf_v3, mdf_v4):  # asammdf writes temporary files, which a reader process may not write
         vars(module)["NamedTemporaryFile"] = lambda **_: io.BytesIO()
     found: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -49,7 +49,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def _values(file: Any, group: int, index: int) -> tuple[Any, str]:
-    """Return the numbers of a channel, NaN where the file marks them as invalid, and their unit."""
+    """Return the numbers of a channel, with NaN for invalid ones, and the unit of the channel."""
     signal = file.get(group=group, index=index, ignore_invalidation_bits=True)
     values, invalid = signal.samples, signal.invalidation_bits
     if invalid is not None and values.dtype.kind in "biuf" and values.ndim == 1:

@@ -1,4 +1,4 @@
-"""Reads archives of arrays (.npz) that another program than fltea wrote."""
+"""Reads archives of arrays (.npz) that other programs than fltea wrote."""
 
 from pathlib import Path
 

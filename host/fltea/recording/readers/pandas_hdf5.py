@@ -11,7 +11,7 @@ TABLES = "frame", "frame_table"
 
 
 class BlockColumn:
-    """A column of a block as an array of numbers or times. `field`: field of a table's rows, or None."""
+    """A column of a block as an array of numbers or times. `field`: field in a table's rows, or None."""
 
     def __init__(self, data: Any, field: str | None, place: int | None, kind: str) -> None:
         self.shape = (data.shape[0],)
@@ -33,7 +33,7 @@ def is_table(group: Any) -> bool:
 
 
 def columns_of(group: Any) -> dict[str, BlockColumn]:
-    """Return the columns of a table by name, with the index if it has a name or holds times."""
+    """Return the columns of a table by name; the index is a column if it has a name or holds times."""
     return dict(_of_rows(group, group["table"]) if "table" in group else _of_blocks(group))
 
 
@@ -60,7 +60,7 @@ def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
 
 
 def _of_index(data: Any, field: str | None, kind: str, name: str) -> Iterator[tuple[str, BlockColumn]]:
-    name = "" if name == "N." else name  # this is a pickled None
+    name = "" if name == "N." else name  # the text is the pickle of None
     if name or kind.startswith("datetime64"):
         yield name or "time", BlockColumn(data, field, None, kind)
 
@@ -74,5 +74,5 @@ def _decoded(value: Any) -> str:
 
 
 def _strings(pickled: bytes) -> list[str]:
-    """Return the texts in a pickle of pandas. It is never loaded, since a pickle may run any program."""
+    """Return the texts in a pickle of pandas without loading it, since loading may run any program."""
     return [str(text) for code, text, _ in pickletools.genops(bytes(pickled)) if code.name in STRINGS]

@@ -1,4 +1,4 @@
-"""Reads logs of PX4 (.ulg). `dialects.toml` states the meaning of their columns."""
+"""Reads logs of PX4 (.ulg). `dialects.toml` states what their columns mean."""
 
 from collections.abc import Mapping
 from io import BytesIO
@@ -17,16 +17,16 @@ from fltea.recording.sheet import Sheet
 from fltea.records.errors import UsageError
 
 TOPICS = "sensor_combined", "sensor_gyro", "sensor_gyro_fifo", "vehicle_angular_velocity"
-"""Topics that are read if the user names none; the first in the log is used."""
+"""Topics that are read if the user names no topic; the first of them in the log is used."""
 
 FIFO = "sensor_gyro_fifo"
 
 EVEN = 0.2
-"""Largest relative difference between the time of a FIFO message's samples and the interval of messages."""
+"""Largest relative difference between the duration of a message's samples and the interval of messages."""
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read a topic; if several sensors publish it, `topic` names one of them: `sensor_gyro:1`."""
+    """Read a topic; if several sensors publish it, `topic` names one of these: `sensor_gyro:1`."""
     name, _, instance = topic.partition(":")
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         whole = mended(content)
@@ -62,7 +62,7 @@ def read(path: Path, topic: str) -> Sheet:
 
 
 def _opened(path: Path, whole: Mended, topics: list[str] | None) -> Any:
-    """Read these topics, or all, with PX4's library; a damaged log is read without its damaged parts."""
+    """Read some topics, or all, with PX4's library; damaged parts of the log are left out."""
     from pyulog import ULog
 
     return ULog(str(path) if whole.is_whole else BytesIO(whole.data), topics)
@@ -110,7 +110,7 @@ def _devices(data: Mapping[str, Any]) -> list[str]:
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
-    """Return the samples of FIFO messages, each with the time of its last sample and several samples."""
+    """Return the samples in FIFO messages; a message holds several samples and the time of the last one."""
     axes = {
         axis: sorted((n for n in data if n.startswith(f"{axis}[")), key=lambda n: int(n[2:-1]))
         for axis in "xyz"

@@ -39,7 +39,7 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Channel:
-    """A channel as an array, in its scaled values."""
+    """A channel as an array of scaled values."""
 
     def __init__(self, channel: Any) -> None:
         self._channel, self.shape = channel, (len(channel),)

@@ -1,8 +1,8 @@
-"""Checks each message of a PX4 log (ULog) before PX4's library reads the log.
+"""Checks each message in a PX4 log (ULog) before PX4's library reads the log.
 
-A message has its length before it and no checksum. After a wrong length, the library finds no message: it
-stops, or continues somewhere later, and does not report all that it left out. Here the damaged bytes form a
-hole, which ends where valid messages begin again, and its bytes are counted.
+A message begins with its length and has no checksum. After a wrong length, the library stops, or continues at
+a later message, and does not report all that it left out. Here, the damaged bytes form a hole. The hole ends
+where valid messages begin again, and its bytes are counted.
 """
 
 import re
@@ -13,13 +13,13 @@ from mmap import mmap
 from typing import NamedTuple
 
 HEAD = struct.Struct("<HB")
-"""Header of a message: the length of its body, and its kind."""
+"""Header of a message: length of its body, and kind."""
 
 FILE_HEAD_BYTES = 16
 """Length of the log's header: magic bytes, version and time."""
 
 SYNC = bytes.fromhex("2f731320250cbb12")
-"""Content of a message of kind S."""
+"""Content of a message of the kind S, which helps to find messages after damage."""
 
 SIZES = {
     **dict.fromkeys(("int8_t", "uint8_t", "bool", "char"), 1),
@@ -27,38 +27,38 @@ SIZES = {
     **dict.fromkeys(("int32_t", "uint32_t", "float"), 4),
     **dict.fromkeys(("int64_t", "uint64_t", "double"), 8),
 }
-"""Size of each type of field [bytes]."""
+"""Size of a field [bytes], by its type."""
 
 MOST_BYTES = 1 << 16
 LONGEST_NAME = 256
 MOST_NESTED = 16
-"""Deepest nesting of formats."""
+"""Deepest nesting of message formats."""
 
 FORMAT = re.compile(rb"([\w/-]+):((?:[\w/-]+(?:\[\d{1,5}\])? [\w/-]+;)+)")
 FIELD = re.compile(r"([\w/-]+)(?:\[(\d+)\])? ([\w/-]+);")
 KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [!-~]+")
-"""Matches the type and the name of an information or parameter message."""
+"""Matches the type and the name in an information or parameter message."""
 
 KINDS = re.compile(rb"[ACDFILMOPQRS]")
 """Matches the letters of the message kinds that PX4 documents."""
 
 SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
-"""Kinds that random bytes hardly resemble, kinds of any length, and kinds that describe others."""
+"""Message kinds that random bytes rarely resemble, kinds of any length, and kinds that describe others."""
 
 PADDING = "_padding"
 
 FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
 APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
-"""Offset and form of the flags for data that was appended after a crash, and its offsets."""
+"""Offset and layout of the flags and offsets for data that PX4 appended after a crash."""
 
 
 class Mended(NamedTuple):
     """A log without its damaged parts.
 
-    `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes, with `lost_bytes`
-    in all, the first at offset `first`. `cut_bytes`: length of a truncated last message. `odd`: number of
-    messages of a kind, or of a topic number, that the log does not declare. `counts`: number of messages by
-    topic and sensor.
+    `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes; `lost_bytes`: total
+    length of the holes; `first`: offset of the first hole. `cut_bytes`: length of a truncated last message.
+    `odd`: number of messages whose kind or topic number the log does not declare. `counts`: number of
+    messages by topic and sensor.
     """
 
     data: bytes
@@ -83,7 +83,7 @@ def mended(content: bytes | mmap) -> Mended:
 
 
 class _Topic(NamedTuple):
-    """A topic of numbered messages. `size`: length of a message; `padded`: length with padding [bytes]."""
+    """A topic with numbered messages. `size`: length of a message; `padded`: length with padding [bytes]."""
 
     name: str
     sensor: int
@@ -130,7 +130,7 @@ class _LogScan:
         return [one if isinstance(one, bytes) else self._content[slice(*one)] for one in self._kept]
 
     def run(self) -> None:
-        """Check the log, or each of its parts if data was appended."""
+        """Check the log; if data was appended, check each part separately."""
         at, begins = FILE_HEAD_BYTES, list[int]()
         self._keep(0, at)
         head = self._content[at:FLAGS_AT]
@@ -141,13 +141,13 @@ class _LogScan:
             at = end
 
     def _flags(self, end: int) -> tuple[int, list[int]]:
-        """Return the offset after the flags, and the offsets of appended parts."""
+        """Return the offset after the flags, and the offsets of the appended parts."""
         found = self._content[APPENDED_AT : APPENDED_AT + APPENDED.size]
         if end > self._size or len(found) < APPENDED.size:
             return FILE_HEAD_BYTES, []
         flags, *begins = APPENDED.unpack(found)
         begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
-        if begins:  # without holes, the offsets of the parts would change
+        if begins:  # the log is kept without holes, which would change the offsets of the parts
             self._is_changed = True
             self._keep(FILE_HEAD_BYTES, APPENDED_AT)
             self._kept.append(bytes([flags & ~1]) + found[1:8] + bytes(APPENDED.size - 8))
@@ -188,11 +188,11 @@ class _LogScan:
     def _cut(self, at: int, end: int) -> None:
         if end == self._size:
             self._cut_bytes = end - at
-        else:  # the message that a crash interrupted
+        else:  # a crash interrupted this message
             self._skip(at, end)
 
     def _skip(self, at: int, end: int) -> int:
-        """Leave bytes out; adjacent holes become one."""
+        """Leave bytes out as a hole; adjacent holes become one."""
         if self._holes and self._holes[-1][1] == at:
             at = self._holes.pop()[0]
         self._holes.append((at, end))
@@ -206,7 +206,7 @@ class _LogScan:
             self._kept.append((begin, end))
 
     def _take(self, at: int, end: int, kind: int) -> None:
-        """Keep a message, and take from it the description of later messages."""
+        """Keep a message; if it describes later messages, remember the description."""
         body, size = at + HEAD.size, end - at - HEAD.size
         if kind == ord("F"):
             form = self._form(body, size)
@@ -221,7 +221,7 @@ class _LogScan:
         elif kind == ord("D"):
             topic = self._topics[int.from_bytes(self._content[body : body + 2], "little")]
             self._counts[topic.name, topic.sensor] += 1
-            if size > topic.size:  # the library rejects messages of this length
+            if size > topic.size:  # the library rejects a message of this length
                 self._is_changed = True
                 self._kept.append(HEAD.pack(topic.size, kind) + self._content[body : body + topic.size])
                 return
@@ -234,7 +234,7 @@ class _LogScan:
         return self._content[at : at + size]
 
     def _search(self, begin: int) -> int:
-        """Return the next offset where messages begin again, or the log's end."""
+        """Return the next offset at which valid messages begin again, or the end of the log."""
         if self._searched[0] <= begin <= self._searched[1]:
             return self._searched[1]
         at = begin
@@ -292,7 +292,10 @@ class _LogScan:
         return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
 
     def _sizes(self, name: str) -> tuple[int, int]:
-        """Return the length of a format's messages with their number, and with padding; 0: unknown."""
+        """Return the length of a format's messages with their topic number, and with padding.
+
+        0 if unknown.
+        """
         fields = self._forms.get(name, [])
         sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]
         if not fields or 0 in sizes or sum(sizes) > MOST_BYTES:
@@ -303,9 +306,9 @@ class _LogScan:
         return 2 + sum(sizes), padded
 
     def _length(self, kind: str, most_nested: int) -> int:
-        """Return the length of one field of a type; 0 if it is unknown or the type contains itself."""
+        """Return the length of a field of this type; 0 if the type is unknown or contains itself."""
         if kind not in self._lengths:
-            self._lengths[kind] = 0  # for a format that contains itself
+            self._lengths[kind] = 0  # this value is found if the format contains itself
             fields = self._forms.get(kind, []) if most_nested else []
             sizes = [self._length(inner, most_nested - 1) * many for inner, many, _ in fields]
             self._lengths[kind] = 0 if 0 in sizes or sum(sizes) > MOST_BYTES else sum(sizes)
