@@ -1,4 +1,4 @@
-"""Decodes a text before it is split into lines: UTF-16, and documents of YAML."""
+"""Decodes a text before it is split into lines: from UTF-16, and from YAML documents."""
 
 import codecs
 
@@ -6,7 +6,7 @@ from fltea.recording.raw_lines import BOM, UTF_16
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
 
 BEGIN_BYTES, MOST_HELD = 256, 4096
-"""Number of first bytes that distinguish a document from lines, and most bytes that are held back for it."""
+"""Number of first bytes by which documents and lines are told apart, and most bytes held back for this."""
 
 
 class TextDecoder:
@@ -27,11 +27,11 @@ class TextDecoder:
         return self._yaml is not None and self._yaml.is_cut
 
     def drop(self) -> None:
-        """Delete the bytes that are held back, since the next bytes do not follow them."""
+        """Delete the bytes that are held back, since bytes after them were lost."""
         self._held = b""
 
     def feed(self, data: bytes, *, hold: bool = True) -> bytes:
-        """Decode the next bytes. `hold`: they may be the beginning of the text."""
+        """Decode the next bytes. `hold`: whether these bytes may be the beginning of the text."""
         if hold and not self.begin:
             data = self._held + data
             if len(data) <= MOST_HELD and BEGINNING.fullmatch(data.removeprefix(BOM)):

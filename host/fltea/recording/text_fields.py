@@ -1,4 +1,4 @@
-"""Splits lines of text into fields: the separator, lines of the same kind, and the numbers in them."""
+"""Splits lines of text into fields: finds the separator, lines of the same kind, and the numbers in them."""
 
 import contextlib
 import csv
@@ -20,16 +20,16 @@ from fltea.records.errors import UsageError
 COMMENTS = ("#", "%", "//")
 
 MOST_COLUMNS = 10_000
-"""Most names in a line; some files have lines with a million."""
+"""Most column names in a line, since some files have lines with a million fields."""
 
 _WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
-"""With more different first words, the first word does not tell kinds of rows apart."""
+"""Most different first words of rows that can mean kinds of rows; with more, the first word means nothing."""
 
 
 def is_blank(line: str) -> bool:
-    """Return whether a line is empty; a line of separators is not."""
+    """Return whether a line is empty; a line that consists of separators is not."""
     return not line.strip(" \r\n") or (line.isspace() and "\t" not in line)
 
 
@@ -45,7 +45,7 @@ def all_numbers(line: str) -> bool:
 
 
 def separator_of(line: str, columns: int = 0) -> str | None:
-    """Return the separator of a row's fields, None for white space.
+    """Return the separator between the fields of a row; None means white space.
 
     `columns`: number of columns, if known.
     """
@@ -78,7 +78,7 @@ def words_with_units(line: str) -> list[str]:
 
 
 def bare_fields(line: str) -> list[str]:
-    """Return the fields of a line that may be a comment."""
+    """Return the fields of a line that may be marked as a comment."""
     text = line.strip().lstrip("#%/").strip()
     return split(text, separator_of(text))
 
@@ -88,7 +88,7 @@ def units_in(line: str) -> list[str] | None:
     fields = bare_fields(line)
     filled = [
         field for field in fields if field not in ("", "1")
-    ]  # 1 stands for a quantity without a dimension
+    ]  # 1 is the unit of a quantity without a dimension
     known = sum(map(is_unit, filled))
     if any(map(is_number, filled)) or not known or 2 * known < len(filled):
         return None
@@ -102,14 +102,14 @@ _MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
 
 
 class Thousands:
-    """Finds numbers with separated thousands, as `1.000.010`, in a growing list of lines."""
+    """Finds numbers with separators between thousands, as in `1.000.010`, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
         self._first: dict[int, str] = {}
 
     def check(self, where: str, lines: Sequence[str]) -> None:
-        """Check the lines that are new.
+        """Check the lines that were added since the last call.
 
         Raises:
             UsageError: a column has several such numbers, so that the meaning of 53.456 is unknown.
@@ -129,7 +129,7 @@ class Thousands:
 
 
 class Kinds:
-    """Collects the first words of rows, and the number of fields of each, in a growing list of lines."""
+    """Collects the first words of rows, and the number of fields for each first word, in growing lines."""
 
     def __init__(self) -> None:
         self._seen = 0
@@ -147,10 +147,10 @@ class Kinds:
 
 
 def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
-    """Return the most common kind of lines with numbers, and the lines of this kind.
+    """Return the most common kind of lines with numbers, and all lines of this kind.
 
-    Kinds are objects with the same names, rows with the same number of fields, and lines with the same
-    labels.
+    Lines are of the same kind if they are objects with the same names, rows with the same number of fields,
+    or lines with the same labels.
     """
     found: dict[tuple[str, Any], list[str]] = {}
     for line in lines:
@@ -174,9 +174,11 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
-    """Return the numbers in lines of one kind (n, width), NaN for other fields. `tag`: first field.
+    """Return the numbers in lines of one kind (n, width), NaN for other fields.
 
-    The result is cached, since a header may stand among the rows thousands of times.
+    `tag`: first field of the lines.
+
+    The result is cached, since a header may be repeated thousands of times among the rows.
     """
     return _numbers(tuple(lines), tuple(names or ()), width, tag)
 
@@ -184,7 +186,7 @@ def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag
 def cells_of(
     lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str, place: int
 ) -> list[str]:
-    """Return the texts in a column of the rows of `sample_of`."""
+    """Return the texts of a column in the rows that `sample_of` reads."""
     found = (row[place] for row in _rows(tuple(lines), tuple(names or ()), width, tag))
     return [as_word(one) if isinstance(one, float) else "" if one is None else str(one) for one in found]
 
@@ -195,7 +197,7 @@ def _has(found: Mapping[str, Any], line: str, names: set[str]) -> bool:
 
 @lru_cache(maxsize=2)
 def _named(lines: Sequence[str]) -> list[Mapping[str, Any]]:
-    """Return the values of lines by name, for objects and labelled lines."""
+    """Return the numbers of each line by name, for objects and labelled lines."""
     named: list[Mapping[str, Any]] = []
     for line in lines:
         try:

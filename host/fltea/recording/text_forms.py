@@ -1,4 +1,4 @@
-"""Converts lines as various programs print them to plain lines of numbers.
+"""Converts lines in the forms that various programs print to plain lines of numbers.
 
 Python prints bytes, lists, tuples, dicts and arrays; NMEA and VectorNav sentences end in a checksum; each of
 them stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON object.
@@ -30,19 +30,19 @@ MINUS = "\u2212".encode()
 """The typographic minus sign, which some programs write."""
 
 WRONG_SUM = "wrong checksum"
-"""Text that replaces the numbers of a sentence with a wrong checksum."""
+"""Text that replaces the numbers of an NMEA message with a wrong checksum."""
 
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
 
 
 _COLOUR = re.compile(rb"\x1b\[[0-9;]*m")
-"""Matches control sequences for colours, which stand in logs of boards."""
+"""Matches control sequences for colours, which some boards write in their logs."""
 
 
 def plain_lines(data: bytes) -> bytes:
     """Return whole lines without the Python or NMEA syntax around their numbers.
 
-    The numbers of a sentence with a wrong checksum are removed, so that it counts as a lost sample.
+    If the checksum of an NMEA message is wrong, its numbers are removed, so that it counts as a lost sample.
     """
     if MINUS[:1] in data:
         data = data.replace(MINUS, b"-")
@@ -68,7 +68,10 @@ def _as_json(found: re.Match[bytes]) -> bytes:
 
 
 def _checked(found: re.Match[bytes]) -> bytes:
-    """Return a sentence without its checksum. An 8-bit checksum (XOR) is verified, one of 16 bits is not."""
+    """Return an NMEA message without its checksum.
+
+    An 8-bit checksum (XOR) is verified, a 16-bit one is not.
+    """
     stated = found[2]
     if len(stated) == 2 and reduce(xor, found[1], 0) != int(stated, 16):
         return b"$" + re.sub(rb",[^,]*", b"," + WRONG_SUM.encode(), found[1])
@@ -82,26 +85,26 @@ YAML = re.compile(
     rb"|(?P<first>%(key)s)[ ]*\{[ ]*%(key)s[^\n]*\n(?!(?P=first))%(key)s)"
     % {b"before": _BEFORE, b"key": _KEY}
 )
-"""Matches the beginning of the first message."""
+"""Matches the beginning of the first YAML document."""
 
 BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
-"""Matches bytes that may become such a beginning when the next line is complete."""
+"""Matches bytes that may become the beginning of a document when the next line is complete."""
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
-"""Limits in bytes. Only the beginning of a longer line, such as an image, is kept."""
+"""Limits on a document and on a line [bytes]; of a longer line, such as an image, the beginning is kept."""
 
 
 _IN_BRACES = re.compile(rb"([A-Za-z_]\w*)\s*:\s*(?:(\{)|\[[^\[\]]*\]|([^,{}\[\]]*))|(\})")
 """Matches a key with a mapping, list or value, or the end of a mapping: `{stamp: {sec: 1}}`."""
 
 DEEPEST = 8
-"""Deepest nesting of mappings in one line."""
+"""Deepest nesting of mappings in one line of YAML."""
 
 
 class YamlDocuments:
-    """Converts YAML documents, mappings and numbers as ROS prints them, to one JSON object for each document.
+    """Converts YAML documents in the form that ROS prints, each to one JSON object.
 
-    `is_cut`: the last document lacks values that the first one has, or its end, and was left out.
+    `is_cut`: whether the last document was left out, since it lacks its end or values that the first one has.
     """
 
     def __init__(self) -> None:

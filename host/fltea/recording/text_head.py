@@ -1,4 +1,4 @@
-"""Reads the sampling rate and the gyroscope's unit from plain words in the head of a text.
+"""Finds the sampling rate and the gyroscope's unit in plain words in the head of a text.
 
 Examples are `# Sample rate: 100 Hz`, `Sampling Frequency;0.1 kHz`, `dt = 10 ms`; `Units: deg/s`, `gyro in
 rad/s`,
@@ -17,10 +17,10 @@ from fltea.recording.wanted import UNSIGNED
 
 MOST_HZ, LEAST_HZ = 1e5, 0.1
 LONGEST_LINE = 300
-"""Longest line of a head [characters]."""
+"""Longest line of a head that is examined [characters]."""
 
 _FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({UNSIGNED})[ ]*([^\s\d,;|()\[\]]*)")
-"""Matches words, a number, and its unit."""
+"""Matches words, followed by a number and its unit."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ]+")
 _SAID_OF_ALL = {
@@ -71,7 +71,7 @@ _OF_RATES = {
 _PERIOD = {"period", "interval", "dt", "ts"}
 _HZ = {"hz": 1.0, "khz": 1e3, "sps": 1.0, "samples/s": 1.0, "1/s": 1.0}
 _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
-"""Full scales in deg/s, since `fs` may also mean full scale."""
+"""Usual full scales [deg/s]: such a number after `fs` may be a full scale and not a sampling rate."""
 
 _OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
@@ -83,7 +83,7 @@ _SCALE = re.compile(
 
 
 class Head(NamedTuple):
-    """Facts in a head, each by the line that states it.
+    """Facts in a head, each with the line that states it.
 
     `rates`: sampling rates [Hz]. `units`: units in the notation of `--units`.
     """
@@ -94,7 +94,7 @@ class Head(NamedTuple):
 
 @lru_cache(maxsize=16)
 def stated_in(head: str) -> Head:
-    """Return the rates and units that lines of a head state; several of them contradict each other.
+    """Return all rates and units that the lines of a head state; different ones contradict each other.
 
     Lines that name the gyroscope have priority over lines that name no sensor.
     """
@@ -115,7 +115,7 @@ def stated_in(head: str) -> Head:
 
 
 def _rates(text: str) -> Iterator[tuple[bool, float]]:
-    """Yield sampling rates [Hz], and whether each is named as the gyroscope's."""
+    """Yield sampling rates [Hz], each with whether the line names the gyroscope."""
     for found in _FACT.finditer(text):
         words = {word.lower() for word in _WORD.findall(found[1])}
         number, unit = float(found[2]), found[3].lower().rstrip(".")
@@ -135,7 +135,7 @@ def _rates(text: str) -> Iterator[tuple[bool, float]]:
 
 
 def _units(text: str) -> Iterator[tuple[bool, str]]:
-    """Yield units of angular rates, or counts per unit, and whether each is named as the gyroscope's."""
+    """Yield units of angular rates, or counts per unit, each with whether the line names the gyroscope."""
     if (found := _SCALE.search(text)) is not None:
         unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
         words = {word.lower() for word in _WORD.findall(text[: found.start()])}

@@ -17,7 +17,7 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.records import AXES
 
 LONGEST_LABEL = 80
-"""Longest label with group and unit. The limit bounds the search, which starts anew at each letter."""
+"""Longest label with group and unit [characters]; the limit keeps the search fast."""
 
 COMMA = r"[-+]?\d+,\d+(?=[\s;|]|$)"
 _PAIR = re.compile(
@@ -27,14 +27,14 @@ _PAIR = re.compile(
 )
 _UNIT_BEHIND = re.compile(r"[\s)}]*\(?([^\s,;|\])(]+(?: per [a-z]+)?)\)?")
 _GROUP_BEFORE = re.compile(r"([^\W\d][\w .]*?)\s*(?:[\[(]([^\[\]()]*)[\])])?\s*[:=]\s*(?:\w*\s*[({\[])?\s*$")
-"""Matches the group in `Gyro (dps): X: 1.2`, `Gyro: (x=1.2`, and `gyro=Vector3(x=1.2`."""
+"""Matches the name of the group in `Gyro (dps): X: 1.2`, `Gyro: (x=1.2`, and `gyro=Vector3(x=1.2`."""
 _AXES = ("x", "y", "z")
 _AXIS = re.compile(r"[._ ]?[xyz]$", re.I)
 
 
 _decode = msgspec.json.Decoder(dict[str, Any]).decode
 DEEPEST = 4
-"""Deepest nesting of objects."""
+"""Deepest nesting of objects in a line."""
 
 
 def decode_object(line: str | bytes) -> dict[str, Any]:
@@ -47,7 +47,7 @@ def decode_object(line: str | bytes) -> dict[str, Any]:
 
 
 def flat(found: dict[str, Any]) -> dict[str, Any]:
-    """Return the values of an object and of nested objects, by the names that `decode_object` describes."""
+    """Return the values in an object and its nested objects, by the names that `decode_object` describes."""
     if any(type(value) in (dict, list) for value in found.values()):
         inner: dict[str, Any] = {}
         _flatten("", found, inner, DEEPEST)
@@ -66,7 +66,7 @@ def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
 
 
 def units_beside(found: Mapping[str, Any]) -> list[str]:
-    """Return the unit that texts in an object state for each of its names, "" if they state none."""
+    """Return, for each name in an object, the unit that a text in the object states; "" if none does."""
     units = units_of(found)
     return [_fitting(name, unit_of(units, name, without_axis(name), 0, 1)) if units else "" for name in found]
 
@@ -77,14 +77,14 @@ def without_axis(name: str) -> str:
 
 
 def _fitting(name: str, unit: str) -> str:
-    """Return a unit if it fits the quantity of a name, else ""; objects hold several quantities."""
+    """Return a unit if it fits the quantity that a name means, else ""; objects hold several quantities."""
     is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
     is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
     return unit if is_rate or is_other else ""
 
 
 class Labelled(NamedTuple):
-    """The numbers in a line by their names, and their units, "" where none is stated."""
+    """The numbers in a line by their names, and the units of these numbers, "" if no unit is stated."""
 
     values: dict[str, float]
     units: dict[str, str]
@@ -103,7 +103,7 @@ def labelled(line: str) -> Labelled | None:
             text = text.rpartition("(")[2]
         before = _GROUP_BEFORE.search(line[max(end, start - LONGEST_LABEL) : start])
         words = text.split() or [""]
-        while members and len(words) > 1 and is_unit(words[0]):  # this is the unit of the number before
+        while members and len(words) > 1 and is_unit(words[0]):  # this is the unit of the previous number
             units.update(dict.fromkeys(members, words.pop(0)))
         unit = ""
         if len(words) > 1 and words[-1][0] in "([":

@@ -1,4 +1,4 @@
-"""Finds the layout of a text: the separator of its fields, its columns, and its first row.
+"""Finds the layout of a text: the separator between fields, the columns, and the first row.
 
 Lines are examined one by one, so files and endless streams are read in the same way.
 """
@@ -50,15 +50,15 @@ ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 
 
 class Layout(NamedTuple):
-    """The positions of numbers in a row.
+    """The layout of the rows in a text, which tells where their numbers stand.
 
-    `separator`: text between two fields; None is white space.
-    `parse`: function that returns the numbers of a line by name, for JSON objects and labelled lines; else
+    `separator`: text between two fields; None means white space.
+    `parse`: for JSON objects and labelled lines, function that returns the numbers of a line by name; else
     None.
-    `usual`: number of fields in the first row. `least`: fewest fields of a row. `most`: fields beyond this
-    number hold no numbers.
+    `usual`: number of fields in the first row. `least`: fewest fields of a row. `most`: number of fields
+    after which no further numbers follow.
     `begin`: line number of the first row, from 1. `notes`: warnings for the user.
-    `again`: the lines of names and of units, which may repeat.
+    `again`: the lines with names and with units, which may be repeated later in the text.
     """
 
     chosen: Chosen
@@ -73,7 +73,10 @@ class Layout(NamedTuple):
 
 
 class _Names(NamedTuple):
-    """Names of columns. `is_loose`: other words may be among them, or names with blanks."""
+    """Names of columns.
+
+    `is_loose`: whether words other than names, or names with blanks, may be among them.
+    """
 
     names: list[str]
     separator: str | None
@@ -81,7 +84,7 @@ class _Names(NamedTuple):
 
 
 class _Header(NamedTuple):
-    """Names of columns, with their line and its number."""
+    """Names of columns, with the line that holds them and its number."""
 
     line: int
     text: str
@@ -91,11 +94,12 @@ class _Header(NamedTuple):
 
 
 class LayoutFinder:
-    """Examines lines one after the other until one is a row.
+    """Examines lines one after the other until a line is a row.
 
-    `where`: file, for messages. `how`: the user's options. `sample`: returns the lines that are available.
-    `before`: finder of the previous header, in a text with several headers.
-    `is_other`: the newest line was not empty, no comment, and no part of a header.
+    `where`: file, for messages. `how`: the user's options. `sample`: function that returns the available
+    lines.
+    `before`: finder of the previous header, if the text has several headers.
+    `is_other`: whether the newest line is neither empty, nor a comment, nor a part of a header.
 
     Raises:
         UsageError: `how` names too many columns, or one column twice.
@@ -160,17 +164,17 @@ class LayoutFinder:
         return found
 
     def header_of(self, line: str) -> _Names | None:
-        """Return the names of columns in a line, or None."""
+        """Return the names of columns in a line; None if the line is no header."""
         return next(self._headers(line), None)
 
     def _headers(self, line: str) -> Iterator[_Names]:
         """Yield the possible names of columns in a line, for each possible separator."""
-        text = line.strip(" \r\n")  # not tabs, since a tab in front follows a first column without a name
+        text = line.strip(" \r\n")  # tabs stay, since a leading tab follows a first column without a name
         for mark in COMMENTS:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        else:  # "\n" separates nothing: one name with blanks, likely if it ends in a unit
+        else:  # "\\n" separates nothing: one name with blanks, likely if it ends in a unit
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
             names = words_with_units(text) if separator is None else split(text, separator)
@@ -184,7 +188,7 @@ class LayoutFinder:
                 yield _Names(names, separator, separator is None or is_comment(line))
 
     def _are_names(self, names: Sequence[str], units: Sequence[str] = ()) -> bool:
-        """Return whether the fields of a line name the wanted columns."""
+        """Return whether the fields of a line are names that include the wanted columns."""
         wanted = self._wanted
         if wanted.columns is None:
             has_times = wanted.time is None or wanted.time in names
@@ -208,7 +212,7 @@ class LayoutFinder:
     def facts(self, names: Sequence[str] | None, width: int = 0, tag: str = "") -> Facts:
         """Return what is known of the file in addition to the names of its columns.
 
-        `tag`: first field of the rows, if there are several kinds of rows.
+        `tag`: first field of the rows to read, if there are several kinds of rows.
         """
         count = width or len(names or ())
         return Facts(
@@ -292,7 +296,10 @@ class LayoutFinder:
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """Return the first field if it tells kinds of rows apart, else ""; None for another kind."""
+        """Return the first field if it distinguishes kinds of rows, else "".
+
+        None if the row is of another kind.
+        """
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
             return ""

@@ -1,4 +1,4 @@
-"""Explains why a text holds no readable row, and asks for the facts that would make it readable."""
+"""Explains why a text holds no readable row, and asks the user for the facts that would make it readable."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -24,7 +24,7 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 MOST_TABLES = 4
-"""Most kinds of rows that are shown."""
+"""Most kinds of rows that the message shows."""
 
 FactsOf = Callable[[Sequence[str] | None, int, str], Facts]
 """Function that returns what is known of a file, from names, the number of columns, and the first field."""
@@ -35,7 +35,7 @@ NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 def refusal(
     where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> UsageError:
-    """Return why none of the first lines is a row. `kinds`: first fields of the kinds of rows."""
+    """Return the error that says why none of the first lines is a row. `kinds`: first fields of the kinds."""
     wanted = wanted_of(how)
     has_numbers = any(is_number(field) for line in lines for field in bare_fields(line))
     kind, rows = rows_alike(lines)
@@ -72,7 +72,7 @@ def _choose_row(
 
 
 def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int]) -> UsageError:
-    """Return a question which of several kinds of rows to read; it shows the columns of each kind."""
+    """Return the question which of several kinds of rows to read; it shows the columns of each kind."""
     tables = [
         f"Rows that begin with {kind}. {columns_table(None, sample_of(lines, None, width, kind))}"
         for kind, width in list(kinds.items())[:MOST_TABLES]
@@ -95,7 +95,8 @@ def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
         found = bare_fields(line)
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
-        if separator_of(line) is None and any(stated_in(line)):  # a sentence, not names
+        # the line is a statement in words and not a list of names
+        if separator_of(line) is None and any(stated_in(line)):
             continue
         if units is None and units_in(line) is not None:
             units = found

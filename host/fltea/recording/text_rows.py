@@ -1,4 +1,4 @@
-"""Reads text as rows of numbers, from bytes in pieces of any length: a file, a pipe, or a board's output.
+"""Reads text as rows of numbers, from bytes in pieces of any length: from a file, a pipe, or a board.
 
 A line without a sample is counted by its reason and left out. A line that was meant as a sample and is
 unreadable stands for a lost sample, so it takes a sequence number.
@@ -31,20 +31,20 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
-"""Number of first lines and bytes that are kept, to find out what the columns hold."""
+"""Number of first lines, and of bytes, that are kept to find out what the columns hold."""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
 """Matches the beginning of a JSON array, of an object over several lines, or of pandas' columns."""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
-"""Most lines of a block that are examined as headers, and most headers of a file."""
+"""Most lines of a block that are examined as headers, and most different headers of a file."""
 
 NO_NAME = "0123456789+-."
-"""First characters that a line of names does not have."""
+"""Characters with which a line of names cannot begin."""
 
 
 class Bad(NamedTuple):
-    """A line without a sample. `line`: its number, from 1. `why`: the reason, with a part of the line."""
+    """A line without a sample. `line`: line number, from 1. `why`: the reason, with a part of the line."""
 
     line: int
     reason: str
@@ -55,11 +55,12 @@ class TextReader:
     """Converts bytes to rows. `where`: file, for messages. `how`: the user's options on columns.
 
     `head`: lines from elsewhere that describe the rows.
-    `counts`: number of lines without a sample by reason, except the last three of `text_numbers.REASONS`.
+    `counts`: number of lines without a sample, by the reasons in `text_numbers.REASONS` except the last
+    three.
     `first`, `newest`: first and newest line without a sample.
     `cut`: warning about a last line that is incomplete and left out, or None.
     `lines`: number of lines so far. `notes`: warnings about the columns.
-    `chosen`: the columns that are read, None until a line determines them; they do not change afterwards.
+    `chosen`: the columns that are read; None until a line determines them, and unchanged afterwards.
 
     Raises:
         UsageError: `how` is wrong.
@@ -90,7 +91,7 @@ class TextReader:
 
     @property
     def left_out(self) -> int:
-        """Number of lines that hold no sample, without those before the columns were known."""
+        """Number of lines without a sample, counted from the line that made the columns known."""
         return self.counts.total() - self.counts["before_header"]
 
     @property
@@ -99,12 +100,15 @@ class TextReader:
         return len(self._rest)
 
     def resume(self, *, within_line: bool) -> None:
-        """Continue after the sender was lost. `within_line`: the next bytes may be the end of a line."""
+        """Continue after a loss of the sender.
+
+        `within_line`: whether the next bytes may be the end of a line.
+        """
         self._decoder.drop()
         self._rest, self._skipping = b"", within_line
 
     def with_columns(self, error: UsageError) -> UsageError:
-        """Return an error with a table of what the first rows show."""
+        """Return the error with a table that shows what the first rows hold."""
         chosen = self.chosen
         if chosen is None:
             return error
@@ -112,7 +116,7 @@ class TextReader:
         return type(error)("\n".join(filter(None, [str(error), columns_table(chosen.names, values)])))
 
     def refusal(self, *, is_file: bool = False) -> UsageError:
-        """Return the error that explains why there was no row so far."""
+        """Return the error that explains why there has been no row yet."""
         is_document = ONE_DOCUMENT.match(self._decoder.begin) is not None
         if is_document and is_file:
             return UsageError(
@@ -131,7 +135,7 @@ class TextReader:
         return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
 
     def feed(self, data: bytes) -> list[Rows]:
-        """Take the next bytes; return the rows in the lines that end in them.
+        """Take the next bytes; return the rows in all lines that end in these bytes.
 
         Raises:
             UsageError: the first line that names the columns leaves the choice among them ambiguous.

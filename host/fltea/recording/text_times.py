@@ -34,7 +34,7 @@ _CLOCK = re.compile(
     r"(?:([.:])(\d+)|,(\d+)(?=[;\t\"]|\s*->|[ ]+[-+\d]))?"
     r"(?:\s?([AaPp])\.?[Mm]\b\.?)?(?:\s?(Z|UTC|GMT|[+-]\d\d:?\d\d)(?![\d:]))?|(?<=:\d\d)([.,])(\d+))(?![\w:])"
 )
-"""Matches a time from its first colon on; the last two groups are for minutes and seconds as Excel writes."""
+"""Matches a time of day from its first colon on; the last two groups are minutes and seconds as in Excel."""
 
 _SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
 """Matches a time after its conversion."""
@@ -42,15 +42,15 @@ _SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
 _MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
 
 A_CLOCK = re.compile(rb"\d:[0-5]?\d[:.,]")
-"""Matches some bytes if they may contain a time of day; a quick test."""
+"""Matches bytes that may belong to a time of day; a quick test before the conversion."""
 
 _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
-"""Matches a decimal comma in a line with other separators."""
+"""Matches a number with a decimal comma in a line whose fields have other separators."""
 
 _ARROW = re.compile(r"^(\d+(?:[.,]\d+)?) -> ?([^\n]*)", re.M)
 
 _LAST = re.compile(r"^[^\n]*?(\d\d?:\d\d?:\d\d?)([.:])(\d+)(?![\d:])", re.M)
-"""Matches the first time of day in a line: its seconds, and the digits behind them."""
+"""Matches the first time of day in a line: its seconds, and the digits after them."""
 
 _ENOUGH = 1 << 14
 """Number of characters that are examined to find how fractions of seconds are written."""
@@ -118,7 +118,7 @@ class Clocks:
                 self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
-        """Return where in `before` a time begins, and its seconds; None if it is no time."""
+        """Return where in `before` a time begins, and the time in seconds; None if there is no time."""
         m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
             minutes = _MINUTES.search(before)

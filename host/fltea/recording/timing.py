@@ -1,4 +1,4 @@
-"""Determines the sampling rate of rows with a column of times: given, stated, measured, or asked for."""
+"""Determines the sampling rate of rows with a column of times, or asks the user for it."""
 
 import math
 from collections.abc import Callable
@@ -23,10 +23,10 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import TimeUnit
 
 POSSIBLE_HZ = 2.0, 50_000.0
-"""Accepted rates of times with a stated unit; outside, the unit is likely wrong, such as s in place of ms."""
+"""Range of accepted rates for times with a stated unit [Hz]; outside it, the unit is likely wrong."""
 
 LEAST_HZ = 0.01
-"""Lowest rate that the user may give without --overrule; lower ones are mistakes."""
+"""Lowest rate that the user may give without --overrule [Hz]; lower rates are likely mistakes."""
 
 LIKE_MEAN = 1.5
 """Largest accepted ratio between a given rate and the mean rate of uneven times."""
@@ -35,9 +35,10 @@ LIKE_MEAN = 1.5
 class Timing(NamedTuple):
     """How rows are numbered and timed.
 
-    `period`: sampling period in the column's unit; None: the order of the rows numbers them. `unit_s`: the
-    unit [s].
-    `warning`: warning for the user, or "". `answers`: answers on the clock. `is_rounded`: as in `Clock`.
+    `period`: sampling period in the unit of the column; None: rows are numbered by their order. `unit_s`:
+    unit of the column [s].
+    `warning`: warning for the user, or "". `answers`: answers about the clock. `is_rounded`: whether the
+    times are rounded to a large part of the period.
     """
 
     rate_hz: float
@@ -57,8 +58,8 @@ def timing(
 ) -> Timing:
     """Return the sampling rate of rows, and how they are numbered.
 
-    `where`: file, for messages. `elapsed`: the times that `clock` was measured from. `place`: returns the
-    position of a row, for messages.
+    `where`: file, for messages. `elapsed`: converter of the times from which `clock` was measured. `place`:
+    function that returns the position of a row in words, for messages.
 
     Raises:
         UsageError: no rate is given and the times tell none, or their rate contradicts the given or stated
@@ -91,7 +92,7 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
     """Refuse an impossible rate that the user gives.
 
     Raises:
-        UsageError: it is below `LEAST_HZ`, or above the limit for recordings.
+        UsageError: the rate is below `LEAST_HZ`, or above the limit for recordings.
     """
     if rate_hz > HIGHEST_RATE_HZ:
         raise UsageError(f"{where}: --rate {rate_hz:g}: no gyroscope gives so many samples a second.")
@@ -103,7 +104,7 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
 
 
 def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
-    """Return the rate by some times if they are even and in a known unit or in s; else None."""
+    """Return the rate that some times give, if they are even and in a known unit or in s; else None."""
     times = times[np.isfinite(times)]
     if not len(times):
         return None
@@ -179,7 +180,7 @@ def _uneven(
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Ask whether times that repeat `count` times each are of `count` sensors."""
+    """Return the question whether times that repeat `count` times each are from `count` sensors."""
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [
         f"Each time in '{name}' stands {count} times{at}:",
@@ -190,7 +191,7 @@ def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
 
 
 def _mean(column: TimeColumn, rate_hz: float) -> str:
-    """Return a remark on the mean rate of uneven times; it is no evidence."""
+    """Return a remark on the mean rate of uneven times, which is no evidence of the sampling rate."""
     if column.unit is None and not _is_within(PLAUSIBLE_HZ, rate_hz):
         return "the times tell no rate"
     return f"in the mean these times give {rate_hz:.4g} Hz, which is wrong if rows are missing"
@@ -201,7 +202,7 @@ def _is_coarse(elapsed: Elapsed) -> bool:
 
 
 def _mean_hz(clock: Clock, elapsed: Elapsed, unit_s: float) -> float:
-    """Return the rate by the first and the last time."""
+    """Return the mean rate [Hz] between the first and the last time."""
     steps, span = (elapsed.rows, clock.median) if _is_coarse(elapsed) else (elapsed.rows - 1, 0.0)
     return steps / (elapsed.span + span) / unit_s if elapsed.span > 0 else math.nan
 

@@ -52,7 +52,7 @@ _OF_FREE_FALL = {
     "gal": 1e-2,
 }
 _RATES_IN_ONE = {"rads": "rad/s", "rpm": "rev/min", "r/min": "rev/min"}
-"""Units of rates without a sign between angle and time."""
+"""Units of rates that are written as one word, without a sign between angle and time."""
 
 TIME_UNITS: Mapping[str, TimeUnit] = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
@@ -78,7 +78,7 @@ _OTHERS += (
     " ft m/s km/h kmh kn knots ut nt mt tesla gauss g mgauss mga mg local_flux lux lx dbm db ohm ohms kohm"
 )
 _OTHERS += " kohms min hours rh %rh kg nm bool text string"
-"""Units of other columns, which a row of units may hold, too."""
+"""Units of other quantities, which a row of units may contain too."""
 
 _NO_RATES = frozenset(f"{_OF_COUNTS} {_OTHERS}".split())
 
@@ -97,10 +97,10 @@ _SIGNS = str.maketrans(
         "â": "",
     }
 )
-"""Other ways to write a sign. An "â" stands before "°" if UTF-8 was read in the Windows encoding."""
+"""Other ways to write a sign. "â" stands before "°" if UTF-8 was read in the Windows encoding."""
 
 LONGEST_UNIT = 40
-"""Longest unit [characters]; longer texts are sentences."""
+"""Longest unit [characters]; longer texts are not units."""
 
 _ANY_TIME = "|".join(_TIME_WORDS)
 _RATE = re.compile(
@@ -136,7 +136,7 @@ def _rate(text: str) -> str | None:
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
-    """Return the factor of a unit to deg/s, and for counts their number per deg/s, else None.
+    """Return the factor from a unit to deg/s, and for counts their number per deg/s, else None.
 
     Raises:
         UsageError: the unit is unknown.
@@ -147,7 +147,7 @@ def parse_units(text: str) -> tuple[float, float | None]:
 
 
 def accel_unit(text: str) -> float | None:
-    """Return the factor of a unit of accelerations to m/s²; None if the text is no such unit."""
+    """Return the factor from a unit of acceleration to m/s²; None if the text is no such unit."""
     return _accel(text) if len(text) <= LONGEST_UNIT else None
 
 
@@ -162,7 +162,7 @@ def _accel(text: str) -> float | None:
 
 
 def parse_accel_unit(text: str) -> tuple[float, float | None]:
-    """Return the factor of a unit to m/s², and for counts their number per g, else None.
+    """Return the factor from a unit to m/s², and for counts their number per g, else None.
 
     Raises:
         UsageError: the unit is unknown.
@@ -179,7 +179,7 @@ def time_unit(text: str) -> TimeUnit | None:
 
 
 def time_scale(text: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times and its multiple, in seconds for minutes, hours and days; or None."""
+    """Return the unit of times in a text and its multiple (minutes, hours and days are in s); or None."""
     bare = _bare(text[: LONGEST_UNIT + 1])
     if (unit := TIME_UNITS.get(bare)) is not None:
         return unit, 1.0
@@ -210,7 +210,7 @@ def is_physical(text: str) -> bool:
 
 
 def _bare(text: str) -> str:
-    """Return a unit in small letters, with one spelling of each sign."""
+    """Return a unit in small letters, with each sign in one spelling."""
     return " ".join(text.strip().strip('"').lower().translate(_SIGNS).rstrip(".").split())
 
 
@@ -227,7 +227,7 @@ def _angle(word: str) -> str | None:
 
 
 def _counts(option: str, text: str, known: str) -> float:
-    """Return N from `lsb:N`."""
+    """Return the number N from a unit of the form `lsb:N`."""
     try:
         lsb = float(text.strip().lower().removeprefix("lsb:")) if ":" in text else math.nan
     except ValueError:
