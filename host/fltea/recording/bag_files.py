@@ -54,7 +54,7 @@ def is_bag_folder(folder: Path) -> bool:
 def bags_in(folder: Path) -> list[Path]:
     """Return the bags in a folder that is not a bag itself.
 
-    Include the folder if it holds fltea's MCAP files.
+    The folder itself is included if it holds fltea's MCAP files.
     """
     if not folder.is_dir() or is_bag_folder(folder):
         return []

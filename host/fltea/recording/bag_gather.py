@@ -128,7 +128,7 @@ class Gathered:
     def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
         """Return the publisher of each message if several publishers send at the same time.
 
-        Else empty texts.
+        Otherwise, the texts are empty.
         """
         if self._are_several is None:
             self._are_several = are_at_once(by, arrival_ns)

@@ -250,7 +250,7 @@ def accel_axis_of(name: str, unit: str = "") -> str | None:
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
     """Return the axis in a name, or None if its unit contradicts.
 
-    With a fitting unit, a mere `x` is an axis.
+    If the unit is one of this quantity, a mere `x` is an axis, too.
     """
     parts = _parts(name)
     stated = _stated(parts, unit)

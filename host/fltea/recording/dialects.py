@@ -136,7 +136,7 @@ class Facts(NamedTuple):
     def number(self, name: str) -> float | None:
         """Return the number that the head gives for a name, as in `tscale,0.001`.
 
-        None if there is no such line.
+        The result is None if there is no such line.
         """
         found = re.search(rf"^\W*{re.escape(name)}\s*[,:=;\t ]\s*({NUMBER})", self.head, re.M)
         return None if found is None else float(found[1])

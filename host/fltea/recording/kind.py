@@ -30,7 +30,7 @@ OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
 class Opened(NamedTuple):
     """A recording other than fltea's MCAP. `file`: a pipe at its beginning.
 
-    None if the path is to be opened.
+    The result is None if the path is to be opened.
     """
 
     kind: Kind

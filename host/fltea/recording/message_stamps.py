@@ -80,7 +80,7 @@ class Stamps(NamedTuple):
     def epoch(self, begin: int, end: int) -> Times:
         """Return the epoch number of each row from `begin` to `end`.
 
-        The number rises where the clock was set.
+        The epoch number rises where the clock was set.
         """
         return np.searchsorted(self.epoch_row, np.arange(begin, end), "right").astype(np.int64)
 

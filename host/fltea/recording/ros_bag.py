@@ -116,7 +116,7 @@ def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
 def _alike(layouts: dict[Topic, Layout | None]) -> set[str]:
     """Return the topics whose type is made for gyroscopes.
 
-    If there are none, all topics with angular rates.
+    If there are no such topics, return all topics with angular rates.
     """
     there = {topic: layout for topic, layout in layouts.items() if layout is not None}
     some_known = any(layout.is_known for layout in there.values())

@@ -163,7 +163,7 @@ class Elapsed:
     def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
         """Return the corrections where times of day as hhmmss pass to the next minute.
 
-        None if there are none.
+        The result is None if there are none.
         """
         turns = np.flatnonzero(np.abs(steps) * self.unit_s > MINUTE_TURNS_S)
         if not len(turns):

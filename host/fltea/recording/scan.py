@@ -160,7 +160,7 @@ class Scan:
     def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
         """Return the length that a chunk's fields give if its header differs and a record follows.
 
-        Else None.
+        Otherwise, return None.
         """
         found = chunk_length(file, at)
         if found is None or found.by_fields == length:

@@ -70,7 +70,7 @@ def _as_json(found: re.Match[bytes]) -> bytes:
 def _checked(found: re.Match[bytes]) -> bytes:
     """Return an NMEA message without its checksum.
 
-    An 8-bit checksum (XOR) is verified, a 16-bit one is not.
+    An 8-bit checksum (XOR) is verified; a 16-bit checksum is not.
     """
     stated = found[2]
     if len(stated) == 2 and reduce(xor, found[1], 0) != int(stated, 16):

@@ -53,8 +53,7 @@ class Layout(NamedTuple):
     """The layout of the rows in a text, which tells where their numbers stand.
 
     `separator`: text between two fields; None means white space.
-    `parse`: for JSON objects and labelled lines, function that returns the numbers of a line by name; else
-    None.
+    `parse`: for JSON objects and labelled lines, returns the numbers in a line by name; else None.
     `usual`: number of fields in the first row. `least`: fewest fields of a row. `most`: number of fields
     after which no further numbers follow.
     `begin`: line number of the first row, from 1. `notes`: warnings for the user.
@@ -73,10 +72,7 @@ class Layout(NamedTuple):
 
 
 class _Names(NamedTuple):
-    """Names of columns.
-
-    `is_loose`: whether words other than names, or names with blanks, may be among them.
-    """
+    """Names of columns. `is_loose`: whether other words, or names with blanks, may be among the names."""
 
     names: list[str]
     separator: str | None
@@ -96,8 +92,7 @@ class _Header(NamedTuple):
 class LayoutFinder:
     """Examines lines one after the other until a line is a row.
 
-    `where`: file, for messages. `how`: the user's options. `sample`: function that returns the available
-    lines.
+    `where`: file, for messages. `how`: the user's options. `sample`: returns the available lines.
     `before`: finder of the previous header, if the text has several headers.
     `is_other`: whether the newest line is neither empty, nor a comment, nor a part of a header.
 
@@ -174,7 +169,7 @@ class LayoutFinder:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        else:  # "\\n" separates nothing: one name with blanks, likely if it ends in a unit
+        else:  # "\n" separates nothing: one name with blanks, likely if it ends in a unit
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
             names = words_with_units(text) if separator is None else split(text, separator)
@@ -296,10 +291,7 @@ class LayoutFinder:
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """Return the first field if it distinguishes kinds of rows, else "".
-
-        None if the row is of another kind.
-        """
+        """Return the first field if it tells the kind of row, else ""; None for a row of another kind."""
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
             return ""

@@ -83,7 +83,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 def _is_part(value: Any) -> bool:
     """Return whether a value is a long list, or a list of objects.
 
-    It then belongs to a sensor, not to a row.
+    Such a value belongs to a sensor, not to a row.
     """
     return isinstance(value, list) and (len(value) > MOST_WIDE or any(isinstance(one, dict) for one in value))
 
@@ -104,7 +104,7 @@ def _columns_of(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
 def _of_pandas(found: dict[str, Any]) -> Any:
     """Convert the output forms of pandas' `to_json` to lists by column name, or to rows.
 
-    Keep other values.
+    Other values stay unchanged.
     """
     if isinstance(found.get("schema"), dict) and isinstance(found.get("data"), list):  # "table"
         return found["data"]
@@ -183,7 +183,7 @@ def _index(keys: Sequence[str]) -> dict[str, Any]:
 def _array(name: str, value: Any) -> Any:
     """Return a list as an array of numbers, dates or words.
 
-    Null is a missing number, and texts may be numbers.
+    The JSON value null is a missing number, and texts may be numbers.
     """
     if not isinstance(value, list):
         return value if isinstance(value, str) else np.array(value)

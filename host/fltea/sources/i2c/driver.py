@@ -161,7 +161,7 @@ class Driver:
     def counts(self, row: tuple[int, ...]) -> Counts:
         """Split a sample.
 
-        If the FIFO does not hold the temperature, the one read by the last `level` is used.
+        If the FIFO does not hold the temperature, the last `level` has read it.
         """
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 

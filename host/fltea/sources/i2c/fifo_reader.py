@@ -152,7 +152,7 @@ class FifoReader:
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
         """Read `n` samples.
 
-        Return those that arrived, and the reason why other samples may be lost, or None.
+        Return the samples that arrived, and the reason why other samples may be lost, or None.
         """
         rows: list[Row] = []
         burst = BURST_BYTES // self._driver.chip.sample.size

@@ -95,7 +95,7 @@ class Attributes:
     def rate_file(self) -> str | None:
         """Return the file with the sampling rate.
 
-        None if the device has no such file (its trigger may have one).
+        The result is None if the device has no such file (its trigger may have one).
         """
         names = (f"in_{GYRO}_sampling_frequency", f"in_{GYRO}_x_sampling_frequency", "sampling_frequency")
         return next((name for name in names if self.has(name)), None)
