@@ -22,7 +22,7 @@ from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
 CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
-"""Averaging: means over CLUSTER_S [s], CLUSTERS means in a stretch, and fewest stretches.
+"""Averaging: means over CLUSTER_S [s], most and fewest means in a stretch of time.
 
 Means over 0.1 s show the noise density N even if a low-pass filter removes the noise of single samples.
 """

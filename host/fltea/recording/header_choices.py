@@ -10,7 +10,7 @@ from fltea.recording.columns import Chosen
 from fltea.records.errors import UsageError
 
 MOST = 64
-"""Most different headers after the first row of a text; for further headers, no columns are chosen."""
+"""Most different headers of a text that has had a row; for further headers, no columns are chosen."""
 
 
 class Choices:

@@ -24,7 +24,7 @@ FORBIDDEN_BAUD = 1200
 DUE_VENDORS = (0x2341, 0x2A03)
 DUE_PROGRAMMING_PORT = 0x003D
 DUE_NATIVE_PORT = 0x003E
-"""USB product ID of the Arduino Due's native port, from boards.txt of Arduino's SAM core."""
+"""USB vendor and product IDs of the Arduino Due's two ports, from boards.txt of Arduino's SAM core."""
 
 ANY_BOARD = f"hwgrep://VID:PID=({'|'.join(f'{v:04X}' for v in DUE_VENDORS)}):{DUE_PROGRAMMING_PORT:04X}"
 """URL that matches the programming port of any Arduino Due."""
