@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 
 class Values:
-    """Converts the chosen rows of columns to flat lists of Python values, row after row."""
+    """Converts the chosen rows of columns to flat lists of Python values, one row after the other."""
 
     def __init__(self, chosen: slice = slice(None)) -> None:
         self._chosen = chosen
@@ -59,7 +59,7 @@ class AxisColumns(NamedTuple):
 
     `null_p`, `whiteness`: results of the newest fit, one for each axis.
     `state`, `innovation`: in `unit`.
-    `accepted`: the innovations are white, and if the live fit tunes the filters, it has done so.
+    `accepted`: the innovations are white, and the live fit has tuned the filters, if it is to tune them.
     """
 
     axes: tuple[str, ...]
@@ -93,7 +93,7 @@ class AxisColumns(NamedTuple):
 
 
 class TrackedColumns(NamedTuple):
-    """Tracker results of one sensor's axes after n samples, (n, axes), in `unit`; NaN where not known yet.
+    """Tracker results of one sensor's axes after n samples, (n, axes), in `unit`; NaN for unknown values.
 
     `bias`: offset plus state.
     `verdict`, `alpha`, `f`: results of the newest accepted fit, one for each axis.
@@ -155,9 +155,9 @@ class Block:
     `gyro_dps`: rates (n, axes).
     `accel_ms2` (n, 3), `temperature_c` (n,), `flags` (n,): None where the device sends none.
     `variant`: variant of the estimator.
-    `estimates`: estimates of each sensor that has any; empty while the start-up window fills.
+    `estimates`: estimates of each sensor with filters; empty while the start-up window fills.
     `every`: records are written for samples whose number is a multiple of `every`.
-    `corrected`: records of corrected rates are written too.
+    `corrected`: whether records of corrected rates are written too.
     `tracked`: tracker results of each sensor.
     """
 
@@ -181,7 +181,7 @@ class Block:
 
     @cached_property
     def weight(self) -> int:
-        """Number of records that the block stands for."""
+        """Number of records that are made of the block."""
         return len(self.due_rows) * self.weight_of_row
 
     @property
@@ -195,7 +195,7 @@ class Block:
         return range(len(self))[self.due(self.every)]
 
     def but(self, **fields: Any) -> "Block":
-        """Return a copy with other values in some fields; `dataclasses.replace` takes ten times as long."""
+        """Return a copy with `fields` changed; `dataclasses.replace` takes ten times as long."""
         other = object.__new__(Block)
         other.__dict__.update(self.__dict__, **fields)
         for cached in ("weight", "corrected_dps"):
@@ -215,7 +215,7 @@ class Block:
         return slice(-int(self.seq[0]) % every, None, every)
 
     def estimates_at(self, row: int, unit: str) -> dict[str, AxisEstimate]:
-        """Return the estimates of the axes in `unit` after one sample, even where only the tracker runs."""
+        """Return the estimates of the axes in `unit` after one sample, also if only the tracker runs."""
         values = Values(slice(row, row + 1))
         tracked, own = _in_unit(self.tracked, unit), _in_unit(self.estimates, unit)
         if own is not None:
@@ -229,7 +229,7 @@ class Block:
         }
 
     def last_estimate(self) -> Estimate | None:
-        """Return the newest estimate that is due; None where there is none."""
+        """Return the newest estimate for which a record is due; None if there is none."""
         rows = self.due_rows
         return next(self.estimate_records(Values(slice(rows[-1], rows[-1] + 1))), None) if rows else None
 
@@ -243,7 +243,7 @@ class Block:
     ) -> Iterator[Sample | Estimate | Corrected]:
         """Yield the records of the rows that are due, in the order of the samples.
 
-        `values`: other rows to write records for.
+        `values`: the rows for which to write records, in place of the rows that are due.
         """
         values = values or Values(self.due(self.every))
         kinds: list[Iterator[Sample | Estimate | Corrected]] = []
@@ -257,7 +257,7 @@ class Block:
 
     @cached_property
     def corrected_dps(self) -> Array | None:
-        """Rates of the tracked axes minus their biases; None where no corrected rates are written."""
+        """Rates of the tracked axes minus their biases; None if no corrected rates are written."""
         if not self.corrected:
             return None
         tracked = _in_unit(self.tracked, GYRO_UNIT)

@@ -1,12 +1,16 @@
-"""The host's clock: monotonic; it keeps counting while the machine sleeps, where the system offers that."""
+"""The host's monotonic clock. It counts on while the machine sleeps, if the system offers such a clock."""
 
 import time
 
 SECOND_NS = 10**9
-"""One second. Statistics are published with each new second, so no block of samples may span its end."""
+"""One second [ns]. Statistics are published with each new second, so no block of samples may span the end of
+a second.
+"""
 
 END_OF_DATES_NS = 4_102_444_800 * SECOND_NS
-"""The year 2100 as Unix time. A later date means an unset clock; recordings hold dates up to 2116 only."""
+"""The year 2100 as Unix time [ns]. A later date means an unset clock; recordings hold dates up to 2116
+only.
+"""
 
 _CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 

@@ -38,19 +38,19 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     ordinates: float
     """Effective number of independent ordinates of the spectrum."""
     evaluations: int
-    """How often the likelihood was evaluated."""
+    """Number of evaluations of the likelihood."""
     searched: bool
     """The fit searched a grid of orders, since there was no earlier fit to start from."""
     tuned: bool
     """The device's filters now use `s2` and `R` as Q and R (a build with `FLTEA_TUNED=true`)."""
     bins_left_out: bool
-    """Some of the lowest frequencies are missing, for lack of room."""
+    """Some of the lowest frequencies are missing, since the message has no room for them."""
     ratio_white: float
     """2 log L of the fractional model with orders up to 1, minus 2 log L of white noise."""
     ratio_relaxation: float
     """2 log L of the fractional model minus 2 log L of a relaxation."""
     alpha: Interval = Interval()
-    """Order α; its value is null for `none` and `white`; an end is null where the data do not define it."""
+    """Order α. Its value is null for `none` and `white`; an end is null if the data do not determine it."""
     f: Interval = Interval()
     """Parameter f, without an interval, since the device sends none [s^-α]."""
     s2: Interval = Interval()
@@ -58,12 +58,16 @@ class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     R: Interval = Interval()
     """Variance of the white noise, without an interval; for `white`, the power of the axis [(deg/s)²]."""
     alpha_difference: float | None = None
-    """α minus the α of the newest `fit`; null where either has no α."""
+    """α of this fit minus α of the newest record `fit`; null if either has no α."""
     half_widths: float | None = None
-    """`alpha_difference` in half-widths of the interval of the newest `fit`."""
+    """`alpha_difference` divided by the half-width of α's interval in the newest record `fit`."""
     host_verdict: VerdictKind | None = None
-    """Verdict of the newest `fit`; null before the first."""
+    """Verdict of the newest record `fit`; null before the first one."""
     spectrum: DeviceSpectrum | None = None
-    """The bins that were fitted; the first fit and every tenth come again with them, in a second record."""
+    """The bins that were fitted. The first fit and every tenth fit are recorded a second time, with their
+    bins.
+    """
     alpha_of_bins: float | None = None
-    """Order by this computer's fit of the same bins, in double precision; null without `spectrum`."""
+    """Order α by this computer's fit of the bins in `spectrum`, in double precision; null without
+    `spectrum`.
+    """

@@ -1,4 +1,4 @@
-"""Every error that a user can cause or meet, and the exit code it ends the command with.
+"""Every error that a user can cause or meet, and the exit code with which it ends the command.
 
 FlteaError                     exit 1  something failed while running
 ├── UsageError                 exit 2  the command line, the configuration or an input file is wrong
@@ -11,7 +11,7 @@ import errno
 from collections.abc import Sequence
 
 MOST_SHOWN = 300
-"""Number of characters that an error message quotes at most from a library's own text."""
+"""Largest number of characters that an error message quotes from a library's own text."""
 
 OF_NAMES = frozenset(
     (
@@ -66,8 +66,8 @@ class SourceFailed(FlteaError):
 def of_input(error: BaseException) -> FlteaError | None:
     """Return a `FlteaError` for an error that the user's command line or files cause.
 
-    It is for errors that no other code has explained. Return None for all other errors: they are faults of
-    the program and keep their traceback.
+    This function is for errors that no other code has explained. It returns None for all other errors, which
+    are faults of the program and keep their traceback.
     """
     kind: type[FlteaError] = UsageError
     happened = "the command line, or a file that it names, cannot be used"

@@ -44,7 +44,7 @@ class Reads(NamedTuple):
 
     @classmethod
     def of(cls, *chunks: Chunk) -> "Reads":
-        """Return the reads of one or more chunks."""
+        """Return the reads that consist of one or more chunks."""
         datas, *times = zip(*chunks, strict=True)
         return cls(b"".join(datas), np.array([*accumulate(map(len, datas))]), *map(np.array, times))
 
@@ -64,7 +64,7 @@ class Reads(NamedTuple):
 
 
 class Failed(NamedTuple):
-    """The port could not be opened, or was lost; it will be tried again."""
+    """The port could not be opened, or was lost. The program will try to open it again."""
 
     kind: str
     message: str
@@ -83,7 +83,7 @@ TIME_WRAP_US = 1 << 32
 class RawSample(NamedTuple):
     """One sample as the source sends it: raw counts, and a sequence number and a device time that may wrap.
 
-    `gyro`: rates in LSB, or in deg/s where `Hello.gyro_lsb_per_dps` is null.
+    `gyro`: rates in LSB, or in deg/s if `Hello.gyro_lsb_per_dps` is null.
     `host_ns`: arrival time by the source's monotonic clock [ns].
     """
 
@@ -99,8 +99,8 @@ class RawSample(NamedTuple):
 class RawBlock(NamedTuple):
     """Successive samples as columns of n rows, with the fields of `RawSample`.
 
-    `gyro` is (n, axes), `accel` (n, 3), all others (n,). `accel`, `temperature` and `flags` are None where
-    the source sends none.
+    `gyro` has the shape (n, axes), `accel` (n, 3), and all other columns (n,). `accel`, `temperature` and
+    `flags` are None if the source does not send them.
     """
 
     sequence: Ints
@@ -158,7 +158,7 @@ class DeviceTracker(NamedTuple):
 class DeviceAxis(NamedTuple):
     """The device's own estimate of one axis after one sample.
 
-    The numbers are as the device sends them, finite or not; they mean nothing where `valid` is false.
+    The numbers are as the device sends them, finite or not. They mean nothing if `valid` is false.
 
     `sequence`: number of the message; it may wrap.
     `sample`: number of the sample; it may wrap.
@@ -190,7 +190,7 @@ class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and its own counters.
 
     Tuples have one entry for each of `AXES`; states are in deg/s, variances in (deg/s)². With variant
-    "joint", `parameter0` and the other settings of the parameter are those of h^α f, else of f.
+    "joint", `parameter0` and the other settings of the parameter belong to h^α f, otherwise to f.
     """
 
     host_ns: int
@@ -248,7 +248,7 @@ class DeviceFit(NamedTuple):
 
 
 class DeviceBins(NamedTuple):
-    """Some bins of the spectrum of the device's fit `number`, from bin `first` on, of `total` bins."""
+    """Some of the `total` bins in the spectrum of the device's fit `number`, beginning with bin `first`."""
 
     host_ns: int
     axis: str
@@ -264,7 +264,7 @@ class Trouble(NamedTuple):
     """Something is wrong with the source.
 
     `kind`: one of the `error` kinds of host/docs/reference/errors.md.
-    `fatal`: with `--once`, this trouble ends the command.
+    `fatal`: whether this trouble ends the command if `--once` is set.
     """
 
     kind: str
@@ -280,7 +280,7 @@ class LinkDown(NamedTuple):
 
 
 class Break(NamedTuple):
-    """A recording says that an epoch begins with the next sample."""
+    """A recording states that an epoch begins with the next sample."""
 
     reason: EpochReason
     host_ns: int
@@ -302,7 +302,7 @@ Event = Hello | RawBlock | DeviceStatus | DeviceSays | Trouble | LinkDown | Brea
 def host_ns_of(event: Event) -> int | None:
     """Return the time of an event by the source's monotonic clock [ns]; None if it has no time.
 
-    The time of a block is that of its last sample.
+    The time of a block is the time of its last sample.
     """
     if isinstance(event, RawBlock):
         return int(event.host_ns[-1])

@@ -29,37 +29,38 @@ VerdictKind = Literal[
 class Interval(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A fitted parameter with the ends of its 95 % interval.
 
-    low and high are null where the data do not define the parameter; value is null where there is no fit.
+    `low` and `high` are null if the data do not determine the parameter; `value` is null if there is no fit.
     """
 
     value: float | None = None
     """The parameter."""
     low: float | None = None
-    """Lower end of its interval."""
+    """Lower end of the parameter's 95 % interval."""
     high: float | None = None
-    """Upper end of its interval."""
+    """Upper end of the parameter's 95 % interval."""
 
 
 class Level(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """White-noise level N and bias random walk K of an axis.
 
-    N is in the unit of the samples per √Hz, K in that unit per √s; null where they are not known.
+    N is in the unit of the samples per √Hz, K in the unit of the samples per √s. Each is null if it is not
+    known.
     """
 
     N: Interval = Interval()
     """White-noise density of the accepted noise model."""
     K: Interval = Interval()
-    """Random walk of the bias by the tracker, which also sees drift that is too slow for the spectrum."""
+    """Random walk of the bias by the tracker, which also uses drift that is too slow for the spectrum."""
     knee_hz: float | None = None
-    """Where N is not known: corner frequency of the fastest relaxation, at most half the rate [Hz]."""
+    """If N is not known: corner frequency of the fastest relaxation, at most half the sampling rate [Hz]."""
     knee_density: float | None = None
     """Noise density at `knee_hz`, in the unit of N."""
     K_at_most: float | None = None
-    """Where K is not known: its upper bound with 95 % probability; null where there is no bound."""
+    """If K is not known: upper bound of K with 95 % probability; null if there is no bound."""
 
     @property
     def reason(self) -> str:
-        """Text that says why N is not known, and what is known instead; empty where N is known."""
+        """Text on why N is not known, and what is known instead; empty if N is known."""
         if self.N.value is not None:
             return ""
         if self.knee_hz is None:
@@ -74,9 +75,11 @@ class Until(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Time until α is known well enough."""
 
     target: float
-    """Half-width of α's interval that is asked for, the setting `live.target`."""
+    """Wanted half-width of α's interval: the setting `live.target`."""
     seconds: float | None = None
-    """Seconds of samples until `target` is reached; 0 if it is reached; null if that cannot be predicted."""
+    """Time until `target` is reached [s]; 0 if it is reached already; null if the time cannot be
+    predicted.
+    """
 
 
 class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -87,19 +90,23 @@ class FitAllan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     adev: list[float]
     """Overlapping Allan deviation [`unit`]."""
     low: list[float]
-    """Lower ends of its 95 % intervals [`unit`]."""
+    """Lower ends of the 95 % intervals of `adev` [`unit`]."""
     high: list[float]
-    """Upper ends of its 95 % intervals [`unit`]."""
+    """Upper ends of the 95 % intervals of `adev` [`unit`]."""
     model: list[float]
     """Allan deviation of the fitted model [`unit`]."""
     N: float | None = None
-    """Angle random walk (ARW) of the fitted model; null where its white noise is not known [`unit`·√s]."""
+    """Angle random walk (ARW) of the fitted model; null if the model's white noise is not known
+    [`unit`·√s].
+    """
     B: float | None = None
-    """Bias instability: the amplitude of 1/f noise, or the height of a flat stretch of the curve divided by
-    0.664; null where the samples do not determine it [`unit`]."""
+    """Bias instability: the amplitude of 1/f noise, or the height of a flat part of the curve divided by
+    0.664; null if the samples do not determine it [`unit`].
+    """
     K: float | None = None
-    """Rate random walk: live from the Allan curve, for a recording from the tracker; null where there may be
-    none [`unit`/√s]."""
+    """Rate random walk: live from the Allan curve, for a recording from the tracker; null if there may be no
+    random walk [`unit`/√s].
+    """
 
 
 class FitSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -132,13 +139,14 @@ class FitHighPass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Curves(msgspec.Struct, frozen=True, kw_only=True):
-    """The curves of an axis; None where there are too few samples for them, or they are not asked for."""
+    """The curves of an axis; None if there are too few samples, or if no curves are wanted."""
 
     allan: FitAllan | None = None
-    """The Allan deviation. It comes with the last fit and every 10 s, or every four `stats.fit_period_s` if
-    that is longer; null in the other fits."""
+    """The Allan deviation. It is present in the last fit, and in one fit every 10 s, or every four
+    `stats.fit_period_s` if that is longer; null in all other fits.
+    """
     spectrum: FitSpectrum | None = None
-    """The noise density; it comes as often as `allan`, else null."""
+    """The noise density; present in the same fits as `allan`, otherwise null."""
 
 
 class FittedAxis(Curves, frozen=True):
@@ -156,9 +164,9 @@ class FittedAxis(Curves, frozen=True):
     null_p: float | None = None
     """p-value of the test for white noise with all samples so far."""
     alpha: Interval = Interval()
-    """The order α; null where undefined."""
+    """The order α; null if the noise has no order."""
     f: Interval = Interval()
-    """The parameter f; null where undefined [s^-α]."""
+    """The parameter f; null if the noise has no order [s^-α]."""
     F: Interval = Interval()
     """F = h^α f + α, the combination of parameters that the data determine best."""
     s2: Interval = Interval()
@@ -166,8 +174,9 @@ class FittedAxis(Curves, frozen=True):
     R: Interval = Interval()
     """Variance of the white noise [`unit` squared]."""
     odds: float | None = None
-    """Odds that the noise is fractional (has an order) against that it is not; null where it is
-    indistinguishable from white, or no fractional model fits."""
+    """Odds that the noise is fractional (has an order) against the opposite; null if the noise is
+    indistinguishable from white noise, or if no fractional model fits.
+    """
 
 
 class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
@@ -176,18 +185,23 @@ class AxisFit(FittedAxis, frozen=True, forbid_unknown_fields=True):
     rate_left_out: list[tuple[float, float]] = []
     """Frequency bands of spectral lines and resonances, which are left out of the fit [Hz]."""
     left_out: dict[str, int] = {}
-    """Number of samples that are not used, by cause (`lost`, `knocked`, `moved`, …), and of `bridged` and
-    `limited` samples; a restart counts as nine lost samples."""
+    """Number of samples that are not used, by cause (`lost`, `knocked`, `moved`, …), and numbers of `bridged`
+    and `limited` samples; a restart counts as nine lost samples.
+    """
     breaks: dict[str, int] = {}
     """How often the sequence of samples was interrupted: `gaps`, `knocks` (each 128 samples), `motions`,
     `steps` of the offset, lasting `changes` of the power."""
     low_pass: FitLowPass | None = None
-    """A low-pass filter that the noise has passed; the fitted parameters are those of the noise before it."""
+    """A low-pass filter that the noise has passed; the fitted parameters describe the noise before the
+    filter.
+    """
     high_pass: FitHighPass | None = None
-    """A high-pass filter that the noise has passed. It removes drift, so nothing is known of drift, and the
-    bias is that of the filter."""
+    """A high-pass filter that the noise has passed. Such a filter removes drift, so nothing is known of the
+    drift, and the bias is the mean of the filter's output.
+    """
     until_s: Until | None = None
     """Time until α is known well enough."""
     stable: bool = True
-    """Whether two fits agreed on the verdict, the later one with a tenth more samples, or it is that of a
-    whole recording."""
+    """Whether the verdict is stable: two fits agreed, of which the later had a tenth more samples, or the fit
+    used a whole recording.
+    """

@@ -1,4 +1,4 @@
-"""A limit on device identities, so that a board that sends a new name in every HELLO cannot fill memory."""
+"""Limit the number of device identities, so that boards with ever new names cannot fill the memory."""
 
 from collections.abc import Hashable
 
@@ -9,9 +9,9 @@ PERIOD_NS = 3600 * 10**9
 class FewIdentities:
     """Admits at most `MOST` different identities within `PERIOD_NS`, enough for boards exchanged by hand.
 
-    An admitted identity stays admitted as long as it is heard once within each period.
+    An admitted identity stays admitted as long as it arrives at least once within each period.
 
-    `turned_away`: how often an identity was refused.
+    `turned_away`: number of refusals.
     """
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class FewIdentities:
         return True
 
     def is_to_tell(self, now_ns: int) -> bool:
-        """Return whether to report a refusal now; if so, further refusals are not reported for a period."""
+        """Return whether to report a refusal now. After a True, it returns False for a period."""
         if self._sent_ns is not None and now_ns - self._sent_ns < PERIOD_NS:
             return False
         self._sent_ns = now_ns

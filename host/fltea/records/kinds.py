@@ -316,4 +316,4 @@ ERROR_KINDS = {
 """All kinds of errors by name, in the order of processing, from the port to the outputs."""
 
 FILE_TROUBLES = ("recording_open", "cut_recording", "unread_file", "recording_gap")
-"""Kinds of errors after which part of a file is unread, so the file may hold more samples."""
+"""Kinds of errors after which a part of a file is unread, so that the file may hold more samples."""

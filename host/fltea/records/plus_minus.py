@@ -11,7 +11,7 @@ from fltea.records.units import MOST_DEG
 NORMAL_95 = 1.96
 """Half-width of a 95 % interval of a normal variable, in standard deviations; the firmware uses it too."""
 LARGE = 1e6
-"""From this value on, numbers are written with a power of ten; a diverging filter can give such values."""
+"""Least number that is written with a power of ten; a diverging filter can give such numbers."""
 MOST_PLACES = 9
 
 
@@ -33,7 +33,7 @@ def plus_minus(value: float | None, std: float | None) -> str:
 
 
 def angle_within(std: float) -> str:
-    """Return "±" with the half-width of the 95 % interval of an angle, or that no heading is left.
+    """Return "±" with the half-width of an angle's 95 % interval, or a text that no heading is left.
 
     `std`: standard deviation of the angle [deg].
     """

@@ -13,8 +13,8 @@ from fltea.records.stats import LinkStats, OutputStats
 class Source(Protocol):
     """The interface that the daemon needs from a source.
 
-    `live`: the source may fall silent and come back.
-    `prompt`: its samples arrive in real time, so records must be written at once.
+    `live`: whether the source may fall silent and come back, as a device does.
+    `prompt`: whether the samples arrive in real time, so that records must be written at once.
     """
 
     live: bool
@@ -28,7 +28,7 @@ class Source(Protocol):
         """Yield events until the source ends or is closed."""
 
     def link_stats(self) -> LinkStats:
-        """Return the counts of what arrived and what was lost in transit."""
+        """Return the counts of bytes and frames that arrived or were lost in transit."""
 
     def close(self) -> None:
         """Release all resources; may be called twice, and from a signal handler's thread."""
@@ -64,14 +64,14 @@ class OutputView(Protocol):
 
 
 class Departed(NamedTuple):
-    """This program gets no more samples from `device`; if `moved`, another program continues with it."""
+    """This program gets no more samples from `device`; if `moved`, another program now serves the device."""
 
     device: str
     moved: bool
 
 
 class Wanted(NamedTuple):
-    """Which records of a block are printed. `nulls`: print null fields too, instead of leaving them out."""
+    """Which records of a block are printed. `nulls`: whether null fields are printed, not left out."""
 
     samples: bool = False
     estimates: bool = False
@@ -93,7 +93,7 @@ class Printed(NamedTuple):
 
 
 Item = AnyRecord | Block | Printed | TransportEvent | Reads
-"""What a sink may be given. Transport events and `Reads` are given only to sinks with `takes_wire`."""
+"""Types of items that a sink receives. Only sinks with `takes_wire` receive transport events and `Reads`."""
 
 Report = Callable[[str, str], None]
 """Function that reports an error to all outputs, by kind and text. Any thread may call it; it returns at
@@ -138,13 +138,13 @@ class Sink:
         raise NotImplementedError
 
     def flush(self) -> None:
-        """Write out what `write` has buffered; called whenever the queue is empty, and twice a second."""
+        """Write the data that `write` has buffered; called when the queue is empty, and twice a second."""
 
     def depart(self, departed: Departed) -> None:
-        """Release the data kept for a device; with many devices that come and go it would grow for ever."""
+        """Release the data kept for a device, so that they do not grow as devices come and go."""
 
     def on_overflow(self, count: int) -> None:
-        """Handle the loss of `count` items, dropped before the next one because this sink was too slow."""
+        """Handle the loss of `count` items, which were dropped since this sink was too slow."""
 
     def close(self) -> None:
         """Write pending items and release all resources, within half a second."""
@@ -153,13 +153,13 @@ class Sink:
 class RecordingView(NamedTuple):
     """The state of the recording of one device.
 
-    `fixed`: the recording runs as long as the program; nobody can stop it from the page.
+    `fixed`: whether the recording runs as long as the program, so that the page cannot stop it.
     `file`: name of the newest file.
     `size_bytes`, `seconds`: size and duration of all files of this session.
     `lost`: number of items that were written to no file.
-    `trouble`: why nothing is recorded although the recording is on.
+    `trouble`: reason why nothing is recorded although the recording is on.
     `free_bytes`: free space of the folder; None if it is not known.
-    `why_not`: why a recording is impossible; empty if it is possible.
+    `why_not`: reason why a recording is impossible; empty if it is possible.
     """
 
     on: bool
@@ -175,7 +175,7 @@ class RecordingView(NamedTuple):
 
 
 class Recorder(Protocol):
-    """Records devices while the program runs. All but `view` may take seconds."""
+    """Records devices while the program runs. All methods except `view` may take seconds."""
 
     def view(self, device: str) -> RecordingView:
         """Return the state of the recording of a device."""

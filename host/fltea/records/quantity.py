@@ -1,7 +1,7 @@
 """A noise parameter of a sensor with its 95 % interval, convertible to the units of data sheets and filters.
 
-The program has one list of these units, here: units of N (white noise, or angle and velocity random walk),
-of B (bias instability, and the bias itself) and of K (random walk of the bias).
+This module has the program's only list of these units. They are units of N (white noise, or angle and
+velocity random walk), of B (bias instability, and the bias itself) and of K (random walk of the bias).
 """
 
 import math
@@ -29,7 +29,7 @@ _ACCEL = {
 
 
 class _Kind(NamedTuple):
-    """A measured quantity: its name, and the value of one of its first unit in each of its units."""
+    """A measured quantity: its name, and for each of its units the value of 1 first unit in that unit."""
 
     what: str
     units: dict[str, float]
@@ -115,18 +115,18 @@ class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A value in `unit`, with the ends of its 95 % interval; `print` shows value, interval and unit."""
 
     value: float | None
-    """The value; None where it is not known."""
+    """The value; None if it is not known."""
     low: float | None
-    """Lower end of the interval; None where the data do not determine it."""
+    """Lower end of the interval; None if the data do not determine it."""
     high: float | None
-    """Upper end of the interval; None where the data do not determine it."""
+    """Upper end of the interval; None if the data do not determine it."""
     at_most: float | None
-    """Where the value is not known: its upper bound with 95 % probability; None where there is no bound."""
+    """If the value is not known: its upper bound with 95 % probability; None if there is no bound."""
     unit: str
     """Unit of `value`, `low`, `high` and `at_most`."""
 
     def to(self, unit: str) -> "Quantity":
-        """Return the quantity in another unit: `axis.N.to("rad/s/√Hz")`, or in letters, "rad/s/sqrt(Hz)".
+        """Return the quantity in another unit, as in `axis.N.to("rad/s/√Hz")`; "sqrt(Hz)" is read as √Hz.
 
         Raises:
             ValueError: `unit` is no unit of this quantity; the text lists its units.
@@ -159,7 +159,7 @@ POWERS_OF_TEN_FROM = 1e6
 
 
 def _number(value: float, digits: int) -> str:
-    """Return a value with `digits` significant digits; below a million without a power of ten."""
+    """Return a value with `digits` significant digits, and with a power of ten from a million on."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < POWERS_OF_TEN_FROM else text
 

@@ -29,7 +29,7 @@ ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
 GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s^2"
 
 Whiteness = Literal["not rejected", "rejected"]
-"""Result of the newest fit's test for white noise. While white noise is not rejected, α is undefined."""
+"""Result of the test for white noise in the newest fit. While white noise is not rejected, α is undefined."""
 
 WhyNot = Literal["device_not_valid", "host_not_valid", "other_start", "device_skipped", "other_settings"]
 """Why a device's estimate cannot be compared with the host's; the module `why_not` has the texts."""
@@ -47,13 +47,13 @@ class Record(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field=
 class Hello(Record, frozen=True, tag="hello"):
     """The identity and settings of a device or recording.
 
-    It comes at the start, and after each restart of the device or of its sensor.
+    This record comes at the start, and after each restart of the device or of its sensor.
     """
 
     source: str
     """Address of the source."""
     host_ns: int
-    """When it arrived [ns]."""
+    """Time at which the HELLO arrived [ns]."""
     rate_hz: float
     """Nominal sampling rate [Hz]."""
     sampling_mode: str
@@ -73,7 +73,7 @@ class Hello(Record, frozen=True, tag="hello"):
     sensor: str | None = None
     """Name of the chip that has this WHO_AM_I; `no sensor` for 0."""
     sensor_starts: int | None = None
-    """How often the device has set up its sensor since boot; 0: not yet."""
+    """Number of times that the device has set up its sensor since boot; 0 before the first time."""
     gyro_range_dps: float | None = None
     """Full scale of the gyroscope, plus and minus [deg/s]."""
     gyro_lsb_per_dps: float | None = None
@@ -101,7 +101,7 @@ class Placed(Record, frozen=True):
 
 
 class Sample(Placed, frozen=True, tag="sample"):
-    """One sample in physical units; it comes before its estimate, and only with `--samples`."""
+    """One sample in physical units. It comes before the estimate of the sample, and only with `--samples`."""
 
     gyro_dps: tuple[float, ...]
     """Angular rates about x, y, z, with their bias [deg/s]."""
@@ -119,7 +119,7 @@ class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rate: float | None
     """Sample minus the bias in `estimate`; null for the first samples [deg/s]."""
     rate_std: float | None
-    """Standard deviation of that bias [deg/s]."""
+    """Standard deviation of the subtracted bias [deg/s]."""
     moving: bool
     """The sensor is moving, so the bias is predicted and its σ grows."""
 
@@ -127,8 +127,8 @@ class CorrectedAxis(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Corrected(Placed, frozen=True, tag="corrected"):
     """The gyroscope's rates minus their biases, for programs that integrate them.
 
-    It comes only with `--corrected`. `output.every` thins these records like samples; MQTT sends one with
-    every estimate.
+    This record comes only with `--corrected`. As with samples, only every `output.every`-th record is
+    written; MQTT sends one record with every estimate.
     """
 
     axes: dict[str, CorrectedAxis]
@@ -145,27 +145,28 @@ class FlteaEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     f: float | None = None
     """Parameter f [s^-α]."""
     f_std: float | None = None
-    """Standard deviation of f, like that of α [s^-α]."""
+    """Standard deviation of f, computed like `alpha_std` [s^-α]."""
     state: float | None = None
-    """State x̂ after the sample; it excludes the bias of the start-up window [`unit`]."""
+    """State x̂ after the sample, without the bias of the start-up window [`unit`]."""
     innovation: float | None = None
     """Sample minus its prediction [`unit`]."""
     valid: bool = False
-    """False: the estimate ran away, the axis was constant, or a device sent a number that is not finite."""
+    """False if the estimate diverged, the axis was constant, or a device sent a number that is not finite."""
     settled: bool = False
-    """False: settling, so the figures say little of the noise. Of a device: it goes on with the variances of
-    its own fit."""
+    """False while the filter settles, so that its figures say little about the noise. For a device's filters:
+    whether they use the variances of the device's own fit.
+    """
 
 
 class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The estimates of one axis after one sample; null where nothing is known."""
+    """The estimates of one axis after one sample; null for an unknown value."""
 
     verdict: VerdictKind | None
     """Kind of the noise by the newest fit whose verdict is stable; null before the first such fit."""
     alpha: Interval
-    """Order α of that fit; null where undefined."""
+    """Order α of the fit that gave `verdict`; null if undefined."""
     f: Interval
-    """Parameter f of that fit; null where undefined [s^-α]."""
+    """Parameter f of the fit that gave `verdict`; null if undefined [s^-α]."""
     bias: float | None
     """Bias to subtract from the sample: the sensor's offset plus the state of its noise; null for the first
     samples [`unit`]."""
@@ -181,10 +182,11 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     moving: bool
     """The sensor is moving, so the bias is predicted and its σ grows."""
     null_p: float | None
-    """p-value of the newest `fit` for white noise."""
+    """p-value of the test for white noise in the newest record `fit`."""
     whiteness: Whiteness | None
     """`not rejected`: α is undefined; `rejected`: `null_p` is below the significance level for all repeated
-    fits together; null where `null_p` is null."""
+    fits together; null if `null_p` is null.
+    """
     unit: str
     """`deg/s`, or `m/s^2` for the axes `accel_x`, … that `--channels` names."""
     fltea: FlteaEstimate
@@ -194,7 +196,7 @@ class AxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Estimate(Placed, frozen=True, tag="estimate"):
     """The estimates of each axis after one sample, from the end of the start-up window on.
 
-    It includes axes of the accelerometer only where `--channels` names them.
+    The record includes axes of the accelerometer only if `--channels` names them.
     """
 
     variant: str
@@ -217,7 +219,7 @@ class DeviceAxisEstimate(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """Offset plus state, by the tracker that uses the device's own fit; null before its first fit of the axis
     [deg/s]."""
     tracker_bias_std: float | None = None
-    """Standard deviation of that bias [deg/s]."""
+    """Standard deviation of `tracker_bias` [deg/s]."""
     tracker_state: float | None = None
     """State of the coloured part of the noise, without the offset; 0 for white noise [deg/s]."""
     tracker_state_std: float | None = None
@@ -385,20 +387,21 @@ class Epoch(Record, frozen=True, tag="epoch"):
 class Stats(Record, frozen=True, tag="stats"):
     """Counts and health of source, estimators and outputs.
 
-    It comes once a second, when the start-up window is full, and at the end. Counts begin at the start of the
-    program. For each boot of a device, `delivered` + `lost` is the number of samples that the device took,
-    from the first sample that is used to the last.
+    This record comes once a second, when the start-up window is full, and at the end. Counts begin at the
+    start of the program. For each boot of a device, `delivered` + `lost` is the number of samples that the
+    device took, from the first sample that is used to the last.
     """
 
     epoch: int
-    """Current epoch; 0 before the first."""
+    """Number of the current epoch; 0 before the first epoch."""
     host_ns: int
     """Time of this record [ns]."""
     rate_hz: float | None
     """Sampling rate by the host's clock, computed from sequence numbers, so losses do not lower it [Hz]."""
     clock_ppm: float | None
-    """How much faster the device's clock runs than the host's; null at first, and where no host clock was
-    recorded [1e-6]."""
+    """Relative rate by which the device's clock is faster than the host's; null at first, and for a recording
+    without a host clock [1e-6].
+    """
     startup_remaining: int
     """Samples until the start-up window is full."""
     link: LinkStats
@@ -427,7 +430,7 @@ class Error(Record, frozen=True, tag="error"):
     message: str
     """What happened, the likely cause, what to do."""
     host_ns: int
-    """When it happened [ns]."""
+    """Time of the problem [ns]."""
 
 
 AnyRecord = (

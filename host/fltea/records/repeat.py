@@ -1,4 +1,4 @@
-"""A limit on repeated messages: each is sent once a minute at most, however often its cause occurs."""
+"""Limit repeated messages: each is sent at most once a minute, however often its cause occurs."""
 
 from collections.abc import Hashable
 
@@ -6,7 +6,7 @@ REPEAT_NS = 60 * 10**9
 
 
 class OnceAMinute:
-    """Remembers when each message was sent. Keys come from the program, so a device cannot add more."""
+    """Remembers when each message was sent. A device cannot add keys, since the program chooses them."""
 
     def __init__(self) -> None:
         self._sent_ns: dict[Hashable, int] = {}

@@ -1,4 +1,4 @@
-"""Errors that mean that the system gives no more memory, threads or processes; no file causes them."""
+"""Explain errors that mean that the system gives no more memory, threads or processes."""
 
 import errno
 import resource
@@ -16,7 +16,7 @@ WORDS = "can't start new thread", "failed to map segment", "cannot allocate memo
 
 
 def least_of(what: int, ours: int) -> int:
-    """Return the smallest of `ours` and the limits that are set already.
+    """Return the smallest of `ours` and the limits that the system has set already.
 
     `what`: which limit, a constant of the module `resource`.
     """

@@ -1,7 +1,8 @@
 """Passwords in addresses are refused in settings and command lines, and hidden in the program's messages.
 
 Everybody on a machine can read the command lines of all its programs, and records, recordings and messages
-repeat an address. So no address may hold a password, and each kind of server has a better way to get it.
+repeat an address. So no address may hold a password, and each kind of server has a better way to receive a
+password.
 """
 
 import re
@@ -23,7 +24,9 @@ class Kind(NamedTuple):
 
 SERVER = r"@"
 FILE = r"^[^/]*@|^[^/@]*:(?!\d*(?:/|$))[^@]*@"
-"""For other schemes: a path may hold an @, and a number behind a colon is a port."""
+"""Pattern of a secret in an address of any other scheme. A path may hold an @, and a number behind a colon is
+a port.
+"""
 
 PASSWORD = r"(?:^|[\s?&])(?:ssl)?password\s*="
 

@@ -1,4 +1,4 @@
-"""Open a user's files, and read small ones whole, such as settings, without ever waiting for ever."""
+"""Open a user's files without waiting for ever, and read small files, such as settings, as a whole."""
 
 import contextlib
 import errno
@@ -89,7 +89,7 @@ def open_stream(path: Path) -> BinaryIO:
         return opened.result(PATIENCE_S)
     except TimeoutError:
         opened.add_done_callback(lambda late: late.exception() or late.result().close())
-        with contextlib.suppress(OSError):  # ends the wait of the thread
+        with contextlib.suppress(OSError):  # so that the thread ends
             os.close(os.open(path, os.O_WRONLY | os.O_NONBLOCK))
         raise UsageError(
             f"{path}: nobody writes into this pipe, for {PATIENCE_S:g} s. Start what writes first."

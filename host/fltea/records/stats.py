@@ -1,4 +1,4 @@
-"""Parts of the record `stats`: what arrived, what the filters and outputs did, the device's own counters."""
+"""Parts of the record `stats`: counts of data, of filters and outputs, and the device's own counters."""
 
 import msgspec
 
@@ -15,7 +15,7 @@ CAUSE_WORDS = {
     "state_bound": "the state held near the sample",
     "memory_order": "an order beyond the memory's range",
 }
-"""Causes for which the guard steps in: the key in counts of interventions, and the words for a person."""
+"""Causes for which the guard intervenes: the key in counts of interventions, and the words for a person."""
 
 
 class DeviceStatus(msgspec.Struct, frozen=True):
@@ -24,9 +24,9 @@ class DeviceStatus(msgspec.Struct, frozen=True):
     i2c_errors: int
     """I²C transfers that failed."""
     bus_recoveries: int
-    """How often a blocked bus was freed (of an I²C source: opened again)."""
+    """Number of times that a blocked bus was freed (for an I²C source: opened again)."""
     sensor_reinits: int
-    """How often the sensor was set up again."""
+    """Number of times that the sensor was set up again."""
     overruns: int
     """Sampling instants without a sample."""
     dropped_frames: int
@@ -40,23 +40,25 @@ class DeviceStatus(msgspec.Struct, frozen=True):
 
 
 class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Counts of what arrived from the source and what was lost in transit, since the start of the program."""
+    """Counts of bytes and frames that arrived or were lost in transit, since the start of the program."""
 
     bytes: int = 0
     """Bytes received."""
     frames: int = 0
-    """Undamaged frames (of an I²C source: samples)."""
+    """Number of undamaged frames (for an I²C source: of samples)."""
     bad_frames: dict[str, int] = {}
-    """Damaged frames by reason (protocol/README.md); `partial` is normal after the port is opened. Of an I²C
-    source: restarts of the FIFO by cause (`overflow`, `misaligned`, `out_of_step`, `broken_transfer`)."""
+    """Damaged frames by reason (protocol/README.md); `partial` is normal after the port is opened. For an I²C
+    source: number of restarts of the FIFO by cause (`overflow`, `misaligned`, `out_of_step`,
+    `broken_transfer`).
+    """
     unknown_type: int = 0
     """Intact frames of a type that this version does not know."""
     refused: int = 0
-    """Frames of a device of another protocol version."""
+    """Number of frames from a device with another protocol version."""
     overflow_bytes: int = 0
     """Bytes thrown away because the program was too slow."""
     reconnects: int = 0
-    """How often the port was opened again."""
+    """Number of times that the port was opened again."""
 
 
 class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -82,7 +84,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pieces: int
     """Number of pieces that were compared."""
     rms: float
-    """Root mean square of the difference divided by its σ: 1 where Bias(T) and its σ are right."""
+    """Root mean square of the difference divided by its σ; 1 if Bias(T) and its σ are right."""
 
 
 class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -91,25 +93,26 @@ class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_o
     model: str
     """The tracker's noise model: the parts of the fit, or `walks` (random walks) before the first fit."""
     nis: float | None
-    """Mean normalised innovation squared, 1 where the model holds; null before 200 innovations."""
+    """Mean normalised innovation squared; 1 if the model is right; null before 200 innovations."""
     lag1: float | None
-    """Correlation of neighbouring innovations, 0 where the model holds; null before 200 innovations."""
+    """Correlation of neighbouring innovations; 0 if the model is right; null before 200 innovations."""
     holds: bool | None
     """Whether the last 1,000 innovations are white; null before 200 innovations."""
     moved: int
     """Samples in motion, over which the tracker predicted the bias."""
     restarts: int
-    """How often the tracker started again, because the offset had another value for ten seconds."""
+    """Number of restarts of the tracker because the offset had another value for ten seconds."""
     K: Interval = Interval()
-    """Random walk of the offset, estimated from the samples in time; null where the offset may be constant
-    [`unit`/s/√s]."""
+    """Random walk of the offset, estimated from the samples in the time domain; null if the offset may be
+    constant [`unit`/s/√s].
+    """
     heading_std: dict[int, float] = {}
     """Standard deviation of the heading, by the number of seconds since the last sample at rest: 1, 10, 60,
     600, 3,600 [deg]."""
     bias: float | None = None
     """The bias after the newest sample [`unit`]."""
     bias_std: float | None = None
-    """Standard deviation of that bias [`unit`]."""
+    """Standard deviation of `bias` [`unit`]."""
     steps: int = 0
     """Number of steps of the axis's bias."""
     moving: bool = False
@@ -124,42 +127,46 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Bias and R of an axis from the start-up window, and the state of its filters."""
 
     bias: float | None
-    """Bias in use (of an accelerometer it includes gravity); null until the start-up window is full
-    [`unit`]."""
+    """Bias in use (for an accelerometer it includes gravity); null until the start-up window is full
+    [`unit`].
+    """
     R_in_use: float | None
     """Measurement variance in use [`unit` squared]."""
     restarts: int
-    """How often the filters of the axis started again in this epoch."""
+    """Number of restarts of the axis's filters in this epoch."""
     interventions: dict[str, int]
-    """Samples since the axis's last start in which the guard stepped in, by cause."""
+    """Number of samples since the axis's last start in which the guard intervened, by cause."""
     innovation_lag1: float | None = None
-    """Correlation of neighbouring innovations over the last 1,000: 0 ± 0.03 where they are white."""
+    """Correlation of neighbouring innovations over the last 1,000 innovations; 0 ± 0.03 if they are white."""
     innovation_nis: float | None = None
-    """Mean normalised innovation squared: 1 where the filter's model is right."""
+    """Mean normalised innovation squared; 1 if the filter's model is right."""
     unit: str = "deg/s"
     """`deg/s`, or `m/s^2` for axes of the accelerometer."""
     Q_in_use: float | None = None
-    """Q in use, the variance of one step of the process noise, h^2α included; null where a device estimates
-    [`unit` squared]."""
+    """Q in use, the variance of one step of the process noise, with h^2α; null if a device estimates [`unit`
+    squared].
+    """
     tuned: bool = False
-    """Q and R are those of the live fit, and the filters of α and f started from its values
-    (`estimator.tuning`)."""
+    """Whether Q and R come from the live fit, and the filters of α and f started from the fit's α and f
+    (`estimator.tuning`).
+    """
     describes_noise: bool | None = None
-    """False: the filters' α and f do not describe the noise: their innovations are not white (Ljung–Box p
-    below 0.001), the fit has no order, or α is not within its interval; null at first."""
+    """False if the filters' α and f do not describe the noise: the innovations are not white (Ljung–Box p
+    below 0.001), the fit has no order, or α is outside the fit's interval. Null at first.
+    """
     tracker: TrackerStats | None = None
-    """State of the tracker of the axis's bias; null where there is no tracker."""
+    """State of the tracker of the axis's bias; null if there is no tracker."""
 
 
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """State and counts of the device's own estimator."""
 
     begun: int
-    """How often the estimator started with a new start-up window since the device's boot."""
+    """Number of new start-up windows of the estimator since the device's boot."""
     startup_remaining: int
-    """Samples until its start-up window is full."""
+    """Number of samples until the device's start-up window is full."""
     every: int
-    """Samples from one of its estimates to the next."""
+    """Number of samples from one estimate of the device to the next."""
     queue: int
     """Samples that wait for the device's estimator."""
     skipped: int
@@ -167,22 +174,23 @@ class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=Tr
     longest_axis_us: int
     """Longest computing time of one step of one axis since the device's boot [µs]."""
     estimates: int
-    """Estimates (of one axis each) that arrived."""
+    """Number of estimates (of one axis each) that arrived."""
     lost: int
-    """Estimates that the device sent and that did not arrive."""
+    """Number of estimates that the device sent and that did not arrive."""
     unplaced: int
-    """Estimates that arrived but belong to no known sample: it was lost, precedes the epoch, or is more than
-    256 samples old."""
+    """Number of estimates that arrived but belong to no known sample: the sample was lost, precedes the
+    epoch, or is more than 256 samples old.
+    """
     restarts: dict[str, int]
-    """How often each axis started again since the device's start-up window."""
+    """Number of restarts of each axis since the device's start-up window."""
     interventions: dict[str, dict[str, int]]
-    """Samples since the axis's last start in which its guard stepped in, by cause."""
+    """For each axis, number of samples since its last start in which the guard intervened, by cause."""
     fit_every: int = 0
-    """Samples from one round of the device's fits to the next; 0: the device makes no fits."""
+    """Number of samples from one round of the device's fits to the next; 0 if the device makes no fits."""
     fits: int = 0
-    """Fits (of one axis each) that arrived."""
+    """Number of fits (of one axis each) that arrived."""
     fits_refused: int = 0
-    """Fits with impossible numbers, or before the first sample."""
+    """Number of fits with impossible numbers, or that arrived before the first sample."""
     longest_slice_us: int = 0
     """Longest slice of computing time for a fit since the device's boot [µs]."""
 

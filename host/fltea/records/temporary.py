@@ -1,8 +1,8 @@
-"""Temporary files; the whole program makes them with these functions.
+"""Make all temporary files of the program.
 
-Most have no name, so the system removes them when their process ends, in whatever way. Files that other code
-must find by name lie in a work folder. Its process holds a lock on it; a work folder without a lock was left
-by a killed process and is removed.
+Most temporary files have no name, so the system removes them when their process ends, even if it is killed.
+Files that other code must find by name lie in a work folder. The process holds a lock on its work folder. A
+work folder without a lock was left by a killed process and is removed.
 """
 
 import contextlib
@@ -53,7 +53,7 @@ def _failed(folder: object, error: OSError) -> TemporaryFailed:
 
 
 class _File(io.FileIO):
-    """A temporary file that raises `TemporaryFailed`: readers would take an OSError for the recording's."""
+    """A temporary file that raises `TemporaryFailed`, since an OSError would seem to be the recording's."""
 
     def __init__(self, file: Any, mode: str, folder: object) -> None:
         super().__init__(file, mode)
@@ -80,7 +80,7 @@ def nameless_file(folder: Path | None = None) -> BinaryIO:
     `folder`: the folder of the file; None: the folder for temporary files.
 
     Raises:
-        TemporaryFailed: the file cannot be made. Its writes raise it when there is no more room.
+        TemporaryFailed: the file cannot be made. Writes raise this error when the disk is full.
     """
     where = folder or _temporary_folder()
     try:
@@ -97,7 +97,7 @@ def named_file(path: Path) -> BinaryIO:
     """Return a new file in a folder of `work_folder`, open for writing and reading.
 
     Raises:
-        TemporaryFailed: the file cannot be made. Its writes raise it when there is no more room.
+        TemporaryFailed: the file cannot be made. Writes raise this error when the disk is full.
     """
     try:
         return cast(BinaryIO, io.BufferedRandom(_File(path, "x+b", path.parent)))

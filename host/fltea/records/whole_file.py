@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, in folders that others may write to as well."""
+"""Write files whole or not at all, in folders that other programs may write to as well."""
 
 import contextlib
 import io
@@ -13,7 +13,9 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.records.temporary import TemporaryFailed, nameless_file
 
 KEPT_OF_NAME = 40
-"""Characters of the file's name in the name of its temporary part: names are limited to 255 bytes."""
+"""Number of characters of the file's name in the name of its temporary part, since names are limited to 255
+bytes.
+"""
 
 NEW = os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_WRONLY | os.O_CLOEXEC
 

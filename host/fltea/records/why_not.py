@@ -1,4 +1,4 @@
-"""Texts for the reasons why `device_estimate` gives no differences, for the page and the terminal."""
+"""Texts on why the record `device_estimate` gives no differences, for the page and the terminal."""
 
 from fltea.records.records import WhyNot
 
