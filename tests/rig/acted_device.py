@@ -1,6 +1,4 @@
-"""Simulate a device from a list of acts (samples, gaps, resets, …) and yield the events that its source would
-give.
-"""
+"""Simulate a device from a list of acts (samples, gaps, resets, …), and yield the events of its source."""
 
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -47,24 +45,25 @@ SAID = (
     "trouble",
     "no accelerometer",
 )
-"""Acts that produce an event of their own, which ends the current block of samples."""
+"""Acts that produce an event, which ends the current block of samples."""
 ACTS = (
     *SAID,
     "goes on",
     "gap",
-    # the longest gap that an epoch survives with the settings of `walk_support.SMALL`, or one sample more
+    # a gap of the longest length without a restart by the settings of `walk_support.SMALL`, or of one sample
+    # more
     "longest gap",
     "odd gap",  # a gap in which the device's clock drifts, up to more than the program accepts
     "long gap",  # long enough for the sequence number to wrap once or more
     "twice",
     "reset",  # a reset whose HELLO is lost
     "jump",  # device time jumps
-    "late",  # the samples arrive late by the host's clock
+    "late",  # the samples arrive later than the host's clock expects
     "silence",  # nothing arrives for about half an hour
     "knock",
     "step",  # the bias steps
     "turn",  # the whole sensor turns until the next "turn"
-    "still",  # the counts never change, or hardly ever
+    "still",  # the sensor's counts never change, or hardly ever
 )
 
 
@@ -82,7 +81,7 @@ class Birth(NamedTuple):
 class Device:
     """A simulated device that yields the events of its source.
 
-    `news`: fields in which its HELLO differs from the one of `host_support`.
+    `news`: fields in which the device's HELLO differs from the HELLO of `host_support`.
     """
 
     def __init__(self, source: Source, birth: Birth, **news: Any) -> None:

@@ -66,7 +66,7 @@ class Messages(NamedTuple):
     arrival_ns: Sequence[int] | None = None
     frame: str | Sequence[str] = "imu_link"
     unknown: tuple[str, ...] = ()
-    """Sensors, "gyro" or "accel", that are not measured, as their covariance says."""
+    """Sensors ("gyro" or "accel") whose covariance states that they are not measured."""
 
     def rows(self, chosen: Any) -> "Messages":
         """Return the chosen messages; an index may repeat."""
@@ -131,8 +131,8 @@ def write_bag(
 ) -> Path:
     """Write a bag: NAME.bag, or a folder NAME.db3 or NAME.mcap as `ros2 bag record` makes it.
 
-    `words`: names of additional topics of text, with one message each. `packed`: the compression, or for ROS
-    2 the unit that is compressed.
+    `words`: names of additional topics with one text message each. `packed`: the compression; for ROS 2, what
+    is compressed: each message or the whole file.
     """
     ros1 = path.suffix == ".bag"
     store = types(ros1)
@@ -272,7 +272,7 @@ def write_types(
 ) -> Path:
     """Write a bag of message types that ROS does not define.
 
-    `topics`: name to type, definition and messages.
+    `topics`: for each topic's name, type, definition and messages.
     """
     ros1 = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
@@ -298,7 +298,7 @@ def write_types(
             connection = writer.add_connection(name, kind, typestore=store)
             for arrival, data in zip(arrival_ns, rows[name], strict=True):
                 writer.write(connection, int(arrival), data)
-    # rosbags drops the comments of the definition, so they are put back
+    # rosbags drops the comments of a definition, so the comments are put back
     for store_file in path.glob("*.db3"):
         with contextlib.closing(sqlite3.connect(store_file)) as database, database:
             for kind, definition, _ in topics.values():

@@ -1,5 +1,4 @@
-"""Shared by the tests of the bank: the sample-by-sample oracle with the bank's columns, and ways to cut
-rows."""
+"""Helpers for the tests of the bank: the oracle, which takes samples one by one, and ways to cut rows."""
 
 import itertools
 import math
@@ -19,15 +18,15 @@ from sample_by_sample import LanesBySample, baseline, whiteness
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 COLUMNS = LaneBlock._fields[: LaneBlock._fields.index("lost")]
-"""Names of all columns that are compared."""
+"""Names of the columns of the bank that are compared with the oracle's."""
 
 
 class Walked(NamedTuple):
-    """What an estimator returned for all rows: columns (n, axes) by name, and its counters at the end."""
+    """Results of an estimator for all rows: columns (n, axes) by name, and its counters at the end."""
 
     columns: dict[str, NDArray[np.float64] | NDArray[np.bool_]]
     lost: list[Lost]
-    """Lost axes; their row numbers count only samples that were present."""
+    """Axes that became invalid; row numbers count only samples that were present."""
     restarts: dict[str, int]
     interventions: dict[str, dict[str, int]]
     lag1: dict[str, float | None]
@@ -45,7 +44,7 @@ Gaps = dict[int, int]
 def by_sample(
     y: Array, config: EstimatorConfig, lsb: float | None = None, gaps: Gaps | None = None
 ) -> Walked:
-    """Estimate with the sample-by-sample oracle."""
+    """Return the oracle's results, computed sample by sample."""
     (n, width), first = y.shape, config.startup_needed
     axes = AXES[:width]
     bias, R, constant = baseline(y[:first], config, lsb)
@@ -96,8 +95,7 @@ def by_bank(
     cuts: Sequence[int] = (),
     bank: Bank | None = None,
 ) -> Walked:
-    """Estimate with the bank, in blocks that end at the cuts, at the gaps and at the end of the start-up
-    window."""
+    """Return the bank's results for blocks that end at cuts, gaps and the end of the start-up window."""
     axes = AXES[: y.shape[1]]
     bank = bank or Bank(axes, config, H, lsb)
     parts, lost = [], []

@@ -32,7 +32,7 @@ def records_of(items: Iterable[AnyRecord | Block]) -> list[AnyRecord]:
 
 
 def as_items(records: Iterable[AnyRecord | Block]) -> Iterator[AnyRecord | Block]:
-    """Undo `records_of`: make each sample, with the estimate that follows it, a block of one row."""
+    """Undo `records_of`: convert each sample and the estimate that follows it to a block of one row."""
     waiting: Sample | None = None
     for record in records:
         if waiting is not None:
@@ -88,7 +88,7 @@ def block_of_records(sample: Sample, estimate: Estimate | None = None) -> Block:
 
 
 def tracked_columns(unit: str, found: dict[str, AxisEstimate]) -> TrackedColumns:
-    """Return the bias columns of one sample's estimates."""
+    """Return the columns of the bias for the estimates of one sample."""
     axes = found.values()
     return TrackedColumns(
         tuple(found),
@@ -162,7 +162,8 @@ raw_samples = st.builds(
 class Placed(NamedTuple):
     """A sample with its number.
 
-    `missing`, `new_epoch`: samples lost just before it, and why it begins an epoch.
+    `missing`: number of samples lost just before this sample. `new_epoch`: reason why the sample begins an
+    epoch.
     """
 
     raw: RawSample
@@ -186,7 +187,7 @@ def place_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Placed | N
 
 
 def place_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
-    """Return the counts after all events of a source, and the placed pieces of its blocks."""
+    """Return the counts after all events of a source, and the decoded pieces of its blocks."""
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]
     return decoder.counts, found

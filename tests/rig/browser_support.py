@@ -1,4 +1,4 @@
-"""A real browser that shows the live page: Chromium as Debian packages it."""
+"""Show the live page in a real browser: Chromium from Debian's package."""
 
 import functools
 import shutil
@@ -55,7 +55,7 @@ class Watched:
     def wait(self, condition: str) -> None:
         """Wait until a JavaScript expression is true.
 
-        The library's own way injects a script, which the page forbids.
+        The library's own function injects a script, which the page forbids.
         """
         wait_until(lambda: self.page.evaluate(condition), condition)
 
@@ -63,7 +63,7 @@ class Watched:
         self.wait(f"Number({SEQ}) >= {least}")
 
     def violations(self) -> list[str]:
-        """Return what axe finds wrong: the rule and the element."""
+        """Return the violations that axe-core finds in the page, each with its rule and element."""
         self.page.evaluate(axe())
         found = self.page.evaluate("axe.run({resultTypes: ['violations']})")["violations"]
         return [

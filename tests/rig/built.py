@@ -1,4 +1,4 @@
-"""Compile what tests need once, even if several processes run tests."""
+"""Compile the libraries that tests need, once even if several processes run tests."""
 
 import ctypes
 import fcntl
@@ -14,13 +14,13 @@ BUILD = NATIVE.parents[1] / "build"
 DOUBLES, COUNTS, BYTES = (
     np.ctypeslib.ndpointer(kind, flags="C") for kind in (np.float64, np.int16, np.uint8)
 )
-"""Argument types that functions of the probes share."""
+"""Argument types that are common in the probes' functions."""
 
 
 def make(folder: Path, build: Path, *goals: str | Path) -> None:
     """Run `make BUILD=build goals` in a folder.
 
-    A process that calls this while another one builds waits, and then finds everything built.
+    If another process is building, this function waits; then everything is built already.
     """
     build.mkdir(parents=True, exist_ok=True)
     with (build / ".lock").open("w") as lock:
@@ -31,7 +31,7 @@ def make(folder: Path, build: Path, *goals: str | Path) -> None:
 
 
 def probe(name: str, *functions: tuple[Any, ...]) -> ctypes.CDLL:
-    """Load a library of tests/native; build it first if it is out of date.
+    """Load the library of a probe in tests/native; build the library first if it is out of date.
 
     `functions`: for each function its name, its result type and its argument types.
     """

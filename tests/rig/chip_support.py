@@ -15,7 +15,7 @@ class Ramp:
 
 
 def running(world=None, *, at_ms=0, dlpf=1, divider=0, gyro=0x18, **options):
-    """Return a chip that is set up as the firmware does it."""
+    """Return a chip that is set up in the way of the firmware."""
     chip = Mpu9250(world or Constant((1.0, -2.0, 3.0)), **options)
     chip.advance(at_ms * MS)
     chip.write_register(0x6B, 0x01)

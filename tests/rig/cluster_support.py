@@ -1,4 +1,4 @@
-"""Shared by the tests of verdict tables: recordings in several folders, and reading a table's rows."""
+"""Helpers for the tests of verdict tables: recordings in several folders, and readers of a table's rows."""
 
 import contextlib
 import os
@@ -22,13 +22,11 @@ from pyarrow import parquet
 from toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
-"""Questions without shuffled copies, to be quick."""
+"""Settings of `fltea identify` without shuffled copies, which saves time."""
 
 
 def command(patch: pytest.MonkeyPatch, *arguments: object) -> int:
-    """Run `fltea identify` with quick settings in this process, which has loaded all modules; return its exit
-    code.
-    """
+    """Run `fltea identify` with quick settings in this process; return the exit code."""
     quick = "--shuffles", "0", "--window", "100", "--startup", "100"
     patch.setattr("sys.argv", ["fltea", "identify", *map(str, arguments), *quick])
     with pytest.raises(SystemExit) as ended:
@@ -69,7 +67,7 @@ def rows_in(folder: Path) -> list[dict[str, Any]]:
 
 
 def values(folder: Path) -> list[dict[str, Any]]:
-    """Return the rows without the times that the computation took."""
+    """Return the rows of a table without the columns on computing time."""
     return [{**row, "seconds": None} for row in rows_in(folder)]
 
 
@@ -95,7 +93,7 @@ def two_workers() -> Iterator[Any]:
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
         ) as found:
             for nanny in found.workers.values():
-                nanny.close_gracefully()  # the nanny then starts no replacement for a dead worker
+                nanny.close_gracefully()  # so that the nanny starts no replacement for a dead worker
             yield found
 
 

@@ -1,4 +1,4 @@
-"""Remove or falsify one fact in a text file of the corpus, and compare the figures that are read from it."""
+"""Remove or falsify one fact in a text file of the corpus, and compare the figures read from the file."""
 
 import io
 import math
@@ -24,7 +24,7 @@ from fltea.records.records import ACCEL_AXES, AXES
 
 
 class Figures(NamedTuple):
-    """The figures computed and shown for one reading.
+    """The figures that the program computes and shows for one recording.
 
     `gravity_ms2`: None without an accelerometer.
     """
@@ -48,8 +48,7 @@ class Figures(NamedTuple):
         )
 
     def has_gravity_of(self, other: "Figures") -> bool:
-        """Whether the specific force has the same length, or is reported as not read, or is marked as
-        wrong."""
+        """Whether the specific force has the same length, is reported as not read, or is marked as wrong."""
         if None not in (self.gravity_ms2, other.gravity_ms2):
             return (
                 _near(float(self.gravity_ms2 or 0), float(other.gravity_ms2 or 0)) or "gravity" in self.marks
@@ -110,7 +109,7 @@ class Text(NamedTuple):
 
     @property
     def clocks(self) -> list[int]:
-        """Columns of all times. Rows without names show only the column that is read."""
+        """Indices of all columns of times; without column names, only the column that is read."""
         chosen = self.layout.chosen
         named = [k for k, name in enumerate(self.names) if is_time(name)] if self.header >= 0 else []
         return sorted({*named, *(place for place in (chosen.time, chosen.fine) if place is not None)})
@@ -119,7 +118,8 @@ class Text(NamedTuple):
 class Case(NamedTuple):
     """One falsification of one file.
 
-    `kind`: its kind in the test's table. `name`, `options`: file name and options with which it is read.
+    `kind`: kind of the falsification in the test's table. `name`, `options`: file name and options for
+    reading the file.
     """
 
     of: Text
@@ -165,7 +165,7 @@ UNITS = {
     "deg/s": r"deg/s|°/s|(?<![m\w])dps|(?<=_)dps|DPS|(?<=\()d/s|degrees/second",
     "mdeg/s": r"mdps",
 }
-"""How the files of the corpus write units of angular rate."""
+"""Spellings of units of angular rate in the files of the corpus."""
 OTHER = {"rad/s": "deg/s", "deg/s": "rad/s", "mdeg/s": "mrad/s"}
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-?\d+)?(?![\w.:])")
 
@@ -306,7 +306,7 @@ def _each_row(
     *,
     twice: bool = False,
 ) -> str:
-    """Edit the fields of each row, and drop the columns `gone` from the lines of names and units."""
+    """Edit the fields of each row, and remove the columns `gone` from the lines with names and units."""
     separator, lines = one.layout.separator, list(one.lines)
     for k in (one.header, one.units) if gone else ():
         if k >= 0:

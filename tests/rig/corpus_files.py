@@ -1,7 +1,7 @@
 """Write the binary files of tests/recording/corpus: the same 60 samples at rest, at 100 Hz, in each format.
 
-The libraries of each format write them. The text files are kept as loggers print them (see README.md there).
-Run this with `.venv/bin/python` in the clone.
+The library of each format writes its files. The text files are kept as loggers print them (see README.md in
+that folder). Run this file with `.venv/bin/python` in the clone.
 """
 
 import bz2
@@ -34,7 +34,7 @@ N, RATE_HZ = 60, 100.0
 TIMES_S = np.arange(N) / RATE_HZ
 _random = np.random.default_rng(20231114)
 GYRO_DPS = np.round(0.2 * _random.normal(size=(N, 3)) + [0.5, -0.3, 0.1], 3)
-"""The rates [deg/s] that every file holds, as precisely as its logger writes them."""
+"""The rates [deg/s] in every file, with the precision of the file's logger."""
 ACCEL_MS2 = np.round(0.02 * _random.normal(size=(N, 3)) + [0.1, -0.2, 9.81], 3)
 RADS = np.radians(GYRO_DPS)
 
@@ -79,7 +79,7 @@ def timeless(book: io.BytesIO) -> bytes:
 
 
 def packed() -> dict[str, bytes]:
-    """Return compressed and archived text files, and file beginnings that only tests of refusals use."""
+    """Return compressed and archived text files, and beginnings of files that tests of refusals use."""
     plain = text("plain.csv")
     phone = {"Accelerometer.csv": b"time,seconds_elapsed,z,y,x\n", "Gyroscope.csv": text("Gyroscope.csv")}
     blackbox = b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n"
@@ -223,7 +223,7 @@ def write_mcap() -> None:
 
 
 def printed() -> bytes:
-    """Return what `fltea run --samples` prints for the same rest, without the estimates."""
+    """Return the output of `fltea run --samples` for the samples of the corpus, without estimates."""
     hello = {"class": "hello", "source": "rest", "host_ns": 0, "rate_hz": RATE_HZ, "sampling_mode": "timer"}
     samples = (
         {

@@ -1,6 +1,4 @@
-"""The files of the corpus, with the options with which each is read according to the tables of formats and
-dialects.
-"""
+"""List the files of the corpus with their reading options, from the tables of formats and dialects."""
 
 import shlex
 
@@ -15,7 +13,7 @@ for _one in FORMATS.values():
     OPTIONS.update(_one.corpus)
 for _dialect in dialects():
     OPTIONS.update(_dialect.corpus)
-"""Options by file name in `tests/recording/corpus`."""
+"""Reading options of each file in `tests/recording/corpus`, by file name."""
 
 UNREAD_DIALECTS = {name: one.unread for one in dialects() if one.unread for name in one.corpus}
 """Reasons why files of known loggers are not read, by file name."""

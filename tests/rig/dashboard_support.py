@@ -1,6 +1,6 @@
-"""Records as a running pipeline publishes them, for the tests of the live page.
+"""Make records in the form of a running pipeline's, for the tests of the live page.
 
-Fits are made up (fit_support).
+The fits in these records are invented (fit_support).
 """
 
 import functools
@@ -74,7 +74,7 @@ def remembered(make: Callable[P, list[AnyRecord]]) -> Callable[P, list[AnyRecord
 
 @remembered
 def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
-    """Return what the pipeline publishes for synthetic noise."""
+    """Return the records that the pipeline publishes for synthetic noise."""
     source = SyntheticSource(query, realtime=False)
     pipeline = Pipeline(source, Config(name="due", estimator=config, live=WITHOUT))
     found = records_of(item for event in source.events() for item in pipeline.feed(event))
@@ -85,9 +85,9 @@ def records(query: str, config: EstimatorConfig = QUICK) -> list[AnyRecord]:
 def with_breaks(
     lengths: list[int], reason: str = "restart", config: EstimatorConfig = QUICK, accel: bool = False
 ) -> list[AnyRecord]:
-    """Return records of several stretches of samples, each an epoch.
+    """Return records of several epochs: stretches of samples without a restart of the filters.
 
-    The noise is a counter's low bits plus an offset.
+    The noise is made of the low bits of a counter, plus an offset.
     """
     events: list[Event] = [hello()]
     k = 0
@@ -124,9 +124,9 @@ def columns(history: DeviceHistory, axis: str, window: int = 0) -> dict[str, np.
 
 
 class Reader:
-    """A browser page as far as it has received updates.
+    """Content of a browser page after the updates that it has received.
 
-    `parts`: content by the part's name.
+    `parts`: content of each part of the page, by the part's name.
     """
 
     def __init__(self, *histories: DeviceHistory, recorder: Recorder | None = None) -> None:
@@ -140,7 +140,7 @@ class Reader:
     ) -> dict[str, Any]:
         """Return the next update that the page is sent, and apply it.
 
-        It comes a second after the last update.
+        The update comes a second after the last one.
         """
         self.state._kept.clear()
         had = {name: self._checksums.get(name, "") for name in parts.split()}
@@ -153,8 +153,7 @@ class Reader:
 
 
 def alone(found: Iterable[AnyRecord], every: int = 10, late: int = 0, **own: Any) -> list[AnyRecord]:
-    """Return the same records, with every tenth estimate made by the device, `late` samples after its
-    sample."""
+    """Return the records with estimates by the device, one in `every` and `late` samples after its sample."""
     made: list[AnyRecord] = []
     waiting: list[Estimate] = []
     for record in found:
@@ -176,10 +175,10 @@ def both(
     why_not: WhyNot = "other_settings",
     **own: Any,
 ) -> list[AnyRecord]:
-    """Return the same records with a device's estimates in addition, where α and f differ by `apart(sequence
-    number)`.
+    """Return the records and a device's estimates, whose α and f differ by `apart(sequence number)`.
 
-    `apart`: returns None where the two cannot be compared; `why_not` is the reason given there.
+    `apart`: returns None for samples whose estimates cannot be compared; `why_not` is the reason given for
+    these.
     """
     made: list[AnyRecord] = []
     first: int | None = None

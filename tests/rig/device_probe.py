@@ -1,5 +1,4 @@
-"""Run the device's estimator from Python: tests/native/device_probe.cpp, one shared library for each
-variant."""
+"""Run the device's estimator from Python, by a library for each variant (tests/native/device_probe.cpp)."""
 
 import ctypes
 import weakref
@@ -21,7 +20,7 @@ FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]
 
 
 class Baseline(NamedTuple):
-    """What the device found in its start-up window, and how often the axis had to start over."""
+    """Bias and R from the device's start-up window, and number of restarts of the axis."""
 
     bias_dps: float
     R: float
@@ -30,7 +29,7 @@ class Baseline(NamedTuple):
 
 @lru_cache
 def library(variant: str) -> ctypes.CDLL:
-    """Load the probe of one variant; build it first if it is out of date."""
+    """Load the library of one variant; build it first if it is out of date."""
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     return probe(
         f"device_probe-{variant}",
@@ -48,7 +47,7 @@ LSB_PER_DPS = library("joint").device_lsb_per_dps()
 
 
 class Device:
-    """One axis, estimated by the device's code."""
+    """The device's estimator for one axis."""
 
     def __init__(self, variant: str) -> None:
         self._library = library(variant)
@@ -56,9 +55,7 @@ class Device:
         weakref.finalize(self, self._library.device_free, self._device)
 
     def run(self, counts: ArrayLike, missing: ArrayLike | None = None) -> dict[str, Array]:
-        """Process samples, oldest first; return the ESTIMATE fields after each sample beyond the start-up
-        window.
-        """
+        """Process samples, oldest first; return the fields of ESTIMATE after each sample past the window."""
         counts = np.ascontiguousarray(counts, dtype=np.int16)
         lost = np.zeros(len(counts), np.uint8) if missing is None else np.asarray(missing, dtype=np.uint8)
         rows = np.empty((len(counts), len(FIELDS)))
@@ -73,8 +70,7 @@ class Device:
 
 
 def host_engine(variant: str, R: float) -> Engine:
-    """Return one lane in double precision with the device's settings and an unlimited memory of nine
-    digits."""
+    """Return a double-precision engine of one lane with the device's settings and unlimited memory."""
     return Engine(
         1,
         LaneSettings(

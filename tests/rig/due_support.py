@@ -1,4 +1,6 @@
-"""The emulated Due for tests of the whole chain: the committed firmware image, and runs that tests share."""
+"""Run the committed firmware image on the emulated Due, for tests of the whole chain; tests share the
+runs.
+"""
 
 import os
 import sys
@@ -26,7 +28,7 @@ def image() -> bytes:
 
 
 def after_a_reading(run: DueRun) -> DueRun:
-    """Run on until the sensor has just been read, which is in the middle of a sampling step."""
+    """Continue until the sensor has just been read, which is in the middle of a sampling step."""
     bursts, twi = run.boots[-1].bursts, run.board.twi
     seen = len(bursts)
     while len(bursts) == seen or not twi.field("SR", "TXCOMP"):
@@ -40,7 +42,7 @@ def with_fault(name: str) -> tuple[DueRun, Measured]:
 
 
 def build(mode: str, folder: Path, *defines: str) -> bytes:
-    """Compile an image from the present sources, if the compiler is installed (as it is in CI).
+    """Compile an image from the present sources; skip the test without a compiler (CI has one).
 
     `defines`: overrides of firmware/core/settings.h.
     """

@@ -1,8 +1,8 @@
-"""The emulated twin of every chip that is read on an I²C bus, and facts to check the driver against.
+"""List an emulation of every chip that is read on an I²C bus, with facts for checking the driver.
 
 Register facts come from RM-MPU-9250A-00, for the MPU-6050 from RM-MPU-6000A-00, for the ICM-20948 from
-DS-000189 (revision 1.3). All numbers are typed by hand, none is taken from the driver. The address of a
-banked register here is its number plus 256 times the bank.
+DS-000189 (revision 1.3). All numbers are copied from these documents by hand, not from the driver. The
+address of a banked register here is its number plus 256 times the bank.
 """
 
 from collections.abc import Mapping
@@ -18,9 +18,9 @@ class Emulated(NamedTuple):
 
     `model`: makes the chip, given its world and `options`.
     `period_ms`: sampling period.
-    `holds`: number of samples that fit into its FIFO.
+    `holds`: number of samples that fit into the chip's FIFO.
     `keeps_oldest`: whether an overflow leaves the oldest samples whole.
-    `at_25_c`, `counts_a_c`: counts of its thermometer at 25 °C, and counts per °C.
+    `at_25_c`, `counts_a_c`: counts of the chip's thermometer at 25 °C, and counts per °C.
     `kept`: register values once the chip is set up.
     `lost`: registers in which the driver has to notice a change of the bit `lost_bit`.
     """
@@ -41,7 +41,7 @@ class Emulated(NamedTuple):
     lost_bit: int
 
     def make(self, world: Any, **options: Any) -> Chip:
-        """Return such a chip in a world."""
+        """Return a chip of this kind that measures the world `world`."""
         chip: Chip = self.model(world, **(dict(self.options) | options))
         return chip
 
@@ -125,4 +125,4 @@ EMULATED = {
         lost_bit=0x01,
     ),
 }
-"""By WHO_AM_I: one entry for each of `fltea.wire.sensors.SENSORS`."""
+"""The emulated chips by WHO_AM_I, with one entry for each chip in `fltea.wire.sensors.SENSORS`."""

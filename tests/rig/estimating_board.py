@@ -1,6 +1,4 @@
-"""A simulated board that computes estimates: the messages that it sends, in order, and the events read from
-them.
-"""
+"""Simulate a board that computes estimates: its messages, in order, and the events read from them."""
 
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
@@ -23,7 +21,7 @@ from walk_support import Source
 from tools.board_voice import Voice
 
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
-"""Settings that differ from the host's: another start-up window, and another gate."""
+"""The board's settings: start-up window and gate differ from the host's."""
 STARTUP = ESTIMATOR.startup
 
 LSB_PER_DPS = 16.4
@@ -52,8 +50,8 @@ def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
 class Board:
     """Sends HELLO and ESTIMATOR every 100 samples, SAMPLE, and an ESTIMATE of each axis `late` samples later.
 
-    `stated`: the settings it states; None: it does not estimate. `first`: sequence number of the first
-    sample.
+    `stated`: the settings that the board states; None if the board does not estimate. `first`: sequence
+    number of the first sample.
     """
 
     def __init__(
@@ -70,7 +68,7 @@ class Board:
         self._at = 0
 
     def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
-        """Process samples and yield the messages sent; None is a sample that the board itself misses."""
+        """Process samples and yield the messages sent; a sample None is one that the board misses."""
         waiting: list[tuple[int, list[wire.Estimate]]] = []
         for at, row in enumerate(counts):
             self._at, number = at, (self._first + at) % 65536
@@ -109,7 +107,7 @@ def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0)
 
 
 def exact(sent: Iterable[Sent]) -> Iterator[Event]:
-    """Yield the same events without rounding the estimates to single precision."""
+    """Yield the events of these frames without rounding the estimates to single precision."""
     for at, message, sequence in sent:
         host_ns = at * 10_000_000
         match message:
@@ -129,7 +127,7 @@ def changed(
     which: Callable[[Sent], bool] = lambda one: True,
     **changes: object,
 ) -> Iterator[Sent]:
-    """Replace fields in all messages of one kind, or in those for which `which` is true."""
+    """Replace fields in all messages of one kind, or in the messages for which `which` returns True."""
     for one in sent:
         is_meant = isinstance(one.message, kind) and which(one)
         yield one._replace(message=one.message._replace(**changes)) if is_meant else one
@@ -143,7 +141,7 @@ def pipeline(who: str, **settings: object) -> Pipeline:
 
 
 def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
-    """Return the records published for these events, after a check that they survive a JSON round trip."""
+    """Return the records for these events, after checking that JSON encodes and decodes them unchanged."""
     records = records_of(item for event in found for item in walk.feed(event))
     text = msgspec.json.encode(records)
     assert b"NaN" not in text
@@ -152,7 +150,7 @@ def feed(walk: Pipeline, found: Iterable[Event]) -> list[AnyRecord]:
 
 
 def estimates_of(who: str, records: Iterable[AnyRecord]) -> list[Any]:
-    """Return the device's published estimates, whether alone or in addition to the host's."""
+    """Return the published records with the device's estimates, for either setting `who`."""
     return of(Estimate if who == "device" else DeviceEstimates, records)
 
 
@@ -162,5 +160,5 @@ def of_filters(e: Estimate | DeviceEstimates) -> list[FlteaEstimate]:
 
 
 def reasons(compared: Iterable[DeviceEstimates], *axes: str) -> set[str | None]:
-    """Return why axes (by default all of them) are not compared."""
+    """Return the reasons why `axes` (by default all axes) are not compared."""
     return {a.why_not for e in compared for name, a in e.axes.items() if name in (axes or AXES)}

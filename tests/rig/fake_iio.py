@@ -1,4 +1,4 @@
-"""A folder that imitates the kernel's IIO devices; a FIFO takes the place of the node in /dev."""
+"""Imitate the kernel's IIO devices by a folder; a FIFO is used in place of the node in /dev."""
 
 import os
 import struct
@@ -18,7 +18,7 @@ IMU = {
     "buffer/watermark": "1",
     "trigger/current_trigger": "",
 }
-"""Attributes that a BMI160 shows at ±2000 deg/s and ±2 g."""
+"""Attributes of a BMI160 at ±2000 deg/s and ±2 g, by file name."""
 
 SCAN = struct.Struct("<6hxxxxq")
 
@@ -26,7 +26,7 @@ SCAN = struct.Struct("<6hxxxxq")
 class FakeIio:
     """One imitated device.
 
-    `root`: the folder that takes the place of /.
+    `root`: folder that is used in place of /.
     """
 
     def __init__(self, root: Path, name: str = "bmi160", number: int = 0) -> None:
@@ -68,7 +68,7 @@ class FakeIio:
 
 
 def imu(root: Path) -> FakeIio:
-    """Return a BMI160 with its own trigger, and with one unused channel left enabled."""
+    """Return an imitated BMI160 with its own trigger, and with one unused channel left enabled."""
     device = FakeIio(root)
     for name, text in IMU.items():
         device.put(name, text)
@@ -83,5 +83,5 @@ def imu(root: Path) -> FakeIio:
 
 
 def scan(k: int, time_ns: int) -> bytes:
-    """Return scan `k` of that BMI160: small numbers that are unique to the scan."""
+    """Return the bytes of scan `k` of the imitated BMI160: small numbers that are unique to the scan."""
     return SCAN.pack(k % 50, -k % 50, 3, 100, -200, 16000 + k % 3, time_ns)

@@ -1,4 +1,4 @@
-"""A simulated Raspberry Pi with the chip model on its bus, in virtual time, behind the interface of smbus2.
+"""Simulate a Raspberry Pi with an emulated chip on its bus, in virtual time, with smbus2's interface.
 
 The bus takes real `smbus2.i2c_msg` objects, takes as long as a transfer at 400 kHz, and refuses what the
 controller of the Raspberry Pi 1 to 4 refuses: its Linux driver (i2c-bcm2835) answers EOPNOTSUPP if any
@@ -32,7 +32,7 @@ READ = 1
 """Linux's flag I2C_M_RD."""
 SYSTEM_CALL_NS = 50_000
 LONGEST_MESSAGE = 255
-"""Longest message of some adapters [bytes]; those of the Raspberry Pi accept more."""
+"""Longest message of some adapters [bytes]; the adapters of the Raspberry Pi accept longer messages."""
 TICK_NS = 100_000
 WRAP = 16_384
 NO_ESTIMATES = {"samples": True, "estimator.startup": 1_000_000, "live.on": False}
@@ -40,7 +40,7 @@ Injection = Callable[[tuple[i2c_msg, ...]], int | None]
 
 
 class TellsTime:
-    """A world whose values tell when they were measured, and whether they were measured together."""
+    """A world whose values encode when they were measured, and whether they were measured together."""
 
     def at(self, now_ns: int) -> Motion:
         n = now_ns // TICK_NS
@@ -172,7 +172,7 @@ class FakeBus:
 
 
 class Pi:
-    """`fltea run --source i2c:…` on that machine, with all events and records that it produced."""
+    """`fltea run --source i2c:…` on the simulated machine, with all its events and records."""
 
     def __init__(
         self,
@@ -195,7 +195,7 @@ class Pi:
         self._running: Iterator[Event] = self.source.events()
 
     def at(self, at_s: float, do: Callable[[], None]) -> "Pi":
-        """Do something to the chip at a moment of the chip's time."""
+        """Call `do` at the time `at_s` of the chip's clock [s]."""
 
         def do_now() -> None:
             self.chip.advance(self.host.now_ns)
@@ -205,7 +205,7 @@ class Pi:
         return self
 
     def run_until(self, at_s: float) -> "Pi":
-        """Run until a time, and on to the last sample of a burst."""
+        """Run until the time `at_s` [s], and on to the last sample of the present burst."""
         for event in self._running:
             self.events += in_samples([event])
             self.records += records_of(self.pipeline.feed(event))
@@ -244,15 +244,14 @@ class Pi:
 
     @property
     def status(self):
-        """Return the status at this moment, not the last one that was sent."""
+        """Return the present status, which may be newer than the last status sent."""
         return self.source._status()
 
     def check(self, ppm: float = 0.0) -> list[int]:
-        """Compare every sample with the moment at which it was measured; return the moments of the last epoch
-        [ns].
+        """Check every sample against the time of its measurement; return the times of the last epoch [ns].
 
-        Numbers and moments of one epoch agree to the sample, no sample arrived before it was measured, and
-        every sample that was not delivered was counted.
+        Within an epoch, numbers and times agree to the sample. No sample arrives before it is measured. Every
+        sample that is not delivered is counted.
         """
         period_ns = S / self.hello.rate_hz / (1 + ppm * 1e-6)
         epoch, first, arrived_ns = -1, (0, 0), 0

@@ -1,4 +1,4 @@
-"""A simulated machine: a folder for its file system, and fixed answers to what a folder cannot hold."""
+"""Simulate a machine by a folder for its file system, and fixed answers for all other queries."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,9 +12,7 @@ from fltea.wire.transport import DUE_PROGRAMMING_PORT
 
 
 class FakeSystem(System):
-    """A system where everything is permitted, nothing runs and nothing is plugged in, unless a test changes
-    that.
-    """
+    """A system that permits everything, with no program and no device, unless a test changes it."""
 
     def __init__(self, root: Path) -> None:
         super().__init__(root)
@@ -98,5 +96,5 @@ def finding_of(findings: list[Finding], check: str) -> Finding:
 
 
 def levels(findings: list[Finding]) -> dict[str, str]:
-    """Return the level of each check by its name; of several checks with one name the last counts."""
+    """Return the level of each check by its name; the last check counts if several have the same name."""
     return {finding.check: finding.level for finding in findings}

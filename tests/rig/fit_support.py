@@ -1,4 +1,4 @@
-"""Made-up fits as the live fit publishes them, for the tests of the live page."""
+"""Invent fits in the form of the live fit's, for the tests of the live page."""
 
 import numpy as np
 from fltea.records.fit import AxisFit, FitAllan, FitSpectrum, Interval, Until
@@ -70,7 +70,7 @@ def fit_after(sample: Sample, axes: dict[str, AxisFit], samples: int | None = No
 
 
 def with_fits(found: list[AnyRecord], axes: dict[str, AxisFit], every: int = 100) -> list[AnyRecord]:
-    """Return the same records with a fit after every `every` estimates."""
+    """Return the records with a fit inserted after every `every` estimates."""
     made: list[AnyRecord] = []
     for record in found:
         made.append(record)

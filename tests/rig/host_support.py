@@ -1,5 +1,4 @@
-"""Shared by the tests of the host: the simulated board and the real command, strict reading, and HTTP
-requests."""
+"""Helpers for the tests of the host: a simulated board, the real command, a strict reader, HTTP requests."""
 
 import contextlib
 import http.client
@@ -55,7 +54,7 @@ def fltea(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedPro
 def fltea_here(*arguments: str | Path, columns: int = 200) -> subprocess.CompletedProcess[str]:
     """Run fltea in this process, without the start of Python and the imports.
 
-    For commands that end on their own, where only their output matters.
+    Use this for commands that end without a signal, if only their output matters.
     """
     command = ["__main__.py", *map(str, arguments)]
     kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -84,7 +83,7 @@ def fltea_here(*arguments: str | Path, columns: int = 200) -> subprocess.Complet
 def strict_records(output: str | bytes) -> list[AnyRecord]:
     """Return the records of an NDJSON output.
 
-    Each must be one whole line that has exactly its struct's fields.
+    Each record must be one whole line that has exactly the fields of the record's struct.
     """
     data = output.encode() if isinstance(output, str) else output
     assert not data or data.endswith(b"\n"), f"the last line is cut: {data[-80:]!r}"
@@ -115,7 +114,7 @@ def hello(**changes: object) -> Hello:
 
 
 def each_ended(make: Callable[..., T], end: Callable[[T], object]) -> Iterator[Callable[..., T]]:
-    """Write a fixture that makes as many objects as a test asks for, and ends each after the test."""
+    """Yield a function that makes any number of objects for a test, and end each object after the test."""
     with contextlib.ExitStack() as stack:
 
         def one(*arguments: Any, **options: Any) -> T:
@@ -127,8 +126,7 @@ def each_ended(make: Callable[..., T], end: Callable[[T], object]) -> Iterator[C
 
 
 HEARS_HANGUPS = ("env", "--default-signal=HUP")
-"""Command prefix that restores the default hang-up signal: under nohup, programs that tests start inherit its
-neglect.
+"""Command prefix that restores the default reaction to SIGHUP, since programs started under nohup ignore it.
 """
 
 
@@ -156,7 +154,7 @@ class StandIn:
 
 
 class Daemon(Program):
-    """A running `fltea run` or other command, with its records as they come.
+    """A running `fltea run` or other command, whose records are read as they come.
 
     `program`: a program to run in place of fltea.
     """
@@ -165,9 +163,7 @@ class Daemon(Program):
         super().__init__([command, *arguments], before=HEARS_HANGUPS, program=program)
 
     def end(self, number: signal.Signals | None = signal.SIGINT) -> tuple[int, str]:
-        """Return exit code and stderr, after sending a signal, or after the program ends on its own (`number`
-        None).
-        """
+        """Send a signal, or none if `number` is None; wait for the end, and return exit code and stderr."""
         return super().end(number)
 
     def end_well(self, number: signal.Signals | None = signal.SIGINT) -> str:
@@ -178,7 +174,7 @@ class Daemon(Program):
 
 
 class Processes:
-    """Starts both kinds of program, and stops them all even if a test fails."""
+    """Starts programs of both classes, and stops all of them even if a test fails."""
 
     def __init__(self) -> None:
         self._started: list[StandIn | Daemon] = []

@@ -1,4 +1,4 @@
-"""Recordings that state a false size, or are made to fill the memory of the program that opens them."""
+"""Make recordings that state a false size, or that would fill the memory of the program that opens them."""
 
 import io
 import struct
@@ -26,7 +26,7 @@ class Files(dict[str, bytes]):
 
 
 def mcap_with(*records: bytes) -> bytes:
-    """Return the head of a recording of ours, then these records, then no end."""
+    """Return the head of a recording of fltea, followed by `records`, without the end of a recording."""
     builder = RecordBuilder()
     Header("", "hostile").write(builder)
     info = PartInfo("1f0c2b3a", 0, "due", "1.0", 0, 0)
@@ -55,7 +55,7 @@ MCAP_BOMBS: dict[str, Callable[[], bytes]] = {
     "lz4": lambda: mcap_with(chunk("lz4", zeros("lz4", LARGE), LARGE)),
     "many": lambda: mcap_with(*[chunk("zstd", zeros("zstd", LARGE), LARGE)] * 20),
 }
-"""Recordings by name. Each is refused, and refusing it needs little memory."""
+"""Recordings by name, which are all refused. Refusing such a recording needs little memory."""
 
 MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "declares 4.2 GB": lambda: chunk("zstd", zeros("zstd", 900), 4_200 * MB),
@@ -66,7 +66,7 @@ MCAP_LIES: dict[str, Callable[[], bytes]] = {
     "a frame that declares 4 GB": lambda: chunk("zstd", _frame_declaring(4_200 * MB), 900),
     "an unknown packer": lambda: chunk("\x1b[31mrar", b"", 9),
 }
-"""Recordings by name whose chunks are damaged but not large; what follows them is still read."""
+"""Recordings by name, with chunks that are damaged but not large. The data after such a chunk are read."""
 
 
 def _streamed_zeros(size_bytes: int) -> bytes:
@@ -81,8 +81,7 @@ def _frame_declaring(size_bytes: int) -> bytes:
 
 
 def sparse(path: Path, head: bytes, kind: int, length: int) -> Path:
-    """Write a sparse file whose last record really is `length` bytes of zeros but takes no room on the
-    disk."""
+    """Write a sparse file whose last record has `length` zero bytes, which take no room on the disk."""
     with path.open("wb") as file:
         file.write(head + struct.pack("<BQ", kind, length))
         file.truncate(len(head) + 9 + length)

@@ -84,4 +84,4 @@ HOSTILE: dict[str, Callable[[Path], None]] = {
     ),
     ENDLESS_TREE: _without_end,
 }
-"""By name, the function that makes such a file."""
+"""Functions that make these files, by name."""

@@ -1,4 +1,4 @@
-"""Shared by the tests of `fltea identify`: recordings of white noise, and settings that are quick."""
+"""Helpers for the tests of `fltea identify`: recordings of white noise, and settings that save time."""
 
 import os
 from pathlib import Path
@@ -32,9 +32,9 @@ def npz(path: Path, raw: np.ndarray, **extra: object) -> Path:
 
 
 class Deadly:
-    """Takes the place of a path and kills the process that reads it, the first `times` times.
+    """An object that replaces a path and kills the process that reads it, the first `times` times.
 
-    Only a process that receives this object dies, because unpickling kills it.
+    Only a process that receives this object dies, because unpickling the object kills the process.
     """
 
     def __init__(self, path: Path, mark: Path, times: int) -> None:

@@ -27,7 +27,7 @@ def identify_series(
 ) -> AxisReport:
     """Return all that is identified about one axis alone, except its shuffled copies.
 
-    `known`: faults that are already known from the recording as a whole.
+    `known`: results of data checks of the whole recording.
 
     Raises:
         ValueError: The series is too short or constant.
@@ -37,7 +37,7 @@ def identify_series(
         events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
         if events.left_out.is_like(found.left_out):
             break
-        # too few samples are left between the steps, so the first examination stands
+        # with too few samples between the steps, the first result stays
         with contextlib.suppress(ValueError):
             found = examine(series, h, options, figures, known, events.left_out)
     if found.tracked is not None:

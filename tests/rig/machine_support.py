@@ -1,5 +1,4 @@
-"""Boards that run small programs, written in assembly and built when needed, and the register values for 84
-MHz."""
+"""Make boards that run small assembly programs, which are built when needed, at a clock of 84 MHz."""
 
 import subprocess
 import tempfile
@@ -31,8 +30,9 @@ PRELUDE = (FOLDER / "prelude.S").read_text(encoding="utf-8")
 
 TICK_EACH_MS = "systick 3999, 7\n"
 COUNT = "\n count_ticks\n"
-"""Assembly that makes SysTick fire every millisecond at the clock after reset, with a handler that counts in
-slot 0."""
+"""Assembly code by which SysTick fires every millisecond at the clock rate after reset; its handler counts in
+slot 0.
+"""
 
 
 def program(text, handlers=None):
@@ -44,7 +44,7 @@ def program(text, handlers=None):
 
 
 def linked_program(folder, text, handlers=None):
-    """Write the same program as an ELF file into the folder; return its path and image."""
+    """Write the image of `program` as an ELF file into the folder; return the file's path and the image."""
     return _link(folder, _source(text, handlers), ".S")
 
 
@@ -93,7 +93,7 @@ class Bench:
         return self
 
     def fault(self, seconds=1.0):
-        """Run and return the reason that ends the run."""
+        """Run the program, and return the reason for which the emulator ends the run."""
         with pytest.raises(EmulationFault) as caught:
             self.board.run_until(seconds)
         return caught.value.reason
@@ -113,7 +113,7 @@ def peripheral(board, name):
 
 
 def reason(action, *arguments):
-    """Return the reason with which this call ends the run."""
+    """Call `action`, and return the reason for which the emulator ends the run."""
     with pytest.raises(EmulationFault) as caught:
         action(*arguments)
     return caught.value.reason

@@ -1,4 +1,6 @@
-"""Shared by the tests of recordings: simulate a transport, record it as the daemon does, and read it back."""
+"""Helpers for the tests of recordings: simulate a port's data, record them as the daemon does, read them
+back.
+"""
 
 import random
 from collections.abc import Callable, Iterable
@@ -29,7 +31,7 @@ PERIOD_NS = 10_000_000
 
 
 def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[TransportEvent]:
-    """Return what arrives from a device on a serial port: chunks cut anywhere, late arrivals, lost frames.
+    """Return the events of a device's serial port: chunks cut anywhere, late arrivals, lost frames.
 
     Between two boots the port is unplugged.
     """
@@ -72,7 +74,7 @@ def record(
     estimate_on: str = "host",
     **settings: object,
 ) -> tuple[list[AnyRecord], RecordSink]:
-    """Process and record what came, as the daemon does; with `end` false the file stays open."""
+    """Process and record events, as the daemon does; with `end` false the file stays open."""
     sink = RecordSink(recording_to(folder, **settings), device, report)
     source = FedSource("/dev/due")
     pipeline = Pipeline(
@@ -93,7 +95,7 @@ def record(
 
 
 def kill(sink: RecordSink) -> None:
-    """Leave a recorder as a killed process does: the system closes its file, and nothing more is written."""
+    """Leave a recorder as a killed process would: the system closes the file, and nothing more is written."""
     assert sink._part is not None
     sink._part.writer._file.close()
 
@@ -106,7 +108,7 @@ def replay(path: Path, **overrides: object) -> list[AnyRecord]:
 
 
 def without(records: Iterable[AnyRecord], *fields: str) -> list[AnyRecord]:
-    """Return the same records with these fields blanked, as they always differ."""
+    """Return the records with `fields` blanked, since these fields differ in every run."""
     return [msgspec.structs.replace(one, **dict.fromkeys(fields, "")) for one in records]
 
 

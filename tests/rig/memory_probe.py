@@ -1,5 +1,6 @@
-"""Run the native memories from Python: tests/native/probe.cpp, one shared library for each instruction
-set."""
+"""Run the filters' native memories from Python (tests/native/probe.cpp), one library for each instruction
+set.
+"""
 
 import ctypes
 import weakref
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 SETS = instruction_sets()
 """Instruction sets that this processor supports."""
 DIRECT = -1
-"""Given as the number of digits, this selects the exact memory."""
+"""Number of digits that selects the exact memory."""
 
 
 @lru_cache
@@ -39,7 +40,7 @@ def library(instruction_set: str) -> ctypes.CDLL:
 
 
 class Memory:
-    """One memory of `digits` (or DIRECT) and window L (0: unlimited); inputs and results are (lanes,).
+    """A memory with `digits` digits (or DIRECT) and window L (0: unlimited); results are (lanes,).
 
     `kind`: number type, f: float, d: double, w: a SIMD pack as wide as the registers.
     """
@@ -53,7 +54,7 @@ class Memory:
         self.lanes: int = self._library.probe_lanes(self._probe)
 
     def _rows(self, values: ArrayLike, n: int) -> Array:
-        """Spread n numbers over all lanes: (n, lanes)."""
+        """Return n numbers, repeated for all lanes: (n, lanes)."""
         return np.repeat(np.asarray(values, dtype=np.float64).reshape(n, 1), self.lanes, 1)
 
     def push(self, x: ArrayLike, P: ArrayLike) -> None:
@@ -70,14 +71,14 @@ class Memory:
         self._library.probe_stir(self._probe, n, seed)
 
     def sums(self, order: ArrayLike) -> tuple[Array, Array]:
-        """Return S and V of one order for all lanes."""
+        """Return the sums S (of states) and V (of variances) for one order in all lanes."""
         S, V = np.empty(self.lanes), np.empty(self.lanes)
         orders = np.full(self.lanes, order, dtype=np.float64)
         self._library.probe_sums(self._probe, orders, S, V)
         return S, V
 
     def evaluate(self, orders: ArrayLike) -> tuple[Array, Array]:
-        """Return S of three orders from one call, (3, lanes), and V of the first order alone, (lanes,)."""
+        """Return S for three orders, (3, lanes), and V for the first order, (lanes,), from one call."""
         S, V = np.empty((3, self.lanes)), np.empty(self.lanes)
         self._library.probe_evaluate(self._probe, self._rows(orders, 3), S, V)
         return S, V

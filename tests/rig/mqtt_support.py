@@ -1,4 +1,4 @@
-"""A fake broker, and an MQTT sink with a clock that the test advances."""
+"""Make a fake MQTT broker, and an MQTT sink with a clock that the test advances."""
 
 import json
 from collections import deque
@@ -37,9 +37,9 @@ def gap(seq: int = 0) -> Gap:
 
 
 class FakeConnection:
-    """Accepts every message, and acknowledges only what the test says.
+    """Accepts every message, and acknowledges a message only when the test requests it.
 
-    `full`: it can send nothing at present.
+    `full`: whether the connection can send nothing at present.
     """
 
     made: ClassVar[list["FakeConnection"]] = []
@@ -62,7 +62,7 @@ class FakeConnection:
         self.events.append(Down("broker_lost", "closed"))
 
     def acknowledge(self, *topics: str, refusal: str | None = None) -> None:
-        """Let the broker acknowledge what was sent on these topics; on all topics if none is named."""
+        """Let the broker acknowledge the messages on these topics, or on all topics if none is named."""
         for mid, (topic, *_) in enumerate(self.sent, 1):
             if not topics or topic in topics:
                 self.events.append(Acknowledged(mid, refusal))
@@ -72,7 +72,7 @@ class FakeConnection:
 
 
 class Driven:
-    """A sink that the test drives directly, in place of a sink queue."""
+    """A sink whose methods the test calls directly, without a sink queue."""
 
     def __init__(self, broker: str, **settings: Any) -> None:
         self.told: list[tuple[str, str]] = []

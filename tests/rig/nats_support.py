@@ -29,7 +29,7 @@ def mapping(partitions: int = PARTITIONS) -> str:
 def single(folder: Path, maps: str | None = None, store: str = "8GB", more: str = "") -> Server:
     """Start a server without TLS and accounts.
 
-    `maps`: its mapping. `store`: size of JetStream's store; "" disables JetStream.
+    `maps`: mapping of subjects to partitions. `store`: size of JetStream's store; "" disables JetStream.
     """
     folder.mkdir()
     port = free_port()

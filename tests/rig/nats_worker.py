@@ -1,4 +1,4 @@
-"""The part of a worker that talks to a NATS server, and helpers that act as a client of that server."""
+"""Run the part of a worker that talks to a NATS server, and act as a client of the server."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -37,7 +37,7 @@ class Worker:
 
 
 def taken(worker: Worker, timeout_s: float) -> list[Message | Served | Resumed | Left]:
-    """Take all that waits in the inbox, in order."""
+    """Return all items that wait in the worker's inbox, in order."""
     found: list[Message | Served | Resumed | Left] = []
     messages, behind = worker.inbox.take(timeout_s)
     while messages or behind:

@@ -1,5 +1,4 @@
-"""The octaves of a spectrum in numpy and scipy, computed from all samples at once: the oracle of the native
-ones."""
+"""Compute the octaves of a spectrum from all samples at once by numpy, as an oracle of the native code."""
 
 from typing import NamedTuple
 
@@ -25,17 +24,16 @@ class Lines(NamedTuple):
 
 
 def _correlated(later: int) -> float:
-    """Sum the squared correlations of a spectral line with all those of a block that begins `later` samples
-    later."""
+    """Return the sum of a line's squared correlations with all lines of a block `later` samples later."""
     both = np.zeros(256)
     both[: 256 - later] = WINDOW[later:] * WINDOW[: 256 - later]
     return float((np.abs(np.fft.fft(both)) ** 2).sum() / (WINDOW**2).sum() ** 2)
 
 
 def lines(stretches: list[Array], made_up: list[Array] | None = None) -> Lines:
-    """Return the spectrum of stretches that have no gap.
+    """Return the spectrum of pieces of a record that have no gap.
 
-    `made_up`: True where a sample was not measured.
+    `made_up`: True for a sample that was filled in, not measured.
     """
     lam, power, weight, all_blocks, level = [], [], [], [], 0
     while sum(len(x) for x in stretches if len(x) >= 64) > 3072:

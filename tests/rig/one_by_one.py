@@ -1,4 +1,4 @@
-"""The oracle of host/native/timebase.hpp: the same regression, one arrival at a time."""
+"""Compute the regression of host/native/timebase.hpp one arrival at a time, as its oracle."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -15,14 +15,14 @@ DELAY = itemgetter(1)
 
 
 def total(values: Iterable[float]) -> float:
-    """Add the values in order, so that the sum equals that of a plain loop to the bit."""
+    """Return the sum of the values, added in order, which equals the sum by a plain loop to the bit."""
     return reduce(add, values, 0.0)
 
 
 class Timebase:
     """Fits a straight line through the earliest arrival of each second.
 
-    The line gives the host time of every sample.
+    The straight line gives the host time of every sample.
     """
 
     def __init__(self, offset_ns: int) -> None:
@@ -63,8 +63,7 @@ class Timebase:
 
     @property
     def clock_ppm(self) -> float | None:
-        # Delays that are all 0 to the nanosecond belong to host times that were computed from the device's
-        # times.
+        # If all delays are 0 to the nanosecond, the host times were computed from the device's times.
         if len(self._blocks) < BLOCKS_FOR_PPM or not any(map(DELAY, self._blocks)):
             return None
         return (1.0 / (1.0 + self._slope_error) - 1.0) * 1e6

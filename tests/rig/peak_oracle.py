@@ -1,5 +1,4 @@
-"""Find the most significant peak of a spectrum by its definition, as an oracle of
-host/native/octave_peak.hpp."""
+"""Find a spectrum's most significant peak by its definition, as the oracle of host/native/octave_peak.hpp."""
 
 import math
 from collections.abc import Iterator
@@ -31,7 +30,7 @@ class Try(NamedTuple):
 
 
 class Lines:
-    """Spectral lines of these powers. Each represents `weight` ordinates of the periodogram."""
+    """Spectral lines with their powers; each line represents `weight` ordinates of the periodogram."""
 
     def __init__(self, power: Array, weight: Array) -> None:
         self.m = len(power)
@@ -110,7 +109,7 @@ class Lines:
 
 
 def strongest(power: Array, weight: Array, false_alarm: float) -> tuple[int, int, float] | None:
-    """Return the likeliest of the significant stretches, and the level around it."""
+    """Return the likeliest of the significant ranges of lines, and the level around that range."""
     lines = Lines(power, weight)
     best: Try | None = None
     for tries in (list(lines.at_the_ends()), list(lines.between())):

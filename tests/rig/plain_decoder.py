@@ -1,6 +1,6 @@
 """Decode a whole stream of bytes with PyPI's cobs and zlib, as the oracle of the native decoder.
 
-It follows protocol/README.md literally, and shares only the layout of messages with the program.
+This decoder follows protocol/README.md literally, and shares only the layout of messages with the program.
 """
 
 import struct
@@ -14,13 +14,13 @@ from fltea.wire.block_reader import BlockReader, SampleColumns
 from fltea.wire.messages import BadFrame, Frame, Refused
 
 CUT = ("cobs", "oversize", "short", "crc")
-"""Errors that can occur when a receiver gets only the end of a frame."""
+"""Kinds of errors that can occur when a receiver gets only the end of a frame."""
 
 
 class Found(NamedTuple):
     """A decoded item.
 
-    `end`: offset just behind it in all bytes.
+    `end`: offset of the byte just behind the item in all bytes.
     """
 
     item: Frame | Refused | BadFrame
@@ -48,7 +48,7 @@ def decoded(data: bytes) -> list[Found]:
 
 
 def unfinished(data: bytes) -> int:
-    """Return how many bytes wait for the rest of their block."""
+    """Return the number of bytes in the last block, whose end has not arrived."""
     last = len(data.rpartition(b"\0")[2])
     return 0 if last > wire.MAX_ENCODED else last
 
@@ -80,7 +80,7 @@ def of_block(block: bytes) -> Frame | Refused | BadFrame:
 
 
 def in_chunks(reader: BlockReader, chunks: Iterable[bytes]) -> list[Found]:
-    """Return what the native decoder gives for these chunks, in the form of `decoded`."""
+    """Return the native decoder's results for these chunks, in the form of `decoded`."""
     found: list[Found] = []
     for chunk in chunks:
         before = reader.bytes_in

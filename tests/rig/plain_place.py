@@ -13,17 +13,19 @@ from fltea.settings.duration import in_samples
 LONGEST_SILENCE_NS = 30 * 60 * 10**9
 """Device time wraps every 71.6 minutes, so after a longer silence the number of wraps is ambiguous."""
 LONGEST_DISAGREEMENT_US = 5 * 60 * 10**6
-"""Largest difference between device clock and host clock since the last sample: a reset may look like a gap
-of an hour."""
+"""Largest accepted difference between device clock and host clock since the last sample. A reset may look
+like a gap of an hour.
+"""
 CLOCK_TOLERANCE = 0.02
-"""Sequence and time may differ by twice the ±1 % of a sensor's own clock, and by one period."""
+"""Relative difference that is accepted between sequence number and time: twice the ±1 % of a sensor's own
+clock.
+"""
 LONGEST_GAP = 1_000_000
 """Largest number of samples that a gap may bridge, whatever `link.max_gap` says."""
 
 
 class Placed(NamedTuple):
-    """A sample's number, its device time, the samples lost just before it, and the reason if it begins an
-    epoch."""
+    """Number and device time of a sample, number of samples lost before it, and why it begins an epoch."""
 
     seq: int
     device_us: int
@@ -32,17 +34,17 @@ class Placed(NamedTuple):
 
 
 def steps_between(last: RawSample, raw: RawSample, hello: Hello) -> int | None:
-    """Return the sampling periods from one sample to another; None if the number and the time disagree."""
+    """Return the number of sampling periods between two samples; None if numbers and times disagree."""
     elapsed_us, period_us = (raw.device_us - last.device_us) % 2**32, 1e6 / hello.rate_hz
     numbers = (raw.sequence - last.sequence) % 2**16
-    # The elapsed time tells how often the number has wrapped.
+    # The elapsed time shows how often the number has wrapped.
     steps = numbers + 2**16 * round((elapsed_us / period_us - numbers) / 2**16)
     tolerance_us = CLOCK_TOLERANCE * steps * period_us + period_us
     return steps if steps >= 1 and abs(elapsed_us - steps * period_us) <= tolerance_us else None
 
 
 class RateWatch:
-    """Detects whether times and numbers of samples keep differing from the rate of HELLO in the same way."""
+    """Detects whether the times and numbers of samples show another sampling rate than the HELLO states."""
 
     def __init__(self) -> None:
         self.begin()
@@ -54,7 +56,7 @@ class RateWatch:
         self.says: str | None = None
 
     def add(self, sequence: int, device_us: int, period_us: float) -> str | None:
-        """Compare with the last sample.
+        """Compare a sample with the last sample.
 
         Returns:
             "differs" or "agrees" when a new verdict is possible, else None.
@@ -99,10 +101,10 @@ class Place:
         self._seq = self._device_us = 0
 
     def on_hello(self, hello: Hello) -> bool:
-        """Accept the samples that follow.
+        """Accept the samples that follow the HELLO.
 
         Returns:
-            Whether this HELLO differs: it is the first one, of another boot, or of another sensor.
+            Whether this HELLO is the first one, or states another boot or another sensor.
         """
         boot, before = (hello.boot_id, hello.device_id), self._boot
         sensor_began = hello.sensor_starts != self._sensor_starts
@@ -146,7 +148,7 @@ class Place:
             if self._disagreed:
                 self._compare(raw)
             return None
-        if last is None or reason not in (None, "sensor_restart"):  # earlier samples no longer matter
+        if last is None or reason not in (None, "sensor_restart"):  # earlier samples have no effect any more
             return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason))
         if raw.host_ns - last.host_ns > LONGEST_SILENCE_NS:
             return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason or "silence"))
@@ -157,7 +159,7 @@ class Place:
             return None
         steps, elapsed_on_host_us = steps_between(last, raw, hello), (raw.host_ns - last.host_ns) / 1000
         if steps is None or abs(elapsed_us - elapsed_on_host_us) > LONGEST_DISAGREEMENT_US:
-            # a restart or another device: wait for HELLO, which says which one it is
+            # this is a restart or another device; the next HELLO states which
             self._reason, self.hello = "discontinuity", None
             self.before_hello += 1
             self._disagreed = True

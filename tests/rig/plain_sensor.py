@@ -1,4 +1,4 @@
-"""The axes of one sensor: bias and R from the start-up window, then the filters, one sample at a time.
+"""Estimate the axes of one sensor in plain Python, one sample at a time, as an oracle.
 
 The lanes of the filters and their supervisors are in `sample_by_sample`. `plain_walk` explains the steps
 before and after.
@@ -30,7 +30,7 @@ Loss = tuple[str, Reason]
 
 
 class Baseline(NamedTuple):
-    """Bias and R of each axis, and which axes never changed: those have no R and no estimate."""
+    """Bias and R of each axis, and the axes that never changed, which have no R and no estimate."""
 
     bias: Vector
     R: Vector
@@ -38,8 +38,7 @@ class Baseline(NamedTuple):
 
 
 def baseline_of(window: list[Vector], axes: int, config: EstimatorConfig, resolution: float) -> Baseline:
-    """Return bias and R from the settings, else from the start-up window, summed in the native code's
-    order."""
+    """Return bias and R from the settings, or from the window, summed in the order of the native code."""
     means, variances = [0.0] * axes, [0.0] * axes
     for axis, values in enumerate(zip(*window, strict=True)):
         n, total, squares = len(values), 0.0, 0.0
@@ -62,9 +61,9 @@ def _each(setting: str | float | list[float], axes: int) -> Vector:
 
 
 class Sensor:
-    """The axes of one sensor from the beginning of an epoch: start-up window, then filters.
+    """The axes of one sensor from the beginning of an epoch: first the start-up window, then the filters.
 
-    `axes`: names, and the columns of the samples that hold them. `resolution`: size of one count, 0 if
+    `axes`: names of the axes with their columns in the samples. `resolution`: size of one count, 0 if
     unknown.
     """
 
@@ -120,8 +119,8 @@ class Sensor:
     def _of_filters(self, axis: str, columns: Vector | None) -> FlteaEstimate:
         """Return the filters' estimate.
 
-        It is settled if the innovations were white at the last full hundred. Filters that wait for a live fit
-        to tune them are not settled before that fit.
+        An estimate is settled if the innovations were white at the last full hundred. Filters that a live fit
+        has to tune are not settled before that fit.
         """
         rows = self._innovations[axis]
         rows.append((columns[5], columns[6]) if columns else None)
@@ -135,9 +134,9 @@ class Sensor:
         return FlteaEstimate(**dict(zip(COLUMNS, numbers, strict=True)), valid=True, settled=accepted)
 
     def miss(self, count: int) -> list[Loss]:
-        """Predict over lost samples; return axes lost meanwhile.
+        """Predict over lost samples; return the axes that became invalid meanwhile.
 
-        In the start-up window lost samples do not matter.
+        The start-up window ignores lost samples.
         """
         if self.baseline is None or not count:
             return []
@@ -151,7 +150,7 @@ class Sensor:
         return lost
 
     def bridge(self, count: int) -> None:
-        """Predict over the time since a snapshot, as far as the memory reaches."""
+        """Predict over the samples since a snapshot, at most the length of the memory."""
         self.miss(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def stats(self) -> Iterator[tuple[str, AxisStats]]:

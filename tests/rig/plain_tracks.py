@@ -1,6 +1,6 @@
-"""The biases of one sensor in plain Python: the tracker's estimate for each sample, one at a time.
+"""Estimate the biases of one sensor in plain Python, one sample at a time.
 
-The tracker is the native one. Here it gets one sample per call; its own tests compare it with textbook
+The native tracker is used, with one sample per call. The tests of the tracker compare it with textbook
 filters.
 """
 
@@ -29,7 +29,7 @@ class Place(NamedTuple):
     host_ns: int
 
     def before(self, samples: int, h: float) -> "Place":
-        """Return the position `samples` samples earlier.
+        """Return number, epoch and times of the sample that came `samples` samples earlier.
 
         `h`: sampling period [s].
         """
@@ -40,7 +40,7 @@ class Place(NamedTuple):
 class SensorTracks:
     """The tracker of one sensor from the beginning of an epoch.
 
-    `axes`: names, and the columns of the samples that hold them.
+    `axes`: names of the axes with their columns in the samples.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class SensorTracks:
     def take(self, sample: Vector, accel_ms2: Vector | None) -> dict[str, dict[str, object]]:
         """Return the tracker's fields of an estimate, for each axis.
 
-        `accel_ms2`: the accelerometer's sample, which also tells the gyroscope's tracker of motion.
+        `accel_ms2`: the accelerometer's sample, by which the gyroscope's tracker detects motion as well.
         """
         own = np.array([[sample[column] for column in self._axes.values()]])
         found = self._tracker.run(own, None if accel_ms2 is None else np.array([accel_ms2]))
@@ -68,7 +68,7 @@ class SensorTracks:
         return said
 
     def happened(self, place: Place, device: str | None) -> Iterator[Step | Motion]:
-        """Yield the steps and the motion that were detected at this sample."""
+        """Yield the records of steps and motion that were detected at the sample `place`."""
         names = tuple(self._axes)
         for one in self._happened:
             began = place.before(max(one.ago - 1, 0), self._h)
@@ -86,7 +86,7 @@ class SensorTracks:
         self._tracker.skip(count)
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
-        """Yield the statistics of each axis, as they are before any fit."""
+        """Yield the statistics of each axis, with the values that they have before any fit."""
         for axis, one in zip(self._axes, self._tracker.figures(), strict=True):
             checked = zip(CHECKED_S, one.checked, strict=True)
             yield (

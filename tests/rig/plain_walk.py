@@ -1,7 +1,7 @@
 """Process samples as the host does, in plain Python, one sample at a time, from top to bottom.
 
-This is the oracle of `fltea.stream.pipeline`, and shows what the pipeline does. A sample enters
-`PlainWalk.feed`, and then
+This module is the oracle of `fltea.stream.pipeline`, and shows the steps of the pipeline. `PlainWalk.feed`
+takes a sample, and then
 
 1. `plain_place.SequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples;
 2. `one_by_one.Timebase` gives it its host time, from a straight line fitted to the earliest arrivals of ten
@@ -11,7 +11,7 @@ minutes;
 5. `plain_sensor.Sensor` computes bias and R from the first samples, and filters all later ones;
 6. `PlainWalk` yields the resulting records, in order, and statistics once a second.
 
-Live fits and boards that estimate are left out.
+The oracle has no live fits, and no boards that estimate.
 """
 
 from collections.abc import Iterator
@@ -52,8 +52,7 @@ MINUTE_NS = 60 * SECOND_NS
 
 
 def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float | None]:
-    """Return rates in deg/s, specific forces in m/s², and °C. A scale of None means values already in
-    units."""
+    """Return rates [deg/s], specific forces [m/s²] and temperature [°C]; a scale None means units already."""
     lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
     gyro_dps = tuple(counts / (1.0 if lsb is None else lsb) for counts in raw.gyro)
     accel_ms2 = temperature_c = None
@@ -69,10 +68,10 @@ def in_units(raw: RawSample, hello: Hello) -> tuple[Vector, Vector | None, float
 class Saved(NamedTuple):
     """The state from which a later run resumes.
 
-    Filters and trackers are handed over, not copied, so this run ends.
+    Filters and trackers are handed over, not copied, so the saved run cannot continue.
 
     `sample`: the last sample.
-    `unix_ns`: when it came, by the date at the time of the snapshot.
+    `unix_ns`: arrival time of the sample, by the date at the time of the snapshot [ns].
     `made_with`: values that must be unchanged for the snapshot to be used.
     """
 
@@ -87,8 +86,8 @@ class Saved(NamedTuple):
 class PlainWalk:
     """Turns the events of one source into records.
 
-    `stats_s`: time between two statistics [s]. `watched`: the records are read live; else statistics come
-    only at the end.
+    `stats_s`: time between two statistics [s]. `watched`: whether the records are read live; otherwise
+    statistics come only at the end.
     """
 
     def __init__(
@@ -106,7 +105,7 @@ class PlainWalk:
         self._place = Place(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
-        # fixed for each epoch: a date set later does not break its times
+        # fixed for each epoch, so that a date set later does not change the epoch's times
         self._offset_ns = source.unix_offset_ns
         self._sensors: list[Sensor] = []
         self._tracks: dict[str, SensorTracks] = {}  # the tracks of each sensor, by unit
@@ -142,7 +141,7 @@ class PlainWalk:
 
     def _on_time(self, host_ns: int | None) -> Iterator[AnyRecord]:
         self._now_ns = self._now_ns if host_ns is None else host_ns
-        if self._timebase is None:  # a source may learn the date late
+        if self._timebase is None:  # until then, since a source may learn the date late
             self._offset_ns = self._source.unix_offset_ns
         if self._stats_due_ns is not None:
             if self._now_ns < self._stats_due_ns:
@@ -169,7 +168,7 @@ class PlainWalk:
                 yield self._error("state_unused", text)
         assert self._timebase is not None
         host_ns, device = self._timebase.add(seq, device_us, raw.host_ns), self._config.name
-        if missing:  # published in the epoch that lacks the samples, which may end with this gap
+        if missing:  # published in the epoch that lacks the samples, even if it ends here
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
         place = Stated(seq, self._epoch, device_us, host_ns)
@@ -205,8 +204,8 @@ class PlainWalk:
     ) -> Iterator[AnyRecord]:
         """Run trackers and filters on a sample.
 
-        Yields the estimate, axes that were lost, steps and motion, and axes that were constant over the
-        start-up window.
+        Yields the estimate, errors for axes that became invalid or were constant over the start-up window,
+        and steps and motion.
         """
         axes: dict[str, AxisEstimate] = {}
         happened: list[Step | Motion] = []
@@ -239,7 +238,7 @@ class PlainWalk:
         """Begin an epoch, from the snapshot if it fits.
 
         Returns:
-            Why the epoch begins, how old the snapshot is [s], and why the snapshot was not used.
+            Reason why the epoch begins, age of the snapshot [s], and reason why the snapshot was not used.
         """
         saved, self._saved = self._saved, None
         self._sensors = list(self._sensors_of(raw, hello, accel_ms2))
@@ -265,7 +264,7 @@ class PlainWalk:
         return "resumed", age_s, None
 
     def _sensors_of(self, raw: RawSample, hello: Hello, accel_ms2: Vector | None) -> Iterator[Sensor]:
-        """Yield the sensors that have wanted axes: by default the gyroscope alone."""
+        """Yield the sensors with axes that the settings name; by default, the gyroscope alone."""
         config, wanted, rate_hz = self._config, self._config.channels, hello.rate_hz
         lsb, per_g = hello.gyro_lsb_per_dps, hello.accel_lsb_per_g
         gyro = {axis: k for k, axis in enumerate(AXES[: len(raw.gyro)]) if wanted is None or axis in wanted}
@@ -279,7 +278,7 @@ class PlainWalk:
         return self._config.estimator if unit == GYRO_UNIT else self._config.accel
 
     def _absent(self, raw: RawSample, accel_ms2: Vector | None) -> Iterator[Error]:
-        """Report once which of the wanted channels are missing."""
+        """Report once which of the channels in the settings are missing."""
         there = AXES[: len(raw.gyro)] + (ACCEL_AXES if accel_ms2 else ())
         absent = [axis for axis in self._config.channels or () if axis not in there]
         if absent and not self._absent_told:
@@ -325,9 +324,9 @@ class PlainWalk:
     def save(self) -> Saved | None:
         """Return a snapshot.
 
-        None while a start-up window fills, with a constant axis, or for an unknown device.
+        The result is None while a start-up window fills, with a constant axis, or for an unknown device.
         """
-        if self._saved is not None:  # a snapshot of an earlier run that is still to be used
+        if self._saved is not None:  # an earlier run's snapshot, which has not been used yet
             return self._saved
         hello, newest = self._place.hello, self._newest
         if hello is None or newest is None or not self._sensors:
@@ -348,7 +347,7 @@ class PlainWalk:
 
 
 def made_with(hello: Hello, config: Config) -> dict[str, object]:
-    """Return the values that must be unchanged for a snapshot to be used, by the words that name them."""
+    """Return the values that must be unchanged for a snapshot to be used, by their names in messages."""
     return {
         "device_id": hello.device_id,
         "who_am_i": hello.who_am_i,
@@ -362,7 +361,7 @@ def made_with(hello: Hello, config: Config) -> dict[str, object]:
 
 
 def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> str | None:
-    """Return why a snapshot cannot be used; None if it can."""
+    """Return the reason why a snapshot cannot be used; None if it can be used."""
     age_s, longest_s = (now_unix_ns - saved.unix_ns) * 1e-9, config.state.max_age_s
     if age_s < 0:
         return "it is from the future: was the clock set?"
@@ -371,16 +370,17 @@ def why_unused(saved: Saved, hello: Hello, config: Config, now_unix_ns: int) -> 
     other = [key for key, value in made_with(hello, config).items() if saved.made_with[key] != value]
     if other:
         return f"it differs in: {', '.join(other)}"
-    # A HELLO of the same boot may have changed the rate; the filters keep the rate at their epoch's
-    # beginning.
+    # A HELLO of the same boot may have changed the sampling rate. The filters keep the rate at the beginning
+    # of the epoch.
     is_other_rate = any(sensor.rate_hz != hello.rate_hz for sensor in saved.sensors)
     return "it was saved with other settings" if is_other_rate else None
 
 
 def missing_since(saved: Saved, hello: Hello, raw: RawSample, age_s: float) -> int:
-    """Return how many samples lie between a snapshot and this sample.
+    """Return the number of samples between a snapshot and the sample `raw`.
 
-    The sequence numbers decide if they agree with the elapsed time, else the time does.
+    The number follows from the sequence numbers if they agree with the elapsed time, otherwise from the
+    elapsed time.
     """
     is_same_boot = saved.boot_id is not None and saved.boot_id == hello.boot_id
     if is_same_boot and age_s <= LONGEST_SILENCE_NS * 1e-9:

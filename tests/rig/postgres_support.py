@@ -1,4 +1,4 @@
-"""A PostgreSQL server on a socket in a folder."""
+"""Run a PostgreSQL server on a socket in a folder."""
 
 import os
 import subprocess
@@ -59,8 +59,7 @@ class Server:
 
 
 def started(folder: Path) -> Server:
-    """Start a server; skip the test if PostgreSQL is not installed, since `make setup` does not install
-    it."""
+    """Start a server; skip the test without PostgreSQL, which `make setup` does not install."""
     pytest.importorskip("psycopg", reason="psycopg is not installed")
     if not BIN:
         pytest.skip("no PostgreSQL server: sudo apt-get install postgresql")

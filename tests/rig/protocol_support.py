@@ -1,4 +1,4 @@
-"""Shared by the tests of the protocol: the vector files, the definition, and strategies with fixed seeds."""
+"""Helpers for the tests of the protocol: its vector files, its definition, and draws with fixed seeds."""
 
 import math
 from pathlib import Path
@@ -41,8 +41,7 @@ def run(text: str) -> bytes:
 
 
 def records(name: str) -> list[list[tuple[str, str]]]:
-    """Return the records of a vector file: blank lines separate records, each of their lines is `key
-    value`."""
+    """Return the records of a vector file, which blank lines separate; each line is `key value`."""
     lines = [line for line in (VECTORS / name).read_text().splitlines() if not line.startswith("#")]
     blocks = "\n".join(lines).strip("\n").split("\n\n")
     return [
@@ -55,7 +54,9 @@ def names(found: list[list[tuple[str, str]]]) -> list[str]:
 
 
 _F32 = [3.4028234663852886e38, 2.0**-126, 2.0**-149, 0.0, math.inf, math.nan, 1.25]
-"""Largest, smallest normal and smallest value, and values that fail in other ways; used with both signs."""
+"""Values for tests: the largest, smallest normal and smallest f32, and other special values; used with both
+signs.
+"""
 
 
 def floats() -> st.SearchStrategy[float]:
@@ -83,7 +84,7 @@ def _values(field: protocol_definition.Field) -> st.SearchStrategy:
 
 def _messages(message: protocol_definition.Message) -> st.SearchStrategy[wire.Message]:
     fields = {field.name: _values(field) for field in message.fields}
-    if message.name == "HELLO":  # any other version is refused before its fields are read
+    if message.name == "HELLO":  # a HELLO of any other version is refused before its fields are read
         fields["protocol_major"] = st.just(wire.PROTOCOL_MAJOR)
         fields["schema_hash"] = st.just(wire.SCHEMA_HASH)
     return st.builds(wire.MESSAGES[message.id], **fields)

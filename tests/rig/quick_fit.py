@@ -1,4 +1,4 @@
-"""A live fit that takes no time, for tests in which only its inputs and the times of its calls matter."""
+"""Replace the live fit by one that takes no time, for tests of its inputs and of when it is called."""
 
 import hashlib
 from collections.abc import Callable
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 
 class QuickAxes:
-    """Takes the place of `fltea.spectrum.live_axes.LiveAxes`.
+    """A replacement of `fltea.spectrum.live_axes.LiveAxes`.
 
-    Its figures depend on all samples and losses in order.
+    The figures of its fits depend on all samples and losses, and on their order.
     """
 
     longest_motion = 60_000

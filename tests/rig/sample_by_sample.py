@@ -1,6 +1,6 @@
-"""The daemon's estimator in Python, one sample at a time, as the oracle of the native estimator.
+"""Run the daemon's estimator in Python, one sample at a time, as the oracle of the native estimator.
 
-The engine within it is the native one, whose own oracle is `fltea.lab.reference`.
+This estimator contains the native engine, whose own oracle is `fltea.lab.reference`.
 """
 
 import math
@@ -25,8 +25,8 @@ class Verdict(NamedTuple):
     """The supervisor's verdict on a lane after a sample.
 
     `valid`: the estimate may be published.
-    `restart`: the lane has to start over with the next sample.
-    `news`: why the lane has just become invalid, else None.
+    `restart`: the lane (the filters of one axis) has to restart with the next sample.
+    `news`: reason why the lane has just become invalid, else None.
     """
 
     valid: bool
@@ -46,7 +46,7 @@ class Supervisor:
         self._distrusted = False
 
     def judge(self, alpha: float, f: float, state: float, *, state_bound: bool) -> Verdict:
-        """Judge one sample's estimates.
+        """Return the verdict on the estimates after one sample.
 
         `state_bound`: whether the guard limited the state in this sample.
         """
@@ -74,7 +74,7 @@ class Row(NamedTuple):
 
 
 class LanesBySample:
-    """Lanes with their supervisors; a lane that is given up starts over with the next sample."""
+    """Lanes with their supervisors; an invalid lane restarts with the next sample."""
 
     def __init__(self, lanes: int, settings: LaneSettings) -> None:
         self.engine = Engine(lanes, settings)
@@ -112,8 +112,7 @@ class LanesBySample:
 def baseline(
     window: Array, config: EstimatorConfig, lsb: float | None
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Return bias and R of each axis from its start-up window (n, axes) or the settings, and the constant
-    axes."""
+    """Return bias and R of each axis, from its start-up window or the settings, and the constant axes."""
     axes = window.shape[1]
     if config.bias == "startup":
         bias = window.mean(axis=0)
@@ -122,8 +121,9 @@ def baseline(
     if config.R != "auto":
         return bias, np.broadcast_to(config.R, axes), np.zeros(axes, dtype=bool)
     R = np.maximum(window.var(axis=0, ddof=1), (lsb or 0.0) ** 2 / 12)
-    # Constant axes are found by comparison, since rounding of the mean leaves a nonzero variance. This is
-    # done even if the resolution is known; otherwise a stuck channel would pass for a quiet one.
+    # Constant axes are found by comparison, since rounding of the mean leaves a nonzero variance. The
+    # comparison is made even if the resolution is known; otherwise a stuck channel would count as a quiet
+    # one.
     return bias, R, (window == window[0]).all(axis=0)
 
 
@@ -131,7 +131,7 @@ BLOCK, BLOCKS, FEWEST = 100, 10, 200
 
 
 class Whiteness(NamedTuple):
-    """Figures of the last innovations; None where there are too few."""
+    """Figures of the last innovations; None if there are too few innovations."""
 
     lag1: float | None
     nis: float | None
@@ -157,7 +157,7 @@ def whiteness(rows: Sequence[tuple[float, float] | None]) -> Whiteness:
         return Whiteness(None, nis, None)
     r = np.empty(LAGS)
     for lag in range(1, LAGS + 1):
-        unbroken = number[lag:] - number[:-lag] == lag  # no sample is missing between the two
+        unbroken = number[lag:] - number[:-lag] == lag  # no sample is missing between the two innovations
         pairs = kept[lag:] & there[:-lag] & unbroken
         r[lag - 1] = (x[lag:] * x[:-lag])[pairs].sum() / squares
     ljung_box = n * (n + 2) * float((r**2 / (n - np.arange(1, LAGS + 1))).sum())

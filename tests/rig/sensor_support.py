@@ -1,4 +1,4 @@
-"""A small board for tests: the sensor on TWI1, and the program's register accesses as plain calls."""
+"""Emulate a small board with the sensor on TWI1; tests access its registers by plain calls."""
 
 from tools.due_emulator.i2c_lines import I2cLines
 from tools.due_emulator.machine import Machine
@@ -19,7 +19,7 @@ SPEED_400K = 101 << 8 | 101
 
 
 class SmallBoard:
-    """Machine, chip, wires, PIOB and TWI1. The clocks run, nothing else is set up."""
+    """A machine with chip, wires, PIOB and TWI1. The clocks run; nothing else is set up."""
 
     def __init__(self, world=None):
         self.machine = Machine()

@@ -1,4 +1,4 @@
-"""Noise models by closed forms in numpy, without the native code, and samples drawn from them."""
+"""Compute noise models by closed forms in numpy, without the native code, and draw samples of them."""
 
 import re
 from collections.abc import Sequence
@@ -39,7 +39,7 @@ PARTS: dict[str, st.SearchStrategy[p.Part]] = {
     "notch": st.builds(p.Notch, hz, st.floats(0.5, 10)),
     "mean": st.builds(p.Mean, st.integers(2, 10)),
 }
-"""Any of each kind, at 100 Hz."""
+"""An example of each kind of part of a noise model, at 100 Hz."""
 EXAMPLES: dict[str, p.Part] = {
     "white": p.White(1.0),
     "relaxation": p.Relaxation(1.0, 0.3),
@@ -57,12 +57,11 @@ EXAMPLES: dict[str, p.Part] = {
     "floor": p.Floor(0.1),
     "arfima": p.Arfima(0.4, 0.9, 0.1),
 }
-"""One of each kind that stands out in white noise of variance 1, at 100 Hz."""
+"""A part of each kind whose spectrum exceeds white noise of variance 1, at 100 Hz."""
 
 
 def samples(parts: Sequence[p.Part], n: int, h: float, seed: int) -> Array:
-    """Draw Gaussian samples (n,) with the spectrum of the parts, as an excerpt of a longer periodic
-    series."""
+    """Draw Gaussian samples (n,) with the parts' spectrum, as a section of a longer periodic series."""
     return drawn(parts, n, h, np.random.default_rng((28, seed)))
 
 
@@ -81,8 +80,7 @@ def bins(parts: Sequence[p.Part], n: int, h: float, seed: int | None, size: int 
 
 
 def sound(e: Evidence, verdict: Verdict) -> None:
-    """Check that text, figures and winner belong to one result, and that no bound is printed as an
-    estimate."""
+    """Check that text, figures and accepted model agree, and that no bound is printed as an estimate."""
     assert verdict.text == f"{verdict.what} {verdict.why} {verdict.next}"
     for sentence in (verdict.what, verdict.why, verdict.next):
         assert sentence[0].isupper() or sentence[0].isdigit()

@@ -59,9 +59,9 @@ def library() -> ctypes.CDLL:
 
 
 class BoardSpectrum:
-    """One axis.
+    """The device's spectrum, fit and tracker of one axis.
 
-    `ahead`: number of future samples over which its bias is averaged; 0: the present bias.
+    `ahead`: number of future samples over which the bias is averaged; 0 means the present bias.
     """
 
     def __init__(self, ahead: int = 0) -> None:
@@ -72,11 +72,11 @@ class BoardSpectrum:
         library().spectrum_add(self._axis, len(counts), np.ascontiguousarray(counts))
 
     def skip(self, lost: int) -> None:
-        """Take note that `lost` samples are missing before the next one."""
+        """Notify the spectrum that `lost` samples are missing before the next sample."""
         library().spectrum_skip(self._axis, lost)
 
     def fit(self) -> BoardFit:
-        """Fit; the next fit starts from this answer."""
+        """Return the fit of the samples so far; the next fit starts from its parameters."""
         out = np.empty(len(BoardFit._fields))
         library().spectrum_fit(self._axis, out)
         return BoardFit(*out.tolist())
@@ -86,8 +86,7 @@ class BoardSpectrum:
         library().spectrum_retrack(self._axis)
 
     def track_by(self, verdict: int, *numbers: float) -> None:
-        """Track the next samples with a given fit: α, g, s2 and R, or for a relaxation 1 - φ, variance and
-        R."""
+        """Track the next samples by given parameters: α, g, s2, R; for a relaxation 1 - φ, variance, R."""
         given = np.array([verdict, *numbers, *[0.0] * (4 - len(numbers))])
         library().spectrum_design(self._axis, given)
 
@@ -96,7 +95,7 @@ class BoardSpectrum:
         return track_sensor([self], counts[:, None])[0][:, 0]
 
     def lose(self, lost: int) -> None:
-        """Let the tracker take note that `lost` samples are missing before the next one."""
+        """Notify the tracker that `lost` samples are missing before the next sample."""
         library().spectrum_lose(self._axis, lost)
 
 
@@ -107,7 +106,7 @@ def track_sensor(
 
     Returns:
         Bias, its deviation, state and its deviation after each sample, (n, axes, 4); and whether the sensor
-            is moving by then, (n,).
+        is in motion at that sample, (n,).
     """
     n, k = counts.shape
     out = np.empty((n, k, 5))

@@ -1,4 +1,4 @@
-"""Open tables of other programs in this process, since starting the reader process takes most of the time."""
+"""Open tables of other programs in this process, since the start of a reader process takes long."""
 
 import itertools
 import json
@@ -39,7 +39,7 @@ def open_here(kind: str, path: Path, **how: Any) -> Stored:
 def hdf5(folder: Path, arrays: dict[str, Any], **how: Any) -> Stored:
     """Write arrays to an HDF5 file by their paths, and open it.
 
-    A name behind `@` is an attribute of that path.
+    `arrays`: values by path. A name behind `@` is an attribute of the path before it.
     """
     path = folder / f"{next(_NUMBERS)}.h5"  # a new name each time, as h5py keeps the earlier file open
     with h5py.File(path, "w", track_order=True) as file:

@@ -1,4 +1,4 @@
-"""Serial ports that tests plug in and unplug, and one that sends bytes repeatedly."""
+"""Imitate serial ports that tests plug in and unplug, and a port that sends bytes repeatedly."""
 
 import contextlib
 import os
@@ -13,8 +13,8 @@ from pathlib import Path
 class Terminal:
     """A pseudo-terminal that can go away and come back.
 
-    `link`: a fixed name for it, since the system may give a freed /dev/pts/N to another program. `master`:
-    the other end.
+    `link`: a fixed name for the terminal, since the system may give a freed /dev/pts/N to another program.
+    `master`: descriptor of the terminal's other end.
     """
 
     def __init__(self, link: Path) -> None:
@@ -31,7 +31,7 @@ class Terminal:
 
     def unplug(self) -> None:
         self.link.unlink(missing_ok=True)
-        with contextlib.suppress(OSError):  # it may be unplugged already
+        with contextlib.suppress(OSError):  # the terminal may be unplugged already
             os.close(self.master)
 
     def send(self, data: bytes) -> None:
@@ -44,7 +44,7 @@ def unplug(made: list[Terminal]) -> None:
 
 
 class SpeakingPort:
-    """A pseudo-terminal that sends `speech(turn)` every `every_s` seconds."""
+    """A pseudo-terminal that sends the bytes `speech(turn)` every `every_s` seconds."""
 
     def __init__(self, speech: Callable[[int], bytes], every_s: float) -> None:
         self._master, self._slave = pty.openpty()

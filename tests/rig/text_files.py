@@ -1,4 +1,4 @@
-"""Recordings in a test's folder: read them, or return why they are refused."""
+"""Write a recording to a test's folder, and read it, or return why it is refused."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,12 +21,12 @@ def stored(folder: Path, text: str | bytes, **how: object) -> Stored:
 
 
 def refusal(folder: Path, text: str | bytes, **how: object) -> str:
-    """Return why a file with this text is refused: the message behind the file's name."""
+    """Return the message, without the file's name, with which a file with this text is refused."""
     return refused(folder / "rest.csv", lambda _: stored(folder, text, **how))
 
 
 def refused(path: Path, read: Callable[[Path], object]) -> str:
-    """Return why a file is refused: the message behind its name."""
+    """Return the message, without the file's name, with which `read` refuses a file."""
     with pytest.raises(UsageError) as caught:
         read(path)
     return str(caught.value).removeprefix(str(path))

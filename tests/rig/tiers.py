@@ -1,4 +1,4 @@
-"""Distribute the parameters of one test between the two tiers (tests/README.md)."""
+"""Distribute the parameters of one test between the two tiers of tests (tests/README.md)."""
 
 from collections.abc import Container, Iterable
 from typing import Any
@@ -12,5 +12,5 @@ def slow(*values: Any) -> Any:
 
 
 def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
-    """Return all values of a parameter; the first tier tries only those in `quick`."""
+    """Return all values of a parameter; the first tier of tests tries only the values in `quick`."""
     return [value if value in quick else slow(value) for value in values]

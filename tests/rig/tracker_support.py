@@ -1,4 +1,4 @@
-"""State-space systems, simulated measurements and a plain Kalman filter, for the tests of the tracker."""
+"""Make state-space systems, simulated measurements and a plain Kalman filter for the tracker's tests."""
 
 import math
 from typing import Any

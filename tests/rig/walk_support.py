@@ -1,4 +1,4 @@
-"""Simulated samples, and a pipeline over them with windows that fill quickly."""
+"""Simulate samples, and feed them into a pipeline whose windows fill quickly."""
 
 from collections.abc import Iterable, Iterator
 

@@ -1,4 +1,4 @@
-"""Simulate some seconds of a board with incidents: its bytes, and when they arrived."""
+"""Simulate some seconds of a board with incidents: the bytes that it sends, and their arrival times."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -27,7 +27,7 @@ HAPPENINGS = (
     "twice",  # a sample is sent twice
     "gap",
     "long gap",
-    "pause",  # nothing comes for six seconds
+    "pause",  # nothing arrives for six seconds
     "jump",  # device time jumps, as after a reset whose HELLO was lost
     "restart",
     "sensor",  # the sensor is set up again
@@ -51,7 +51,7 @@ class Moment(NamedTuple):
 
 
 class Story(NamedTuple):
-    """A simulated stretch of time.
+    """Some simulated seconds of a board.
 
     `begin_ns`: monotonic time of the first sample. `happenings`: (sample, incident). `bursts`: see `moments`.
     """
@@ -62,9 +62,9 @@ class Story(NamedTuple):
     bursts: tuple[int, ...]
 
     def moments(self) -> list[Moment]:
-        """Return the bytes as they came: `bursts` says how many samples arrive together.
+        """Return the bytes as they arrive; `bursts` gives the numbers of samples that arrive together.
 
-        Frames may be torn between reads.
+        A frame may be split between reads.
         """
         board, found, waiting, held = _Board(), [], b"", 0
         told = dict(self.happenings)
@@ -92,7 +92,7 @@ class Story(NamedTuple):
 
 
 class _Board:
-    """Returns the bytes of one sampling period after another."""
+    """Makes the bytes of successive sampling periods."""
 
     def __init__(self) -> None:
         self._hello = WIRE_HELLO
@@ -150,7 +150,7 @@ class _Board:
 
 
 def stories() -> st.SearchStrategy[Story]:
-    """Draw stories of two to five seconds, sometimes with a pause in them."""
+    """Draw stories of two to five seconds, some of which contain a pause."""
     happening = st.tuples(st.integers(1, 499), st.sampled_from(HAPPENINGS))
     return st.builds(
         Story,
@@ -162,9 +162,9 @@ def stories() -> st.SearchStrategy[Story]:
 
 
 class StorySource(FedSource):
-    """A source whose wire decodes the moments.
+    """A source that decodes the bytes of a story's moments.
 
-    `together`: numbers of moments that one read takes, used in turns.
+    `together`: numbers of moments that one read contains, used in turns.
     """
 
     live = False
@@ -174,7 +174,7 @@ class StorySource(FedSource):
         self._together = together
 
     def read(self, moments: Sequence[Moment]) -> Iterator[Event]:
-        """Read the moments in groups of the sizes `together`, with ticks where nothing came."""
+        """Read the moments in groups of the sizes `together`, with ticks if nothing arrived."""
         begin, turn = 0, 0
         while begin < len(moments):
             data, host_ns, offset_ns = moments[begin]
@@ -194,7 +194,7 @@ class StorySource(FedSource):
 
 
 def torn(moments: Sequence[Moment], cuts: Sequence[float]) -> Iterator[Moment]:
-    """Split the same bytes of the same moments into more reads.
+    """Split the bytes of each moment into several reads.
 
     `cuts`: where to split, as fractions of each moment's bytes.
     """
