@@ -1,4 +1,6 @@
-"""The live Allan curve: its intervals hold; N, B and K agree with `identify`; nothing is invented."""
+"""The live Allan curve: intervals hold the truth; N, B and K agree with `identify`, and are null if
+unknown.
+"""
 
 import math
 import subprocess

@@ -1,5 +1,4 @@
-"""Running sums of the Allan variance agree with allantools, for any division of the rows; merging,
-snapshots."""
+"""Running sums of the Allan variance agree with allantools, however rows are divided, merged or saved."""
 
 import allantools
 import numpy as np
@@ -10,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 FULL = 8
-"""Averaging times up to this one overlap fully."""
+"""Longest averaging time in samples whose terms overlap fully."""
 
 
 def sums_of(y, memory=0.0):
@@ -48,7 +47,7 @@ def test_against_allantools(kind, n):
     st.lists(st.tuples(st.integers(0, 90), st.booleans()), max_size=40), st.sampled_from([0.0, 40.0, 1000.0])
 )
 def test_cuts_of_the_rows_looks_and_snapshots_change_nothing(parts, memory):
-    """`parts`: a number of rows each, and whether a break follows."""
+    """Each of `parts` is a number of rows, and whether a break follows these rows."""
     rng = np.random.default_rng(len(parts))
     rows = [rng.standard_normal(n) for n, _ in parts]
     one, other = AllanSums(memory), AllanSums(memory)
@@ -93,7 +92,7 @@ def test_merged_sums_are_those_of_both(lengths, memory):
 
 
 def test_weights_fall_with_the_memory():
-    """Each term has the weight exp(-age / memory) relative to the newest."""
+    """Each term has the weight exp(-age / memory) relative to the newest term."""
     y, memory = series("white", 4000), 150.0
     factors, avar, terms = sums_of(y, memory).points()
     assert 2 * factors[-1] <= 3 * memory < 4 * factors[-1]
@@ -119,7 +118,7 @@ def test_numbers_that_are_refused(number):
 @settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_a_snapshot_that_cannot_be_one(data):
-    """A snapshot is either refused or can be resumed from."""
+    """A snapshot is either refused, or the sums can continue from it."""
     good = np.frombuffer(sums_of(series("white", data.draw(st.integers(0, 700)))).save())
     bad = good.copy()
     at = data.draw(st.integers(0, len(bad) - 1))

@@ -1,8 +1,8 @@
 """The device's spectrum and fit, compared with the host's for the same counts.
 
-The board uses the full-rate periodogram for 496 samples where the host does for 3,072, and its filters start
-that much later: it has a few percent less of the lowest frequencies. So the answers are close, not equal.
-tests/native checks that the arithmetic is the same.
+The board uses the full-rate periodogram for the first 496 samples, the host for 3,072. The board's filters
+start later, so that its spectrum has a few percent less data at the lowest frequencies. So the fits are
+close, not equal. tests/native checks that the arithmetic is the same.
 """
 
 from itertools import pairwise
@@ -28,7 +28,7 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""Parameters: α, g, and the state innovations' share of the variance."""
+"""Parameters of the noises: α, g, and the share of the state's innovations in the variance."""
 
 
 def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
@@ -72,7 +72,8 @@ def test_the_order_and_its_interval_are_near_the_hosts(
     assert abs(board.alpha - alpha.value) < (0.8 if gaps else 0.4) * half
     assert 0.8 < 1.96 * board.alpha_std / half < 1.3
     assert board.verdict != WHITE
-    # After each break the filters of all octaves start over, and the deepest lose the most samples by that.
+    # After each break the filters of all octaves restart. The octaves of the lowest frequencies lose the most
+    # samples.
     ratio = board.ratio_white / ratio_of_order(whole)
     assert (0.65 if gaps else 0.9) < ratio < 1.02
     assert board.ordinates == pytest.approx(whole.ordinates, rel=0.05)
@@ -81,7 +82,7 @@ def test_the_order_and_its_interval_are_near_the_hosts(
 
 @pytest.mark.slow
 def test_of_a_million_samples_it_says_what_the_host_says() -> None:
-    """Includes all twenty noises of `make validate ARGS=device`; the figures are in firmware/README.md."""
+    """The test uses all twenty noises of `make validate ARGS=device`; firmware/README.md has the figures."""
     cases = agreement(1_000_000, 2)
     assert len(cases) == 20
     assert all(one["same_verdict"] for one in cases)
@@ -91,8 +92,9 @@ def test_of_a_million_samples_it_says_what_the_host_says() -> None:
 
 
 WEAK_ORDER = 0.35
-"""f = -1 at 100 Hz, Q = 0.004 in R = 0.02: orders of 0.1 to 0.7 fit nearly equally well, often with two
-maxima."""
+"""Order of a weak noise with f = -1 at 100 Hz, Q = 0.004 and R = 0.02. Orders of 0.1 to 0.7 fit nearly
+equally well, and the likelihood often has two maxima.
+"""
 
 
 def weak_noise(seed: int) -> NDArray[np.int16]:
@@ -112,7 +114,7 @@ def test_of_weak_noise_the_interval_knows_more_than_the_curvature() -> None:
 
 
 def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
-    """Return every fit of a record; each has 300 more samples than the one before."""
+    """Return every fit of a growing record; each fit has 300 more samples than the fit before."""
     board = BoardSpectrum()
     board.add(counts[:900])
     fits = []
@@ -124,9 +126,9 @@ def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
 
 @pytest.mark.slow
 def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> None:
-    """By the curvature alone the interval held the order in 20 of 40 records.
+    """Intervals from the curvature alone would hold the order in 20 of 40 records.
 
-    65 of 7,234 orders left the last interval.
+    Measured: 65 of 7,234 fitted orders were outside the interval of the fit before.
     """
     records = [fits_as_it_grows(weak_noise(seed)) for seed in range(40)]
     defined = [fits[-1] for fits in records if fits[-1].alpha_defined]

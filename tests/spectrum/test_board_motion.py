@@ -1,4 +1,4 @@
-"""The board's bias predicts the mean of the next second; effects on it of motion and of steps of any axis."""
+"""The board's bias predicts the mean of the next second, also after motion and steps of any axis."""
 
 import numpy as np
 import pytest
@@ -104,7 +104,7 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
     # Neither the turn nor its leakage into the other axes is in the bias; only the offset's error is left.
     during = slice(end - 1000, end)
     assert np.abs(bias[during] - OFFSETS).max() < 0.1
-    # Within a second after the stop.
+    # The bias is right again within a second after the motion has stopped.
     assert np.all(np.abs(bias[end + 100] - OFFSETS) < 3 * std[end + 100] + 0.05)
     if model is SLOW:
         before, last = std[BEGIN - 1, 0], std[end - 1, 0]
@@ -127,7 +127,7 @@ def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> N
         board.track_by(*SLOW)
         if board is axis:
             moved = last
-    # A sample as predicted: the state equals that of a second tracker that never saw the two chunks.
+    # The sample is as predicted, so the state equals the state of a tracker that never saw the two chunks.
     calm = last[2] * a ** (2 * CHUNK)
     assert moved[2] == pytest.approx(calm, abs=0.05)
     assert abs(moved[0] - OFFSETS[0]) < 0.5

@@ -62,7 +62,7 @@ def test_of_lost_samples_it_predicts() -> None:
     board.track_by(RELAXATION, 0.02, 400.0, R)
     before = board.track(np.full(50, 30, dtype=np.int16))[-1, 2]
     board.lose(99)
-    # A sample as predicted changes nothing.
+    # A sample that equals its prediction changes nothing in the state.
     wanted = before * 0.98**100
     after = board.track(np.array([round(wanted)], dtype=np.int16))[-1, 2]
     assert after == pytest.approx(wanted, abs=0.3)
@@ -96,7 +96,7 @@ def test_a_knock_moves_neither_bias_nor_state_far() -> None:
 def tracked_with(
     model: System, counts: NDArray[np.int16], verdict: int, *given: float
 ) -> tuple[Array, Array]:
-    """Return biases with σ, (n, 2), of board and host; both use the true noise after the first tenth."""
+    """Return biases with σ, (n, 2), of board and host, which use the true noise after the first tenth."""
     begin = N // 10
     board, host = BoardSpectrum(), Tracker([None])
     board.track(counts[:begin])
@@ -104,7 +104,7 @@ def tracked_with(
     host.set(0, model)
     parts = []
     for at in range(begin, N, 300):
-        # Update every three seconds, as the board does.
+        # The filter is updated every three seconds, as on the board.
         board.track_by(verdict, *given)
         parts.append(board.track(counts[at : at + 300])[:, :2])
     found = host.run(counts[begin:, None].astype(float))

@@ -155,7 +155,7 @@ def test_a_period_is_not_a_multiple_of_it() -> None:
 
 @pytest.mark.parametrize("period_s", [1.037, 0.4819, 0.555])
 def test_a_period_that_is_no_number_of_samples_is_not_ten_periods(period_s: float) -> None:
-    """Rounded to samples it recurs exactly only after ten periods, or two, or four."""
+    """The period in whole samples recurs exactly only after ten periods, or two, or four."""
     comb = find_comb(periodogram(noisy(60_000, period_s, 1, 5.0), H))
     assert comb is not None
     assert comb.period == pytest.approx(period_s / H, rel=1e-3)
@@ -253,7 +253,7 @@ def wandering(n: int, rate_hz: float, seed: int) -> Array:
 
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 98.0, 99.0, 100.0, 101.0, 200.0])
 def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
-    """Aliasing folds the hum to frequency 0 at 25 and 50 Hz, and to half the rate at 100 Hz."""
+    """Aliasing folds the hum to frequency 0 at rates of 25 and 50 Hz, and to half the rate at 100 Hz."""
     found = look(wandering(20_000, rate_hz, 4), 1 / rate_hz)
     assert found.verdict.kind == "resonance"
     N = found.figures.level.N
@@ -264,7 +264,7 @@ def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
 
 @pytest.mark.parametrize("slowness", [0.03, 0.1, 1.0])
 def test_a_walk_is_no_line(slowness: float) -> None:
-    """The few slow waves of a random walk have a flat distribution, too."""
+    """The few slow waves of a random walk have a flat distribution of values, as a spectral line has."""
     for seed in range(6):
         walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])
         found = look(white(20_000, 1, seed)[0] + walk, H)

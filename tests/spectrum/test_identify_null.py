@@ -26,7 +26,7 @@ def p_values(y: np.ndarray) -> np.ndarray:
     ids=["Gaussian", "one LSB per σ", "t4 tails"],
 )
 def test_p_values_of_white_noise_are_uniform(y: np.ndarray) -> None:
-    """200 series: 5 ± 4.6 % and 50 ± 10.6 % are three standard deviations of a binomial.
+    """The limits for 200 series, 5 ± 4.6 % and 50 ± 10.6 %, are three standard deviations of a binomial.
 
     The null distribution is that of Gaussian ordinates; the samples need not be Gaussian.
     """
@@ -62,7 +62,7 @@ def test_p_value_at_the_table(ordinates: int) -> None:
 
 @pytest.mark.parametrize("ordinates", [60, 1500, 30_000, 10**6])
 def test_the_board_has_the_same_quantiles(ordinates: int) -> None:
-    """They agree within the error of another simulation with equally many series."""
+    """The quantiles agree within the error of another simulation with equally many series."""
     for level, p in enumerate((0.05, 0.01, 0.001)):
         c, b, a = ORDER_COEFFICIENTS[PROBABILITIES.index(p)]
         ours = np.polyval([a, b, c], np.log10(ordinates))

@@ -23,7 +23,7 @@ def live(config: LiveConfig | None = None, saved: bytes | None = None) -> LiveAx
 
 
 def two(n: int, seed: int = 0) -> Array:
-    """Return an axis of a known order, and a white one."""
+    """Return samples of two axes: one with noise of a known order, and one with white noise."""
     known = long_recursion(0.8, -0.025, n, seed) + white(n, 1, seed + 50)[0] / np.sqrt(3)
     return np.column_stack([known, white(n, 1, seed + 90)[0]])
 
@@ -68,7 +68,7 @@ def test_any_blocks(sizes: list[int]) -> None:
 
 
 def test_looks_on_the_way_hardly_change_the_end() -> None:
-    """A fit that starts at the last answer ends where one from all starting points does."""
+    """A fit that starts at the last fit's parameters ends where a fit from all starting points ends."""
     y = two(20_000, 3)
     often, once = live(), live()
     for begin in range(0, len(y), 500):
@@ -140,7 +140,7 @@ def test_a_knock_is_left_out_and_counted() -> None:
 
 
 def test_forgetting_follows_a_change() -> None:
-    """Three time constants after power has doubled, only the new level is left."""
+    """Three time constants after the noise power has doubled, the fit shows only the new power."""
     y = white(24_000, 1, 7)[0]
     y[12_000:] *= np.sqrt(2)
     forgetful, faithful = live(LiveConfig(memory="40s")), live()

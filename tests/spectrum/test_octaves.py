@@ -110,7 +110,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
 
 @pytest.mark.slow
 def test_white_noise_is_flat_across_the_joints() -> None:
-    """Tests every line and every octave of many series, and the step at every joint between octaves."""
+    """Every line and octave of many series is flat, and so is every boundary between octaves."""
     n, lanes = 60_000, 300
     octaves = fed(noise(n, lanes, 5))
     found = [octaves.periodogram(lane, H) for lane in range(lanes)]
@@ -124,7 +124,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # The weights say how far the power of a whole record is from the truth.
+    # The weights give the standard deviation of the power of a whole record.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
     assert weight.sum() > 0.94 * n / 2
@@ -133,7 +133,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "g"), [(0.4, -0.02), (0.8, -0.02), (1.2, -0.01)])
 def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) -> None:
-    """A million samples; the state is in white noise of a third of its innovations' variance."""
+    """The record has a million samples, with white noise of a third of the state's innovation variance."""
     n = 1_000_000
     y = long_recursion(alpha, g, n, 3)[:, np.newaxis] + noise(n, 1, 4) * np.sqrt(1 / 3)
     octaves = fed(y)
@@ -150,7 +150,7 @@ def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) 
 
 
 def test_weights_of_a_periodogram() -> None:
-    """An average of weighted lines equals that of a corresponding number of single ones."""
+    """An average of weighted lines equals the average of a corresponding number of single lines."""
     lam = np.repeat(np.linspace(0.1, 3.141, 200), 3)
     power = np.repeat(np.random.default_rng(1).exponential(size=200), 3)
     single = binned(Periodogram(lam, power, H, 4000, np.ones(600)))
@@ -185,7 +185,7 @@ def test_refuses(refused: Callable[[], object], why: str) -> None:
 
 
 def test_the_allan_sums_take_what_the_gate_accepts() -> None:
-    """Knocks are left out, and lost samples are breaks."""
+    """Samples of knocks are left out of the sums, and lost samples are breaks."""
     y = noise(5000, 1, 3)
     y[2000:2100] += 80
     octaves = Octaves(1)
@@ -226,9 +226,9 @@ def test_drift_does_not_leak(drift: str) -> None:
 
 
 def test_what_was_taken_out_is_told() -> None:
-    """White noise loses as much power as it has at other frequencies.
+    """Where lines are taken out, white noise loses as much power as it has at other frequencies.
 
-    A short record also where its lines remain.
+    A short record loses the power also at frequencies whose lines remain.
     """
     lanes = 40
     y = noise(20_000, lanes, 4)

@@ -1,4 +1,4 @@
-"""Which samples count as noise: knocks, steps and gaps are excluded, heavy tails must stay."""
+"""Which samples count as noise: knocks, steps and gaps are left out; the outliers of heavy tails stay."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def mean_power(p: Periodogram) -> float:
     ],
 )
 def test_nothing_is_cut_from_noise(y: Array, most: int) -> None:
-    """`most`: how many of a million samples may be limited; none for distributions without outliers."""
+    """At most `most` of a million samples are limited; none for distributions without outliers."""
     counts = fed(y).counts(0)
     assert counts._replace(limited=0) == Counts(len(y), 0, 0, 0, 0, 0, 0, 0, False)
     assert counts.limited <= most

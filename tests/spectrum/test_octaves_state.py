@@ -65,7 +65,7 @@ def test_snapshots_of_others_are_refused() -> None:
 @settings(deadline=None, max_examples=30)
 @given(st.lists(st.integers(1, 20_000), min_size=2, max_size=4), st.integers(0, 99))
 def test_sums_of_two_are_those_of_both(lengths: list[int], seed: int) -> None:
-    """Includes the sum of a record with itself, and samples added after the sum."""
+    """The test includes the sum of a record with itself, and samples added after the sum."""
     lengths[0] += 1000
     parts = [noise(n, 1, seed + k) + k for k, n in enumerate(lengths)]
     total = fed(parts[0])
@@ -86,7 +86,7 @@ def test_a_merge_needs_the_same_lanes_and_memory() -> None:
 
 @pytest.mark.parametrize("memory", [500.0, 2_000.0, 20_000.0])
 def test_nothing_of_the_old_level_is_left(memory: float) -> None:
-    """After three memories (two, in fact) no bit depends on the earlier level."""
+    """After three times the memory's length (two suffice), no bit depends on the earlier level."""
     n = int(10 * memory)
     old, new = noise(n, 1, 1), noise(int(3 * memory), 1, 2)
     spectra = []
@@ -116,7 +116,7 @@ def test_time_without_samples_is_forgotten_too() -> None:
 
 
 def test_weights_say_how_much_is_remembered() -> None:
-    """They follow the variance of the mean power at every phase of a generation."""
+    """The weights follow the variance of the mean power at every phase of a generation of sums."""
     lanes, memory = 200, 5_000.0
     octaves = Octaves(lanes, memory)
     octaves.add(noise(20_000, lanes, 3))

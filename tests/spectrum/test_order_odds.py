@@ -37,7 +37,7 @@ def test_beyond_what_was_calibrated_nothing_changes() -> None:
 
 
 def test_more_data_make_odds_that_tell() -> None:
-    """Three times as many ordinates, and three times the lead."""
+    """With three times as many ordinates, the lead in log likelihood is three times as large."""
     for sign in (-1, 1):
         near, far = (order_odds(sign * lead, 0.0, 1_500 * lead) ** sign for lead in (10.0, 30.0))
         assert far > near > 1

@@ -180,14 +180,14 @@ NOISES: dict[str, Callable[[int, int], Array]] = {
 @pytest.mark.parametrize(("n", "series", "most"), [(3000, 100, 4), (20_000, 20, 1)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noise_has_no_peaks(search: Search, noise: str, n: int, series: int, most: int) -> None:
-    """At a false-alarm rate of 1 %; also where the spectrum is steep at the ends of the band."""
+    """The false-alarm rate is 1 %, also for spectra that are steep at the ends of the band."""
     assert sum(bool(search(y)) for y in NOISES[noise](n, series)) <= most
 
 
 @both
 @pytest.mark.parametrize("phi", [-0.5, -0.8, -0.9])
 def test_a_spectrum_that_rises_to_nyquist_has_no_peak(search: Search, phi: float) -> None:
-    """Also where the live fit's resolution is as coarse as the changes of the spectrum."""
+    """This holds even if the live fit's resolution is as coarse as the changes of the spectrum."""
     assert sum(bool(search(y)) for n in (20_000, N) for y in ar((phi,), n, 6, 7)) <= 1
 
 
@@ -228,7 +228,7 @@ def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
 def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
     kind: str, notch_hz: tuple[float, float], from_hz: float
 ) -> None:
-    """It begins three widths above the line, if the line is below four times the band's lowest frequency."""
+    """For a line below four times the band's lowest frequency, the band begins three widths above it."""
     assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
 
 
@@ -272,7 +272,7 @@ def test_the_native_search_refuses_what_are_no_lines() -> None:
 @both
 @pytest.mark.filterwarnings("error")
 def test_counts_that_repeat_exactly_have_lines_without_a_word_of_numpy(search: Search) -> None:
-    """There may be no noise in addition to the lines."""
+    """Such a record has no noise in addition to its lines; numpy must not warn of it."""
     counts = np.rint(40 * np.sin(2 * np.pi * 5 * np.arange(N) * H))
     found = search(counts)
     assert min(abs(peak.frequency_hz - 5.0) for peak in found) < 0.02

@@ -1,4 +1,4 @@
-"""Draw random noise models, and check that what the program claims about each is true.
+"""Draw random noise models, and check that the program's claims about each noise are true.
 
 The draws are the same each time. Of hundreds of claims at 95 % and more some are wrong, so the tests count
 how many are wrong, instead of checking single examples.
@@ -62,7 +62,7 @@ def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
 
 
 def is_there(kind: str, parts: Parts) -> bool:
-    """Whether the parts include what a verdict claims."""
+    """Whether the parts of the noise include the part that a verdict claims."""
 
     def has(*kinds: type[p.Part]) -> bool:
         return any(isinstance(part, kinds) for part in parts)
@@ -131,7 +131,7 @@ def test_what_is_claimed_is_there(count: int) -> None:
 
 @pytest.mark.parametrize("count", [60, slow(400)])
 def test_what_is_ahead_of_white_noise_is_said(count: int) -> None:
-    """One or two faint or broad parts: resonances, relaxations faster than the samples, rises, filters."""
+    """The noises have one or two faint or broad parts: resonances, fast relaxations, rises, filters."""
     rng, silent = np.random.default_rng(45), []
     for i in range(count):
         n, parts = int(rng.choice([3_000, 8_000, 20_000])), [p.White(1.0)]

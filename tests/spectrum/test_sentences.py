@@ -106,7 +106,7 @@ def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
         for end in (interval.low, interval.high):
             assert end is not None
             if field == "width_hz":
-                continue  # its free parameter is width over frequency, so it changes with the frequency
+                continue  # the free parameter, width over frequency, changes with the frequency
             at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
             fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - sentence.nll)
             assert fall == pytest.approx(CRITICAL, abs=0.15)
@@ -155,7 +155,7 @@ def test_a_parameter_that_is_as_good_as_not_there_stops_no_fit() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["relaxation", "two relaxations", "walk", "quantisation", "resonance"])
 def test_intervals_hold_the_truth(name: str) -> None:
-    """60 series: 95 ± 8.5 % are three standard deviations of a binomial, if all were independent."""
+    """The limits for 60 series, 95 ± 8.5 %, are three standard deviations of a binomial."""
     held, count = 0, 0
     for seed in range(60):
         f, sentence = fitted(NOISES[name], bins(NOISES[name], 20_000, H, seed), 0)
@@ -259,7 +259,7 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
 
 @pytest.mark.parametrize("kind", [p.Order, p.Arfima])
 def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
-    """A mean has no coordinates, so that the order's begin at the place where the mean's would."""
+    """A mean of samples has no free parameters, so the order's parameters begin at the same index."""
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
     parts = (p.White(1.0), p.Mean(4), ordered)
     f, sentence = fitted(parts, bins(parts, 20_000, H, 1), 0)

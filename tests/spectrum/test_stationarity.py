@@ -1,4 +1,4 @@
-"""The test of stationarity: it accepts noises that stay the same, and rejects those that change."""
+"""The test of stationarity accepts noises that stay the same, and rejects noises that change."""
 
 from collections.abc import Callable
 
@@ -34,7 +34,7 @@ NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = WHITE | {
 @pytest.mark.parametrize("n", [3000, slow(20_000)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noises_that_stay_the_same(noise: str, n: int) -> None:
-    """At the level 1 %, in 50 series."""
+    """Of 50 series, about 1 % are rejected, the test's significance level."""
     rng = np.random.default_rng(n)
     assert sum(change(NOISES[noise](n, rng)) is not None for _ in range(50)) <= 3
 
@@ -87,7 +87,7 @@ def test_more_samples_never_say_less(period_s: float, ratio: float) -> None:
 
 
 def test_the_fastest_swings() -> None:
-    """Blocks are 2.56 s long."""
+    """Swings are detected down to the length of the test's blocks, which are 2.56 s long."""
     for ratio in (1.5, 2.0):
         y = swinging(200_000, 4.0, ratio, 12)
         assert all(change(y[:n], 1e-3) is not None for n in (60_000, 200_000))

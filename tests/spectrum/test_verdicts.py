@@ -196,7 +196,7 @@ def blocks_taken_off(n: int, size: int, seed: int) -> np.ndarray:
 def test_an_auto_zero_is_a_high_pass_whatever_its_shape(
     auto_zero: Callable[[int, int, int], np.ndarray], level: float
 ) -> None:
-    """Its ripple above the corner is no resonance, and leakage from its ends is no drift."""
+    """A filter's ripple above the corner is no resonance, and leakage from the record's ends is no drift."""
     for seed in range(3):
         e = examined(auto_zero(200_000, 300, seed), H).evidence._replace(level=level)
         assert decide(e).kind == "high-pass", decide(e).text
@@ -222,12 +222,11 @@ def ordered() -> Evidence:
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # At lead 0: the model compared with white noise, the accepted one, and a walk or an order.
+        # Changes at lead 0: the model compared with white noise, the accepted model, and a walk or an order.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
-        # At the lead that counts as significant: a claim, an order in addition to other parts, and an order
-        # alone.
+        # Changes at the significant lead: a claim, an order in addition to other parts, and an order alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,

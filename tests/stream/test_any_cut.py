@@ -57,7 +57,7 @@ def opened(moments: list[Moment]) -> list[Moment]:
 def check_any_reads(
     story: Story, places: list[float], together: Sequence[int], changes: dict[str, Any]
 ) -> list[bytes]:
-    """Compare single reads with smaller reads, and with several reads at once, up to all of them."""
+    """Compare single reads with smaller reads, and with several reads at once, up to all reads at once."""
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
     assert walk(chosen, list(torn(moments, places))) == whole
@@ -93,7 +93,7 @@ def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
 
 
 def blocks_of(story: Story) -> list[Event]:
-    """Return the same events with consecutive samples joined into one block, as a recording has them."""
+    """Return the events with consecutive samples joined into one block, as in a recording."""
     source = StorySource()
     found: list[Event] = []
     for event in source.read(opened(story.moments())):

@@ -1,4 +1,4 @@
-"""Why a device's estimate is not compared with the host's: one reason, the first that applies."""
+"""An estimate of a device that is not compared with the host's has one reason: the first that applies."""
 
 import itertools
 

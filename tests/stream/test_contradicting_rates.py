@@ -20,7 +20,7 @@ from walk_support import NO_FILTERS, Source
 
 N = 1000
 FIRST_SECOND = 105
-"""Samples that are used, or wait for the next HELLO, until the contradiction is detected."""
+"""Number of samples that are used, or wait for the next HELLO, before the contradiction is detected."""
 
 
 def samples(
@@ -28,7 +28,7 @@ def samples(
 ) -> list[RawSample]:
     """Return samples of a device with this true rate.
 
-    `keep`: the share of samples that arrives.
+    `keep`: fraction of the samples that arrive.
     """
     rng = np.random.default_rng(7)
     found = []
@@ -137,7 +137,7 @@ def test_it_is_believed_again_when_its_clock_agrees() -> None:
 
 
 def test_another_device_on_the_port_is_asked_for_its_hello_first() -> None:
-    """Samples sent before its HELLO contradict the earlier device; no error is reported."""
+    """Samples of the new device before its HELLO contradict the earlier device; no error is reported."""
     first, second = samples(100.0, 300), samples(500.0, 400)
     moved = [raw._replace(host_ns=raw.host_ns + 10**10) for raw in second]
     events = [

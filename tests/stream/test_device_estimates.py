@@ -1,4 +1,4 @@
-"""A device that estimates: its estimates are published unchanged, and compared with the host's."""
+"""The estimates of a device are published unchanged, and compared with the host's estimates."""
 
 import math
 from collections.abc import Callable
@@ -202,9 +202,9 @@ def test_a_device_that_restarts_begins_anew(who: str) -> None:
 
 @pytest.mark.parametrize("known", [True, False])
 def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_device(known: bool) -> None:
-    """The device need not repeat its settings.
+    """The device does not have to repeat its settings.
 
-    If it never states them, the host uses its own and compares nothing.
+    If the device never states its settings, the host uses its own settings and compares nothing.
     """
     again = WIRE_HELLO._replace(sensor_starts=2)
     first = list(Board().run(noise(100)))
@@ -234,7 +234,7 @@ def told_late() -> list[Sent]:
 
 
 def heard_late() -> list[Sent]:
-    """The device was already running, and by now the host has its own start-up window."""
+    """The device was already running, so the start-up windows of device and host differ."""
     return [one for one in Board().run(noise(400)) if one.at >= 150]
 
 

@@ -1,4 +1,4 @@
-"""Errors of a device that estimates: each is reported once, and such estimates are not compared."""
+"""Each error of a device that estimates is reported once, and its wrong estimates are not compared."""
 
 import math
 

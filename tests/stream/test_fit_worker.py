@@ -241,7 +241,7 @@ def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_
 
 @pytest.mark.parametrize("examples", [4, slow(25)])
 def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
-    """Even at samples where fits are due: fits that no reader takes are not made."""
+    """Fits that no output takes are not made; this changes no estimate, even if samples are lost."""
 
     @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
     @settings(max_examples=examples)

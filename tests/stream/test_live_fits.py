@@ -141,7 +141,7 @@ def test_curves_of_many_devices_come_every_fourth_period() -> None:
 def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     breaks: set[int], news: set[int], period: int, before: int
 ) -> None:
-    """Several times 70 samples are lost; the record may begin long before the epoch."""
+    """70 samples are lost several times; the fitted record may begin long before the epoch."""
 
     def accepted(*, every: bool) -> list[int]:
         times, found = LookTimes(100.0, grows=True, every=every), []

@@ -1,4 +1,4 @@
-"""The pipeline against the plain Python oracle, for any incidents and any division of samples into blocks."""
+"""The pipeline equals the plain Python oracle, for any incidents and any division of samples into blocks."""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -179,7 +179,7 @@ def with_snapshot(
 
 
 def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
-    """Return the estimates by their number on the wire, until an epoch begins after the first `begins`."""
+    """Return the estimates by wire number, up to the beginning of the epoch after the first `begins`."""
     found = {}
     for record in records:
         begins -= isinstance(record, Epoch)
@@ -240,8 +240,7 @@ QUICK = ("longest gap", "odd gap", "date", "boot", "no accelerometer")
 
 @pytest.mark.parametrize("what", slow_but(QUICK, ACTS))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
-    """Each is tried at different points of a second, with a small and a large amount, then with a long
-    rest."""
+    """Each incident is tried at several points of a second, small and large, and with a long rest."""
     for k, amount in enumerate((0.02, 0.4, 0.6, 0.98)):
         changes = SETTINGS[(ACTS.index(what) + k) % len(SETTINGS)]
         happens = [Act(samples=240 + 7 * k, cuts=(100, 101)), Act(what, amount, 50, (1, 20))]

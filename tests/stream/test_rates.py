@@ -62,7 +62,7 @@ def test_every_sample_is_estimated_and_shown(rate_hz: int) -> None:
 
 @pytest.mark.parametrize("rate_hz", [10, 1000, slow(8000)])
 def test_fits_come_once_a_second(rate_hz: int) -> None:
-    """This is the case for a watched run; otherwise fits come as the record grows."""
+    """This holds if an output shows the fits; otherwise the time between fits grows with the record."""
     *fits, last = of(Fit, walk(rate_hz, live__period_s=1.0))
     assert [fit.samples for fit in fits] == [rate_hz * second for second in range(1, LASTS_S + 1)]
     assert last.samples == LASTS_S * rate_hz  # at the end of a recording, the fit uses all samples
@@ -88,7 +88,7 @@ def test_a_window_that_is_too_long_at_this_rate_is_named() -> None:
 def test_in_real_time_what_is_due_within_10_ms_comes_together(
     monkeypatch: pytest.MonkeyPatch, rate_hz: int, most: int
 ) -> None:
-    """Singly, 8 kHz would be too much to process.
+    """At 8 kHz, samples are processed in blocks, since single samples would take too much time.
 
     At the Due's 100 Hz each sample is processed at its own time.
     """

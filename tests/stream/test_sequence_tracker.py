@@ -116,7 +116,7 @@ BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
 """Events between samples: HELLOs with these changes; None is the end of the link."""
 
 EARLY = Device(first_us=10**6)
-"""A device whose clock starts earlier than the usual one's."""
+"""A device whose clock starts earlier than the default device's clock."""
 
 LATE = Device(late_ns=301 * 10**9)
 
@@ -202,7 +202,7 @@ def test_what_begins_an_epoch_and_what_is_lost_before(
 
 
 def after_lost_reset(k_before: int, k_after: int) -> tuple[Decoder, RawSample, Placed | None]:
-    """A reset whose HELLO was lost: the counters begin again, the host's clock goes on."""
+    """Return samples around a reset whose HELLO is lost: counters restart, the host's clock runs on."""
     decoder = heard(max_gap=100)
     deliver(decoder, Device(), [k_before - 1, k_before])
     now_ns = (k_before + 30) * PERIOD_US * 1000

@@ -27,7 +27,7 @@ LSB_DPS = 1 / 16.4
 
 
 def pushed(first: int, last: int, counts: int) -> RawBlock:
-    """Return samples of a sensor that is turned between two of them."""
+    """Return samples of a sensor that is turned from sample `first` to sample `last`."""
     still = raw(range(1300))
     gyro = still.gyro.copy()
     gyro[first:last, 0] += counts
@@ -112,7 +112,7 @@ def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
     _, pipeline = walk([hello(), raw(range(700))], prompt=False, live__on=False)
     rest, _ = walk([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
     expected, found = column(whole, "bias")[700:], column(rest, "bias")
-    # The time between is bridged by zero or one sample.
+    # The tracker bridges the time between snapshot and restart by zero or one sample.
     assert np.allclose(found, expected, atol=0.05 * column(whole, "bias_std")[700:].max())
 
 

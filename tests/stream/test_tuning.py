@@ -45,7 +45,7 @@ def with_(**changes: Interval) -> AxisFit:
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
-    """With the order of the same fit, whose deviations come from the wider side of each interval."""
+    """The order of the same fit is handed over, with deviations from the wider side of each interval."""
     belief = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), belief)
     # More white noise and less state noise, or the reverse: the data barely distinguish them, and need not.
@@ -87,7 +87,7 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
-    """The oracle is the same bank, tuned by the test."""
+    """The filters equal those of a bank that the test itself tunes."""
     items, pipeline = walk([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
     found = {r.seq: r.axes for r in of(Estimate, records_of(items))}
     by_hand = walk([hello()], estimator__variant=variant)[1]._config.estimator
@@ -187,7 +187,7 @@ def test_a_saved_walk_goes_on_tuned() -> None:
 
 @pytest.mark.slow
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
-    """These are true fits: eighty to publish, and the forty that tune the estimates."""
+    """The test makes true fits: eighty to publish, and forty that tune the estimates."""
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))
     rows = [tuple(map(int, generator.step())) for _ in range(9020)]
     block = block_of([RawSample(k, k * 10_000, k * 10_000_000, row) for k, row in enumerate(rows)])
