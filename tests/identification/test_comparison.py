@@ -30,7 +30,7 @@ def alike() -> AxisReport:
 
 
 def times(axis: AxisReport, factor: float) -> AxisReport:
-    """Return the same result with a larger N."""
+    """Return the result with a larger N."""
     N = axis.result.level.N
     larger = Interval(*(None if end is None else end * factor for end in (N.value, N.low, N.high)))
     return replace(axis, result=replace(axis.result, level=replace(axis.result.level, N=larger)))

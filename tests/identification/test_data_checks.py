@@ -1,4 +1,4 @@
-"""Data checks: each planted fault is found, and none in clean noise."""
+"""Data checks find each planted fault, and no fault in clean noise."""
 
 import functools
 
@@ -21,7 +21,7 @@ QUIET = Counts(1000, 1000, 0, 1, *[0] * 9)
 
 
 def kinds(y: Array, lsb: float | None = None) -> dict[str, str]:
-    """Return the severity of each kind, without "short"."""
+    """Return the severity of each kind of finding, without the kind "short"."""
     return {
         data_check.kind: data_check.severity
         for data_check in axis_data_checks(y, H, lsb)

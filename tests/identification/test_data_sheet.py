@@ -1,4 +1,4 @@
-"""Whether a gyroscope is as good as its data sheet: density and wording are those of the sheet."""
+"""The comparison of a gyroscope with its data sheet uses the density and the wording of the sheet."""
 
 import json
 import math

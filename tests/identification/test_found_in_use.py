@@ -31,7 +31,7 @@ def data_checks(found: AxisReport) -> dict[str, str]:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_relaxations_with_quantisation_are_not_fractional(seed: int) -> None:
-    """Earlier any rise of the density made every sum of relaxations lose."""
+    """In an earlier version, any rise of the density made every model of relaxations lose."""
     truth = Truth(0.005, ((0.0175, 1.0), (0.0175, 0.1), (0.0175, 0.02)), Q=1.4e-4)
     assert identify_axis(composite(truth, 60_000, H, seed), H, None, OPTIONS).verdict.kind != "fractional"
 
@@ -44,7 +44,7 @@ def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:
 
 
 def test_an_axis_that_is_constant_at_first_is_judged() -> None:
-    """Only FLTEA cannot begin, since its start-up window holds no noise."""
+    """All results exist except FLTEA's, which cannot begin since its start-up window holds no noise."""
     y = np.concatenate([np.full(500, 0.3), white(59_500, 1, 1)[0]])
     found = identified(y)
     assert found.result.verdict.kind == "white"

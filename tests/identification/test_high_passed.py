@@ -1,4 +1,4 @@
-"""A record without slow waves, which a high-pass has removed: the statements on bias, heading and walk."""
+"""Statements on bias, heading and walk are true for a record whose slow waves a high-pass has removed."""
 
 import numpy as np
 import pytest

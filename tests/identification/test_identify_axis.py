@@ -97,7 +97,7 @@ def peaks(*bands: tuple[float, float]) -> tuple[Peak, ...]:
 
 
 def test_peaks_without_end_leave_half_of_the_ordinates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The weakest peaks stay in, and no more of them than necessary."""
+    """The weakest peaks stay in the fit, and no more of them than necessary."""
     y = white(1000, 1, 1)[0]
     found = peaks((5, 15), (20, 30), (35, 37), (38, 48))
     monkeypatch.setattr("fltea.identification.fine_peaks.find_peaks", lambda p: found)
@@ -158,7 +158,7 @@ def test_one_axis_only() -> None:
 
 
 def test_real_recordings(recordings: Path) -> None:
-    """As measured: none of them is fractional, and the resonance of the z axis is recognised."""
+    """None of the measured axes is fractional, and the resonance of the z axis is recognised."""
     kinds = {}
     for name in ("mpu6050_sunsided_10min", "mpu6050_tomisuarez_100s"):
         with np.load(recordings / f"{name}.npz") as d:

@@ -134,7 +134,7 @@ def test_both_sensors_in_one_command(tmp_path: Path) -> None:
 
 
 def test_table_files_and_notch(recording: Path, tmp_path: Path) -> None:
-    """Without the spectral line both are white; models and imu.yaml satisfy their readers."""
+    """Without the spectral line both axes are white; models and imu.yaml satisfy their readers."""
     model, yaml = tmp_path / "model.json", tmp_path / "imu.yaml"
     flags = ("--notch", "20±0.5", "--variant", "triple", "--export-model", model, "--imu-yaml", yaml)
     out, _ = here(recording, *flags, "--details")
@@ -179,7 +179,7 @@ def test_how_long_to_rest_and_to_drive(recording: Path) -> None:
 
 
 def test_a_bad_file_among_others(recording: Path, tmp_path: Path) -> None:
-    """The others are identified; the failure is reported in its place and at the end; exit code 2."""
+    """The other files are identified; the failure is reported in its place and at the end; exit code 2."""
     bad = tmp_path / "bad.npz"
     bad.write_bytes(b"PK no")
     out, err = here(tmp_path / "away.npz", recording, bad, "--channels", "gyro_x", exit_code=2)

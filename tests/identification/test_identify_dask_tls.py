@@ -107,7 +107,7 @@ def test_a_foreign_certificate_does_not(
 
 
 def test_nor_without_one(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nor with TLS switched off, for which a setting is needed."""
+    """A client with TLS switched off, for which a setting is needed, is not accepted either."""
     plain = address.replace("tls://", "tcp://")
     with pytest.raises(UsageError, match=r"no scheduler answers there .* with certificates tls://"):
         connect(plain, {}, monkeypatch, patience_s=1.0)

@@ -170,7 +170,7 @@ def test_shuffles_follow_the_seed() -> None:
 
 
 def test_copies_do_not_depend_on_their_group() -> None:
-    """To the bit, even if one copy of the group runs away."""
+    """The results are equal to the bit, even if one copy of the group diverges."""
     y = counts(1)
     for settings in (config(), config(variant="triple", guard="off", R=0.001)):
         whole = estimate(y, H, settings, LSB, range(11), 1)

@@ -47,7 +47,7 @@ from one_fltea import fltea_fit
 
 
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:
-    """Return the kept samples of y, and where the others are missing; the first and the last are kept."""
+    """Return the kept samples of y, and where samples are missing; the first and the last are kept."""
     keep[[0, -1]] = True
     places = np.flatnonzero(keep)
     missing = np.diff(places) - 1
@@ -110,7 +110,7 @@ def with_gaps(y: Array, seed: int) -> tuple[Array, float, float, tuple[()], Gaps
 
 @pytest.mark.parametrize("phi", [0.0, 0.9, -0.6])
 def test_what_is_drawn_is_like_the_rest(phi: float) -> None:
-    """It has the same variance and the same correlation with its neighbours as the rest."""
+    """A filled gap has the same variance and correlation with its neighbours as the other samples."""
     y = ar((phi,), 20_000, 1, 9)[0]
     seen, gaps = in_gaps(y, 300, 5)
     (one,) = bridged(seen, gaps)
@@ -178,7 +178,7 @@ def moments(spectrum: Periodogram) -> tuple[float, ...]:
 
 
 def test_allan_deviation_of_stretches() -> None:
-    """It is that of each stretch, averaged by the numbers of terms."""
+    """The result is the average over the pieces between gaps, weighted by their numbers of terms."""
     parts = [white(n, 1, n)[0] + offset for n, offset in ((400, 3.0), (150, -8.0), (30, 0.0), (1, 5.0))]
     factors = np.array([1, 3, 10, 100])
     found = overlapping(parts, factors)

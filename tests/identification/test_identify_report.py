@@ -65,7 +65,7 @@ def test_page_has_all_and_needs_nothing(made: tuple[Path, list[FileReport], list
 
 
 def test_a_plain_install_writes_a_report_with_all_figures(tmp_path: Path) -> None:
-    """matplotlib cannot be imported."""
+    """The report is written although matplotlib cannot be imported."""
     path = npz(tmp_path / "rest.npz", counts(2000, 1))
     command = ["fltea", "identify", path, "--forecast", "--shuffles", 1, "--report", tmp_path / "out"]
     program = (

@@ -93,7 +93,7 @@ def test_order_and_failures(known: Known, tmp_path: Path) -> None:
 
 
 def test_the_number_of_processes_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Neither does the assignment of tasks, nor the order of the results."""
+    """The assignment of tasks and the order of results do not change the results."""
     raw = np.rint(16 * long_recursion(0.6, -0.19, N, 1)).astype(np.int32)[:, np.newaxis]
     requests = [Request((npz(tmp_path / "a.npz", raw, accel_raw=counts(N, 3), accel_lsb_per_g=16384.0),))]
     lanes = 8
@@ -160,7 +160,7 @@ def test_settings_that_no_filter_can_work_with_are_told_whatever_is_asked_for(tm
 
 
 class LastFirst(Here):
-    """Runs its tasks only when they are waited for, the last one first."""
+    """Runs its tasks only when a caller waits for them, the last task first."""
 
     slots = 100
 

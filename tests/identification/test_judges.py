@@ -1,4 +1,4 @@
-"""Readings that cannot be what they seem: each planted fault is found, and none in clean noise."""
+"""Data checks of impossible readings find each planted fault, and no fault in clean noise."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -153,7 +153,7 @@ def test_reads_that_fail_by_chance_have_no_rate() -> None:
 
 @pytest.mark.parametrize("places", [2, 3, 4])
 def test_one_axis_with_few_decimals_has_no_repeats(places: int) -> None:
-    """Of 30 clean series 27 once had some."""
+    """In an earlier version, 27 of 30 clean series had repeated samples."""
     for seed in range(30):
         y = np.round(0.2 + 0.2 * white(N, 1, seed)[0], places)
         assert [data_check.kind for data_check in judge_one(y, "deg/s", None, H)] == []

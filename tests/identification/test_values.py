@@ -1,4 +1,4 @@
-"""Values that are too frequent: dead bands, one value in place of others, clipping.
+"""Data checks find values that are too frequent: dead bands, one value in place of others, clipping.
 
 Plain rounding is not reported.
 """

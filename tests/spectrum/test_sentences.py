@@ -259,7 +259,7 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
 
 @pytest.mark.parametrize("kind", [p.Order, p.Arfima])
 def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
-    """A mean of samples has no free parameters, so the order's parameters begin at the same index."""
+    """A mean has no free parameters, so the order's parameters begin where the mean's would begin."""
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
     parts = (p.White(1.0), p.Mean(4), ordered)
     f, sentence = fitted(parts, bins(parts, 20_000, H, 1), 0)

@@ -34,7 +34,7 @@ NOISES: dict[str, Callable[[int, np.random.Generator], Array]] = WHITE | {
 @pytest.mark.parametrize("n", [3000, slow(20_000)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noises_that_stay_the_same(noise: str, n: int) -> None:
-    """Of 50 series, about 1 % are rejected, the test's significance level."""
+    """At the significance level 1 %, at most 3 of 50 series are rejected."""
     rng = np.random.default_rng(n)
     assert sum(change(NOISES[noise](n, rng)) is not None for _ in range(50)) <= 3
 

@@ -157,7 +157,7 @@ def test_the_plain_filter_of_an_offset_is_the_mean() -> None:
 def test_the_plain_filter_is_the_best_linear_forecast(
     K: float, states: list[tuple[float, float]], ahead: int, seed: int
 ) -> None:
-    """Compared with the forecast from the covariance of all samples, without a recursion."""
+    """The filter is compared with the forecast from the covariance of all samples, without a recursion."""
     n = 30
     k = np.arange(1, n + ahead + 1)
     covariance = 0.5**2 + K**2 * H * np.minimum.outer(k, k)

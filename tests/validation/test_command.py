@@ -1,4 +1,4 @@
-"""`make validate` as a user calls it, on records of 5 Hz; what is kept, and what is not repeated."""
+"""`make validate` as a user calls it, on records of 5 Hz; finished results are kept and not repeated."""
 
 import functools
 import json
@@ -51,7 +51,7 @@ def test_tables_and_files(validate: Call, tmp_path: Path) -> None:
 
 
 def test_json_and_resumed(validate: Call, tmp_path: Path) -> None:
-    """A last line that was cut off is computed again; complete lines are not."""
+    """The result of a last line that was cut off is computed again; complete lines are kept."""
     first = validate("--only", "white", "--no-figures", "--json")
     kept = tmp_path / "build/validation/gallery.ndjson"
     lines = kept.read_text().splitlines(keepends=True)
@@ -96,7 +96,7 @@ def test_mistakes(validate: Call, tmp_path: Path, arguments: tuple[str, ...], wo
 def test_a_full_disk_leaves_no_half_file(
     validate: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The earlier table stays."""
+    """If the disk is full, the earlier table stays."""
     folder = tmp_path / "build/validation"
     folder.mkdir(parents=True)
     (folder / "gallery.md").write_text("old")

@@ -13,7 +13,7 @@ from tools.validation.tables import Table
 
 
 def test_each_published_interval_has_a_row_or_a_reason() -> None:
-    """A new field of a record fails here: say in `FIGURES` what is measured for it."""
+    """This test fails for a new field of a record; state in `FIGURES` what is measured for the field."""
     fields = list(published.fields())
     assert {one.name for one in fields} == FIGURES.keys()
     assert Field("tau_s", "identification/navigation_file.GaussMarkovState") in fields
@@ -22,7 +22,7 @@ def test_each_published_interval_has_a_row_or_a_reason() -> None:
 
 
 def test_each_row_is_measured() -> None:
-    """One axis of each population; a new part of noise models fails here until a population has it."""
+    """The populations contain every kind of part of noise models; a new kind needs a population."""
     rows = [row for name in POPULATIONS for row in run.count(name, 1)]
     measured = {row["quantity"] for row in rows}
     wanted = {one for one in FIGURES.values() if isinstance(one, str)}

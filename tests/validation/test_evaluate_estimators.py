@@ -1,4 +1,4 @@
-"""The filters as lanes, also with changing Q and R, and the fits: both give what the daemon gives."""
+"""Filters as lanes, also with changing Q and R, and fits give the results of the daemon."""
 
 from itertools import pairwise
 
@@ -22,7 +22,7 @@ CASE = Case(0.6, -3.0, 3.0)
 
 @pytest.mark.parametrize("setting", MAIN[:2], ids=lambda setting: setting.name)
 def test_what_the_daemon_gives(setting: object) -> None:
-    """Sample by sample with the daemon's start-up window and supervisor, to the rounding of the bias."""
+    """The results equal the daemon's, sample by sample, up to the rounding of the bias."""
     y = samples(CASE, 2, 1_200)
     (found,) = read(y, H, setting.config, (1_200,))
     for seed in range(2):
@@ -44,7 +44,7 @@ def test_a_shorter_record_is_the_beginning_of_a_longer_one() -> None:
 
 
 def test_given_variances_take_the_place_of_the_settings() -> None:
-    """A Q and an R for each lane."""
+    """Each lane has its own Q and R."""
     y = samples(CASE, 2, 1_000)
     Q, R = np.array([0.02, 0.3]), np.array([0.004, 0.05])
     (found,) = read(y, H, EstimatorConfig(), (1_000,), Q=Q, R=R)
@@ -78,7 +78,7 @@ CLEAR = Case(0.8, -1.0, 3.0)
 
 @pytest.mark.parametrize("name", list(TUNED))
 def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
-    """A tuning without a value changes nothing; one with values changes the settings."""
+    """A tuning without a value changes nothing; a tuning with values changes the settings."""
     config, y = TUNED[name], samples(CLEAR, 2, 1_000)
     nothing, handed = np.full(2, np.nan), (np.full(2, 0.01), np.full(2, 0.004))
     (plain,) = read(y, H, config, (1_000,))
@@ -95,7 +95,7 @@ def test_the_filters_go_on_with_what_they_are_told(name: str) -> None:
 
 
 def test_only_what_is_known_is_handed_over() -> None:
-    """s2 and R of ten minutes are passed on; those of half a minute, and of white noise, are not."""
+    """s2 and R of ten minutes are passed on; s2 and R of half a minute, or of white noise, are not."""
     handed = tunings(samples(CLEAR, 2, 20_000), H, 20_001)
     assert np.isnan(handed[0].Q).all()
     last = handed[-1]
@@ -125,7 +125,7 @@ def test_truths() -> None:
 
 
 def test_up_to_three_thousand_samples_live_is_the_whole_record() -> None:
-    """The accumulators still hold every sample then."""
+    """For such a short record, the accumulators still hold every sample."""
     y = samples(STRONG, 3, 3_000)
     truth = truths(STRONG)
     (live,), whole = live_readings(y, H, (3_000,), truth), whole_reading(y, H, truth)
@@ -158,7 +158,7 @@ def test_white_noise_has_no_order_and_no_truth() -> None:
 
 
 def test_fitted_variances() -> None:
-    """Those of the noise; for white noise the default Q and the power; never 0."""
+    """Q and R are those of the noise; for white noise the default Q and the power; neither is ever 0."""
     noise = Case(0.8, -10.0, 3.0)
     Q, R = fitted_variances(samples(noise, 3, 10_000), H, 0.15, POWER)
     assert np.median(Q) == pytest.approx(noise.noise.s2, rel=0.1)

@@ -22,7 +22,7 @@ from tools.validation.evaluate.referee import judge, rms, share
 
 
 def test_points() -> None:
-    """Eight stationary noises, with and without white noise."""
+    """The noises are eight stationary noises, with and without white noise."""
     assert len(set(POINTS)) == 8
     assert all(spectra.stationary(one.alpha, H**one.alpha * one.f) for one in POINTS)
     assert [one.name for one in POINTS if one.white == 0] == ["α = 0.4, f = -1, R = 0"]

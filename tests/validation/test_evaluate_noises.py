@@ -78,7 +78,7 @@ def found() -> dict[tuple[str, bool], Row]:
 def test_three_time_constants_later_the_truth_is_back(
     shift: Shift, found: dict[tuple[str, bool], Row]
 ) -> None:
-    """At least 5 of 6 intervals of 95 %: fewer have a chance of 3 %."""
+    """At least 5 of 6 intervals of 95 % hold the truth: fewer have a chance of 3 %."""
     score = found[shift.name, True]
     assert score["series"] == SEEDS
     assert score["holds"] >= SEEDS - 1

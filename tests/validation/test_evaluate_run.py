@@ -179,7 +179,7 @@ def test_tables_and_conclusion(tiny: list[Row]) -> None:
 
 @pytest.mark.slow
 def test_figures(tiny: list[Row], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two of the maps and the settings: a map takes most of a second."""
+    """The test makes only two of the maps, and the settings, since a map takes most of a second."""
     monkeypatch.setattr(figures, "MAPS", {name: figures.MAPS[name] for name in ("error", "coverage")})
     drawn = figures.draw(tiny)
     assert set(drawn) == {"error", "coverage", "settings", "live"}

@@ -84,7 +84,7 @@ def log_spectrum(p: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("case", CASES)
 def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, float]) -> None:
-    """With f itself as a parameter, and derivatives of the spectrum that the Whittle fit uses."""
+    """The bound has f as a parameter, and uses the spectrum's derivatives from the Whittle fit."""
     alpha, g, s2, R = case
     here = np.array([alpha, spectrum.f_of(alpha, g, H), math.log(s2), math.log(R)])
     slopes = []
@@ -112,5 +112,5 @@ def test_bound_of_alpha_and_f_by_differences(case: tuple[float, float, float, fl
     ],
 )
 def test_means_over_the_frequencies(shape: np.ndarray, expected: float) -> None:
-    """Variances of AR(1), with a memory of up to 100,000 samples, and of a pole at λ = 0."""
+    """The test covers AR(1), with a memory of up to 100,000 samples, and a pole at λ = 0."""
     assert mean(shape) == pytest.approx(expected, rel=1e-5)

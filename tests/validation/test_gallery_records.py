@@ -25,7 +25,7 @@ LOOKED_AT = (
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LOOKED_AT)
 def test_verdicts(name: str) -> None:
-    """10 min at 100 Hz, one record each."""
+    """The gallery has one record of 10 min at 100 Hz for each noise."""
     (row,) = look(name, 100.0, 600.0, 0)
     assert row["outcome"] != "wrong", row["text"]
     if row["kind"] == "fractional":
@@ -71,7 +71,7 @@ def test_tables() -> None:
 
 
 def test_two_runs_cell_by_cell() -> None:
-    """A cell of only one run is not counted."""
+    """A cell of the table with only one run is not counted."""
     after = [
         seen("white", "white", "right"),
         seen("white", "fractional", "wrong", 1),
