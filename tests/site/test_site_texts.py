@@ -29,6 +29,7 @@ PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [
     "README.md",
     "CHANGELOG.md",
+    "CONTRIBUTING.md",
     *sorted(
         file.relative_to(ROOT).as_posix()
         for folder in ("findings", "firmware", "host", "protocol", "tests", "tools")
