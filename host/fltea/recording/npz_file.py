@@ -30,6 +30,8 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
 """Optional arrays that have a row for each sample."""
 
+LEAST_POSITIVE = 1e-9
+"""Least rate or scale that is accepted: counts that are divided by less are no finite figures."""
 NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g", *BESIDE)
 """All arrays that are read; other arrays in a file are ignored."""
 
@@ -194,6 +196,6 @@ def _numeric(path: Path, name: str, array: NDArray[Any], first: int = 0) -> NDAr
 
 def _positive(path: Path, name: str, arrays: NpzArrays) -> float:
     values = _numeric(path, name, arrays.whole(name)) if math.prod(arrays.shape(name)) == 1 else None
-    if values is None or values.item() <= 0:
-        raise UsageError(f"{path}: {name} has to be one positive number.")
+    if values is None or values.item() < LEAST_POSITIVE:
+        raise UsageError(f"{path}: {name} has to be one positive number, of {LEAST_POSITIVE:g} or more.")
     return float(values.item())
