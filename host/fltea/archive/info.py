@@ -194,7 +194,7 @@ def as_text(s: Summary) -> str:
     lines: list[tuple[str, Any]] = [("recording", s.name)]
     if s.session is not None:
         lines.append(("device", f"{s.device}, session {s.session}"))
-    is_foreign = s.hello is not None and s.hello.sampling_mode == OF_A_FILE
+    is_foreign = _is_foreign(s)
     if s.hello is not None and not is_foreign:
         lines += _hello_lines(s.hello)
     if s.about:
@@ -228,6 +228,11 @@ def as_text(s: Summary) -> str:
     return "\n".join(f"{name:<13} {visible(str(text))}" for name, text in lines)
 
 
+def _is_foreign(s: Summary) -> bool:
+    """Return whether another program wrote the recording."""
+    return s.hello is not None and s.hello.sampling_mode == OF_A_FILE
+
+
 def _state(s: Summary) -> str:
     """Return the state of the files, in words."""
     faults = ["not all could be read"] if s.unread else []
@@ -235,8 +240,7 @@ def _state(s: Summary) -> str:
     if s.being_written:
         faults.append("still being written")
     if not faults and not s.whole:
-        is_foreign = s.hello is not None and s.hello.sampling_mode == OF_A_FILE
-        remedy = "" if s.about or is_foreign else " (fltea recover)"  # applies to fltea's files only
+        remedy = "" if s.about or _is_foreign(s) else " (fltea recover)"  # applies to fltea's files only
         faults.append(f"not finished: killed, cut or damaged{remedy}")
     return ", ".join(faults) or "whole"
 

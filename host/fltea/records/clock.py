@@ -26,7 +26,7 @@ def unix_offset_ns() -> int:
     The threads that read ports compute the same offset (`stamp_now` in native/port_reader.cpp).
     """
     unix_ns = time.time_ns()
-    return unix_ns - host_ns() if 0 <= unix_ns < END_OF_DATES_NS else 0
+    return unix_ns - host_ns() if _is_possible(unix_ns) else 0
 
 
 def unix_ns() -> int:
@@ -34,13 +34,19 @@ def unix_ns() -> int:
     return host_ns() + unix_offset_ns()
 
 
+def _is_possible(unix_ns: int) -> bool:
+    """Return whether a Unix time is between 1970 and the end of believed dates."""
+    return 0 <= unix_ns < END_OF_DATES_NS
+
+
 def wrong_date() -> str:
     """Return a message that says what is wrong with the machine's date; empty if the date is possible."""
-    unix_s = time.time_ns() // SECOND_NS
-    if 0 <= unix_s < END_OF_DATES_NS // SECOND_NS:
+    unix_ns = time.time_ns()
+    if _is_possible(unix_ns):
         return ""
+    year = 1970 + unix_ns // SECOND_NS // 31_556_952
     return (
-        f"the machine's clock says the year {1970 + unix_s // 31_556_952}, which is not believed: times "
+        f"the machine's clock says the year {year}, which is not believed: times "
         "count from the machine's start, in the year 1970, until it is set. Has it a battery for its "
         "clock, and does it reach a time server?"
     )
