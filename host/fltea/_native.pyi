@@ -621,7 +621,7 @@ class Octaves:
 
 # Fits noise models to the bins of one spectrum. A model is a list of `codes`, the numbers of its parts as in
 # fltea.noise.parts, and a list `eta` of its free parameters.
-class Sentences:
+class WhittleFits:
     # All arrays are (bins,). `lam`: frequencies; `counts`: effective ordinates; `power`: the spectrum;
     # `walk`: spectrum of a random walk of unit steps; `window`: mean square of the frequency offsets that
     # each bin averages over. `h`: sampling period [s]. Raises ValueError if the bins cannot be fitted.
@@ -697,8 +697,8 @@ def noise_parts() -> list[tuple[str, list[tuple[str, float, float]], list[str], 
 # Number of the mean of m samples, less m.
 MEAN_FROM: int
 
-# Fills in the spectrum of a sentence at lam.
-def sentence_spectrum(
+# Fills in the spectrum of a noise model at lam.
+def model_spectrum(
     codes: list[int],
     eta: list[float],
     lam: NDArray[np.float64],

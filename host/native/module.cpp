@@ -16,7 +16,7 @@
 #include "engine_binding.hpp"
 #include "frame.h"
 #include "messages.h"
-#include "sentence_binding.hpp"
+#include "whittle_binding.hpp"
 #include "tracker_model_binding.hpp"
 
 namespace nb = nanobind;
@@ -156,7 +156,7 @@ NB_MODULE(_native, m) {
     bind_lanes(m);
     bind_device(m);
     bind_bank(m);
-    bind_sentences(m);
+    bind_whittle_fits(m);
     bind_allan(m);
     bind_octaves(m);
     bind_tracker_model(m);

@@ -193,7 +193,7 @@ def test_the_bank_is_good_from_six_seconds_on(name: str) -> None:
     assert found.over_y < (1.05 if name in HARD else 1), found
 
 
-SENTENCES: dict[str, list[p.AnyPart]] = {
+MODELS: dict[str, list[p.AnyPart]] = {
     "alternating": [p.Alternating(0.14, 0.02)],
     "resonance": [p.Resonance(5 * R, 20.0, 1.0)],
     "quantisation": [p.Quantisation(0.1 * H)],
@@ -210,9 +210,9 @@ SENTENCES: dict[str, list[p.AnyPart]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SENTENCES)
+@pytest.mark.parametrize("name", MODELS)
 def test_innovations_of_any_noise_are_white_and_as_small_as_can_be(name: str) -> None:
-    parts, n, lanes = [WHITE, *SENTENCES[name]], 10_000, 12
+    parts, n, lanes = [WHITE, *MODELS[name]], 10_000, 12
     y = made(lambda lam: p.spectrum(parts, lam, H), n, np.random.default_rng(1))[:lanes]
     one = Tracker([None] * lanes)
     for lane in range(lanes):

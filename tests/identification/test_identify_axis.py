@@ -49,7 +49,7 @@ def test_as_json_and_back() -> None:
     plain = msgspec.json.decode(data)
     assert {"variant", "guard", "window", "startup", "state", "joint"} <= set(plain["fltea"]["settings"])
     assert plain["fltea_other"]["settings"]["variant"] == "triple"
-    assert {"white", "plain", "rich"} <= set(plain["sentences"])
+    assert {"white", "plain", "rich"} <= set(plain["models"])
 
 
 def test_broad_resonance_is_not_called_white() -> None:

@@ -142,7 +142,7 @@ def test_one_result_wherever_it_is_read(axis: str, report: FileReport) -> None:
 def assert_one_result(found: AxisReport) -> None:
     """Check that text, table, JSON, model, curve and filter have the same parts, N, K and order."""
     r = found.result
-    assert found.model.parts == r.sentences[r.stands].parts
+    assert found.model.parts == r.models[r.stands].parts
     named = {str(part.__struct_config__.tag): part for part in found.model.parts}
     told = {part.part: part.values for part in r.parts}
     assert set(named) == set(told)

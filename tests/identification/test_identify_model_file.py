@@ -185,7 +185,7 @@ def test_a_model_has_the_spectrum_of_what_was_identified(name: str) -> None:
     }[name]()
     looked = look(y, H)
     peak = Peak("line", 20.0, 0.1, 0.01, 5.0, (19.0, 21.0))
-    model = modelled(looked.figures.sentence, (peak,), 2.0, H)
+    model = modelled(looked.figures.model, (peak,), 2.0, H)
     assert model.resonances == (Lorentzian(20.0, 0.1, 0.04),)
     data = looked.summed.seen.evidence.candidates.data
     off = (data.power[0] / model_spectrum(AxisModel(model.parts), data.lam, H) - 1) * np.sqrt(data.counts)

@@ -38,7 +38,7 @@ def noise(name: str, n: int, rng: np.random.Generator) -> Array:
 
 
 def tracked(y: Array) -> Learned:
-    return learned(look(y, H, OPTIONS).figures.sentence.parts(H), y, H)
+    return learned(look(y, H, OPTIONS).figures.model.parts(H), y, H)
 
 
 def by_the_page(plain: NavigationFilter, at_rest: Array, t_s: float, folder: Path) -> tuple[float, float]:

@@ -9,18 +9,18 @@
 #include <vector>
 
 #include "fit_rig.hpp"
-#include "sentence_fit.hpp"
 #include "sliced_fit.hpp"
+#include "whittle_fit.hpp"
 
 namespace {
 
 using namespace fltea::whittle;
-namespace sentence = fltea::sentence;
+namespace whittle = fltea::whittle;
 
 // The bins in the host's form.
 template <class Any>
-sentence::Bins on_host(const Any& bins) {
-    sentence::Numbers lam, counts, power;
+whittle::Bins on_host(const Any& bins) {
+    whittle::Numbers lam, counts, power;
     std::vector<int> order;
     for (int i = 0; i < bins.size(); ++i) order.push_back(i);
     std::sort(order.begin(), order.end(), [&](int a, int b) { return bins.lam(a) < bins.lam(b); });
@@ -29,8 +29,8 @@ sentence::Bins on_host(const Any& bins) {
         counts.push_back(static_cast<double>(bins.counts(i)));
         power.push_back(static_cast<double>(bins.power(i)));
     }
-    const sentence::Numbers none(lam.size());
-    return sentence::Bins(sentence::kernel_baseline, lam, counts, power, none, none, 1);
+    const whittle::Numbers none(lam.size());
+    return whittle::Bins(whittle::kernel_baseline, lam, counts, power, none, none, 1);
 }
 
 // The host's answer from many starting points: white noise and one part.
@@ -39,10 +39,10 @@ struct HostFit {
     double nll;
 };
 // order: a fixed order of the part, if it has one; -1: the order is free.
-HostFit host_fit(sentence::Bins bins, sentence::Part part, double highest_order, double order = -1) {
-    const sentence::Words words = {sentence::Word{sentence::kWhite, 0}, sentence::Word{part, 0}};
+HostFit host_fit(whittle::Bins bins, whittle::Part part, double highest_order, double order = -1) {
+    const whittle::Terms terms = {whittle::Term{whittle::kWhite, 0}, whittle::Term{part, 0}};
     bins.highest_order = highest_order;
-    sentence::Patience patience;
+    whittle::Patience patience;
     patience.steps = 200;
     patience.slowest = 1000;
     std::mt19937 random(1);
@@ -51,47 +51,47 @@ HostFit host_fit(sentence::Bins bins, sentence::Part part, double highest_order,
     HostFit best = {{}, std::numeric_limits<double>::infinity()};
     for (int k = 0; k < 40; ++k) {
         std::vector<double> eta = {power + some(random)};
-        if (part == sentence::kOrder) eta.push_back(0.05 + highest_order * (k % 10) / 10);
-        if (part == sentence::kRelaxation) eta.push_back(power + some(random));
+        if (part == whittle::kOrder) eta.push_back(0.05 + highest_order * (k % 10) / 10);
+        if (part == whittle::kRelaxation) eta.push_back(power + some(random));
         eta.push_back(some(random));
-        if (part == sentence::kOrder) eta.push_back(power + some(random));
+        if (part == whittle::kOrder) eta.push_back(power + some(random));
         if (order >= 0) eta[1] = order;
-        const double nll = sentence::score(bins, words, eta.data(), order >= 0 ? 1 : -1, patience);
+        const double nll = whittle::score(bins, terms, eta.data(), order >= 0 ? 1 : -1, patience);
         if (nll < best.nll) best = {eta, nll};
     }
     return best;
 }
 
 // -log L of white noise.
-double white_fit(const sentence::Bins& bins) {
+double white_fit(const whittle::Bins& bins) {
     double eta = std::log(bins.mean);
-    return sentence::score(bins, {sentence::Word{sentence::kWhite, 0}}, &eta, -1, sentence::Patience());
+    return whittle::score(bins, {whittle::Term{whittle::kWhite, 0}}, &eta, -1, whittle::Patience());
 }
 
 // The deviation of α by the curvature in double, at the device's answer.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
-    const sentence::Bins on = on_host(bins);
+    const whittle::Bins on = on_host(bins);
     const double share = static_cast<double>(-found.g) * std::exp2(-static_cast<double>(found.alpha));
     const double eta[] = {std::log(static_cast<double>(found.R)), static_cast<double>(found.alpha),
                           std::log(share / (1 - share)), std::log(static_cast<double>(found.s2))};
-    sentence::Spectrum at(on);
-    REQUIRE(std::isfinite(
-        at.at({sentence::Word{sentence::kWhite, 0}, sentence::Word{sentence::kOrder, 0}}, eta)));
-    double gradient[sentence::kMostFree], information[sentence::kMostFree][sentence::kMostFree];
+    whittle::Spectrum at(on);
+    REQUIRE(
+        std::isfinite(at.at({whittle::Term{whittle::kWhite, 0}, whittle::Term{whittle::kOrder, 0}}, eta)));
+    double gradient[whittle::kMostFree], information[whittle::kMostFree][whittle::kMostFree];
     at.derivatives(4, gradient, information);
-    REQUIRE(sentence::factor(4, information));
+    REQUIRE(whittle::factor(4, information));
     double column[] = {0, 1, 0, 0};
-    sentence::substitute(4, information, column, true);
+    whittle::substitute(4, information, column, true);
     return std::sqrt(column[1]);
 }
 
 // Difference in 2 log L between the best fit of this order and the best of all, in double.
 template <class Any>
 double below_best(const Any& bins, double order) {
-    const sentence::Bins on = on_host(bins);
-    const double highest = sentence::kHighestOrder, best = host_fit(on, sentence::kOrder, highest).nll;
-    return 2 * (host_fit(on, sentence::kOrder, highest, order).nll - best);
+    const whittle::Bins on = on_host(bins);
+    const double highest = whittle::kHighestOrder, best = host_fit(on, whittle::kOrder, highest).nll;
+    return 2 * (host_fit(on, whittle::kOrder, highest, order).nll - best);
 }
 
 template <class Any>
@@ -129,10 +129,10 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             for (int k = 0; k < n; ++k) axis->octaves.add(next());
             axis->fit_now();
             const FitFigures cold = axis->memory.figures();
-            const sentence::Bins host = on_host(axis->bins);
-            const HostFit full = host_fit(host, sentence::kOrder, sentence::kHighestOrder);
-            const HostFit up_to_one = host_fit(host, sentence::kOrder, 1);
-            const HostFit relaxation = host_fit(host, sentence::kRelaxation, 1);
+            const whittle::Bins host = on_host(axis->bins);
+            const HostFit full = host_fit(host, whittle::kOrder, whittle::kHighestOrder);
+            const HostFit up_to_one = host_fit(host, whittle::kOrder, 1);
+            const HostFit relaxation = host_fit(host, whittle::kRelaxation, 1);
             CAPTURE(kind);
             CAPTURE(n);
             CAPTURE(cold.alpha);
@@ -347,7 +347,7 @@ TEST_CASE("sliced fit: float has enough digits for a year of samples") {
             FitMemory memory;
             fit(bins, *sliced, memory);
             const FitFigures& found = memory.figures();
-            const HostFit full = host_fit(on_host(bins), sentence::kOrder, sentence::kHighestOrder);
+            const HostFit full = host_fit(on_host(bins), whittle::kOrder, whittle::kHighestOrder);
             CAPTURE(ordinates);
             CAPTURE(kind);
             CAPTURE(found.alpha);

@@ -12,7 +12,7 @@ from fltea.spectrum.periodogram import periodogram
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H, recursion
-from sentence_support import PARTS, bins, closed_form
+from model_support import PARTS, bins, closed_form
 
 LAM = np.linspace(1e-3, np.pi, 5000)
 

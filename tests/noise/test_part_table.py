@@ -1,7 +1,7 @@
 """The table of parts is whole: what a new part needs, and where it is missing, is told by name.
 
-These walk the table (`kTable` in host/native/sentence_parts.hpp), so that a new part is tested without a line
-here, but for an example in tests/rig/sentence_support.py.
+These walk the table (`kTable` in host/native/whittle_parts.hpp), so that a new part is tested without a line
+here, but for an example in tests/rig/model_support.py.
 """
 
 import re
@@ -18,7 +18,7 @@ from host_support import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H
-from sentence_support import EXAMPLES, PARTS, bins
+from model_support import EXAMPLES, PARTS, bins
 
 LAM = np.geomspace(1e-4, np.pi, 300)
 SAMPLES = 200_000
@@ -35,8 +35,8 @@ def defines(kind: type[Part], method: str) -> bool:
 
 @kinds
 def test_a_part_has_an_example_and_any_values_in_the_rig(kind: type[Part]) -> None:
-    assert kind.tag() in EXAMPLES, f"{kind.tag()} has no row in EXAMPLES of tests/rig/sentence_support.py"
-    assert kind is p.White or kind.tag() in PARTS, f"{kind.tag()} is not in PARTS of sentence_support.py"
+    assert kind.tag() in EXAMPLES, f"{kind.tag()} has no row in EXAMPLES of tests/rig/model_support.py"
+    assert kind is p.White or kind.tag() in PARTS, f"{kind.tag()} is not in PARTS of model_support.py"
 
 
 @kinds

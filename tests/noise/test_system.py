@@ -12,8 +12,8 @@ from fltea.noise.system import System, system
 from hypothesis import given
 from hypothesis import strategies as st
 from identify_support import H
-from sentence_support import PARTS
-from sentence_support import order as an_order
+from model_support import PARTS
+from model_support import order as an_order
 
 N = 10**6
 LAM = np.geomspace(4 * math.pi / N, math.pi, 1000)
@@ -127,7 +127,7 @@ WORDS: list[st.SearchStrategy[p.Part]] = [
     *PARTS.values(),
     st.builds(an_order, st.floats(1e-3, 1.999), st.floats(1e-12, 0.9999), st.floats(0.01, 100)),
 ]
-sentences = st.lists(st.one_of(WORDS), max_size=7).map(lambda parts: [p.White(1.0), *parts])
+models = st.lists(st.one_of(WORDS), max_size=7).map(lambda parts: [p.White(1.0), *parts])
 
 
 def check(s: System) -> None:
@@ -145,7 +145,7 @@ def check(s: System) -> None:
     assert np.all(np.hypot(s.a, s.b) <= 1)
 
 
-@given(sentences, st.integers(64, 10**7))
+@given(models, st.integers(64, 10**7))
 def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     s = system(parts, H, samples)
     check(s)

@@ -15,7 +15,7 @@ from fltea.noise.parts import Order
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings
 from fltea.spectrum.allan_curve import fit_allan, live_allan
 from fltea.spectrum.allan_dof import degrees_of_freedom, full_overlap
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.periodogram import binned, periodogram
 from identify_support import H, white
 
@@ -147,7 +147,7 @@ def test_needs_neither_scipy_nor_allantools():
 
 # # --- the record `fit` ---
 
-WHITE = Sentence((0,), (0.0,), 0.0)
+WHITE = FittedModel((0,), (0.0,), 0.0)
 
 
 def fitted(y, noise, N):
@@ -162,7 +162,7 @@ def test_the_curve_of_the_true_model_goes_through_its_intervals():
     noise = NoiseGenerator(settings)
     y = np.array([noise.step()[0] for _ in range(12_000)])
     order = Order(0.8, -1.0, settings.Q)
-    noise_parts = Sentence((0, order.code), (math.log(settings.R), *order.eta(H)), 0.0)
+    noise_parts = FittedModel((0, order.code), (math.log(settings.R), *order.eta(H)), 0.0)
     found = fitted(y, noise_parts, 0.003)
     assert found.tau_s[0] == H
     low, model, high = (np.array(one) for one in (found.low, found.model, found.high))

@@ -4,7 +4,7 @@ records."""
 import math
 
 import pytest
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.intervals import order_deviation, order_fit
 from fltea.spectrum.periodogram import binned, periodogram
@@ -20,7 +20,7 @@ def series(n: int, seed: int) -> CandidateModels:
     return CandidateModels(binned(periodogram(y, H)), H, n)
 
 
-def best(f: CandidateModels) -> Sentence:
+def best(f: CandidateModels) -> FittedModel:
     assert f.order is not None
     return f.order
 

@@ -14,7 +14,7 @@ from fltea.noise import parts as p
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.verdict import decide
 from identify_support import H
-from sentence_support import samples, sound
+from model_support import samples, sound
 from tiers import slow
 
 Parts = list[p.Part]

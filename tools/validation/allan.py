@@ -47,7 +47,7 @@ def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
     try:
         looked, *_ = look_at(Series(y, GYRO_UNIT, None), h, IdentifyOptions(), None)
         peaks = looked.summed.seen.evidence.peaks
-        model = modelled(looked.figures.sentence, peaks, float(looked.y.std(ddof=1)), h)
+        model = modelled(looked.figures.model, peaks, float(looked.y.std(ddof=1)), h)
         check_possible(model, h)
     except ValueError:
         return []
@@ -62,7 +62,7 @@ def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
     return [
         {
             "noise": name,
-            "model": names(looked.figures.sentence.kinds),
+            "model": names(looked.figures.model.kinds),
             "lines": len(model.resonances),
             "points": len(factors),
             "mean_off": float(np.abs(off).max()),

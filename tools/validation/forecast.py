@@ -34,7 +34,7 @@ def judge(name: str, series: int) -> list[Row]:
     for number in range(series):
         y = OFFSET + state(parts, rng, N) + white(parts, rng, N)
         half = y[: N // 2]
-        found = look(half, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
+        found = look(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
         for one in judged(learned(found, half, H), y, N // 2, H).heading:
             rows.append(
                 {"noise": name, "series": number, **{k: getattr(one, k) for k in one.__struct_fields__}}

@@ -110,7 +110,7 @@ def measure(name: str, series: int) -> list[Row]:
 
 
 def _learned(y: Array) -> Learned:
-    parts = look(y, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
+    parts = look(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
     return learned(parts, y, H)
 
 

@@ -1,4 +1,4 @@
-// The free parameters of the fitted spectra (the same as in host/native/sentence_kernel.hpp). Shares and
+// The free parameters of the fitted spectra (the same as in host/native/whittle_kernel.hpp). Shares and
 // poles are represented by logits, variances by logarithms, so that only the order has bounds that matter.
 // One number of the fractional model may be held fixed; the others then vary so that it keeps its value.
 #ifndef FLTEA_WHITTLE_MODELS_HPP

@@ -192,7 +192,7 @@ def of_series(
         odds=found.verdict.odds,
         allan=None if curve is None else curve.of_fit,
         allan_curve=curve,
-        spectrum=spectrum_of(looked.summed.lines, looked.figures.sentence),
+        spectrum=spectrum_of(looked.summed.lines, looked.figures.model),
         now=follows and follows.now,
         forecast=follows and follows.forecast,
         walk=follows and follows.walk,

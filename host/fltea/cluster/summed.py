@@ -203,4 +203,4 @@ def _allan_values(sums: Octaves, seen: Spectral, noise: NoiseFigures, unit: str)
         found = live_allan(points.factors, points.avar, points.terms, points.samples, f.h, unit)
     except ValueError:
         return {}
-    return with_ends(found.with_model(f, noise.sentence, noise.level, unit), COEFFICIENTS)
+    return with_ends(found.with_model(f, noise.model, noise.level, unit), COEFFICIENTS)

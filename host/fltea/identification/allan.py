@@ -88,7 +88,7 @@ def allan_of(looked: Looked, unit: str) -> Allan:
     """
     stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
     found, figures = allan(stretches, looked.h, unit), looked.figures
-    return found.with_model(looked.summed.seen.evidence.candidates, figures.sentence, figures.level, unit)
+    return found.with_model(looked.summed.seen.evidence.candidates, figures.model, figures.level, unit)
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:

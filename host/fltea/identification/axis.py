@@ -19,7 +19,7 @@ from fltea.spectrum.drift_rate import drift_rate
 from fltea.spectrum.innovation_whiteness import Innovations
 from fltea.spectrum.intervals import Estimated, OrderFit
 from fltea.spectrum.likelihood_ratio import critical_values
-from fltea.spectrum.noise_figures import NoiseFigures, SentenceSummary, noise_figures, summaries
+from fltea.spectrum.noise_figures import ModelSummary, NoiseFigures, noise_figures, summaries
 from fltea.spectrum.null_constants import PROBABILITIES
 from fltea.spectrum.spectral import Band
 from fltea.spectrum.spectral_lines import Peak
@@ -98,7 +98,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     drift_rate: Interval
     """Slope of the straight line through the longest stretch, per second."""
     band: Band
-    sentences: dict[str, SentenceSummary]
+    models: dict[str, ModelSummary]
     """All candidate models (`fltea.spectrum.candidate_models`), also those that were not chosen."""
     stands: Literal["plain", "order"]
     """The key in `sentences` of the chosen model, whose parts are `parts`."""
@@ -114,7 +114,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     @property
     def made_of(self) -> str:
         """The name of the chosen model."""
-        return self.sentences[self.stands].name
+        return self.models[self.stands].name
 
 
 class Looked(NamedTuple):
@@ -184,8 +184,8 @@ def described(looked: Looked) -> AxisResult:
         level=looked.figures.level,
         drift_rate=drift_rate(longest, h, looked.figures.spectrum(h)),
         band=seen.band,
-        sentences=summaries(e.candidates),
-        stands="plain" if looked.figures.sentence is e.candidates.plain else "order",
+        models=summaries(e.candidates),
+        stands="plain" if looked.figures.model is e.candidates.plain else "order",
         peaks=e.peaks,
         fltea=None,
         fltea_other=None,

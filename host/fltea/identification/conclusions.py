@@ -48,7 +48,7 @@ def tracked_of(looked: Looked, telegraph: Telegraph | None = None) -> Learned | 
     `telegraph`: levels that were subtracted before the analysis; the system includes them.
     """
     y = max((one.y for one in looked.stretches), key=len)
-    parts = looked.figures.sentence.parts(looked.h)
+    parts = looked.figures.model.parts(looked.h)
     found = tracked_system(parts, np.ascontiguousarray(y, dtype=np.float64), looked.h)
     return found if found is None or telegraph is None else _with_levels(found, telegraph, looked.h)
 
@@ -102,7 +102,7 @@ def conclude(
 
     def first(y: NDArray[np.float64]) -> Learned:
         half, levels = without_levels(series._replace(y=y, gaps=no_gaps()), h)
-        its = learned(look(half.y, h, options).figures.sentence.parts(h), half.y, h)
+        its = learned(look(half.y, h, options).figures.model.parts(h), half.y, h)
         return its if levels is None else _with_levels(its, levels, h)
 
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)

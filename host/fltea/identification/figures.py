@@ -19,7 +19,7 @@ from fltea.records.units import MOST_DEG
 from fltea.spectrum.intervals import CRITICAL
 
 HIGHEST_DEVIANCE = 20.0
-SENTENCES = {"order": "model", "plain": "rival", "white": "white"}
+MODELS = {"order": "model", "plain": "rival", "white": "white"}
 """The style of each model.
 
 Broken styles are drawn above solid ones, so that they stay visible where models agree.
@@ -62,8 +62,8 @@ def _spectrum(title: str, axis: AxisReport, curves: Curves) -> str:
     hz = np.geomspace(s.hz[0], s.hz[-1], MODEL_POINTS)
     lam = 2 * np.pi * hz / r.rate_hz
     shown = [Curve(s.hz, np.sqrt(density * s.power), "points", label="periodogram, in bins")]
-    for name, style in SENTENCES.items():
-        if (one := r.sentences.get(name)) is None:
+    for name, style in MODELS.items():
+        if (one := r.models.get(name)) is None:
             continue
         label = f"{one.name}, BIC {one.bic:+.1f}" + (": the verdict" if name == r.stands else "")
         power = density * spectrum(one.parts, lam, 1 / r.rate_hz)

@@ -151,7 +151,7 @@ def rows(axis: AxisReport) -> list[Row]:
     found += [
         (f"best {how} an order", f"{one.name}, BIC {one.bic:+.1f}")
         for how, name in (("without", "plain"), ("with", "order"))
-        if (one := r.sentences.get(name)) is not None
+        if (one := r.models.get(name)) is not None
     ]
     if r.verdict.odds is not None:
         found.append(("odds of an order", odds(r.verdict.odds)))

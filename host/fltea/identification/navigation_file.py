@@ -15,7 +15,7 @@ from fltea.records.errors import FlteaError
 from fltea.records.fit import Interval
 from fltea.records.version import __version__
 from fltea.spectrum.intervals import Estimated
-from fltea.spectrum.noise_figures import SentenceSummary
+from fltea.spectrum.noise_figures import ModelSummary
 
 FORMAT = "fltea-navigation-model"
 VERSION = 4
@@ -63,7 +63,7 @@ class NavigationAxis(msgspec.Struct, frozen=True):
     """Corner frequency of the fastest part [Hz] where N is null, as white noise cannot be told from it."""
     knee_density: float | None
     """Noise density at `knee_hz`, in the unit of N."""
-    without_order: SentenceSummary | None
+    without_order: ModelSummary | None
     """The best model without an order, where the noise has an order, since an order is no state."""
     filter: NavigationFilter
     """All parameters of a plain Kalman filter."""
@@ -99,7 +99,7 @@ def navigation_axis(found: AxisResult, unit: str, plain: NavigationFilter) -> Na
         from_hz=found.band.from_hz,
         knee_hz=found.level.knee_hz,
         knee_density=found.level.knee_density,
-        without_order=found.sentences["plain"] if found.stands == "order" else None,
+        without_order=found.models["plain"] if found.stands == "order" else None,
         filter=plain,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from fltea.noise.parts import FILTERS, AnyPart, Floor, Part, Relaxation, Walk, White, high_pass_of, spectrum
 from fltea.records.arrays import Array
-from fltea.spectrum.candidate_models import Sentence
+from fltea.spectrum.candidate_models import FittedModel
 from fltea.spectrum.spectral_lines import Peak
 
 AROUND = 4
@@ -63,13 +63,13 @@ class AxisModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.offset_walk**2 + endless
 
 
-def modelled(sentence: Sentence, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
-    """Return the noise model made of the parts of `sentence` and the peaks that were left out of its fit.
+def modelled(model: FittedModel, peaks: tuple[Peak, ...], std: float, h: float) -> AxisModel:
+    """Return the noise model made of the parts of `model` and the peaks that were left out of its fit.
 
     `std`: standard deviation of the whole axis, which the peaks' shares refer to. `h`: sampling period [s].
     """
     return AxisModel(
-        cast(tuple[AnyPart, ...], sentence.parts(h)),
+        cast(tuple[AnyPart, ...], model.parts(h)),
         tuple(
             Lorentzian(peak.frequency_hz, peak.width_hz, float(max(peak.power_share, 0.0) * std**2))
             for peak in peaks

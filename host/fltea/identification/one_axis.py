@@ -135,7 +135,7 @@ def examine(
     result = described(looked)
     # Check this whether FLTEA was asked for or not, so that both accept the same recordings.
     why_no_path = fltea_axis(looked, series.lsb, options).why_not(h)
-    model = modelled(looked.figures.sentence, result.peaks, result.std, h)
+    model = modelled(looked.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
     with ThreadPoolExecutor(1) as in_parallel:  # with a long record, this takes as long as the spectrum
         its_curve = in_parallel.submit(allan_of, looked, series.unit)

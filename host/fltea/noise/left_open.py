@@ -116,5 +116,5 @@ def _ordinates(samples: int) -> tuple[Array, Array]:
     return lam, np.gradient(lam) * samples / (2 * math.pi)
 
 
-def _fits(lam: Array, counts: Array, power: Array, h: float) -> _native.Sentences:
-    return _native.Sentences(lam, counts, power, 1 / (4 * np.sin(lam / 2) ** 2), np.zeros_like(lam), h)
+def _fits(lam: Array, counts: Array, power: Array, h: float) -> _native.WhittleFits:
+    return _native.WhittleFits(lam, counts, power, 1 / (4 * np.sin(lam / 2) ** 2), np.zeros_like(lam), h)

@@ -1,6 +1,6 @@
 """The base class of the parts of a noise, and the native table of the parts' properties.
 
-The table is `kTable` in host/native/sentence_parts.hpp. It holds the number of each part, its free
+The table is `kTable` in host/native/whittle_parts.hpp. It holds the number of each part, its free
 parameters, and its traits. Code that treats parts differently by their properties asks for these traits.
 """
 

@@ -5,7 +5,7 @@
 
 L is the chain of the sensor's filters, which act on the noise. A part has its parameters in physical units
 here. As `eta`, it has them as the transformed free parameters of the native fits
-(host/native/sentence_parts.hpp), where powers and rates are logarithms. The fields of a part have the order
+(host/native/whittle_parts.hpp), where powers and rates are logarithms. The fields of a part have the order
 of its free parameters, and each field is a monotonic function of the free parameter with the same index. The
 words for a part and its poles are defined here, too.
 
@@ -401,7 +401,7 @@ def _by_number() -> tuple[type[Part], ...]:
     native = [row.name for row in ROWS if "other" not in row.traits]
     if apart := here.keys() ^ set(native):
         raise LookupError(
-            f"{', '.join(sorted(apart))}: a part has a row in kTable of host/native/sentence_parts.hpp, and "
+            f"{', '.join(sorted(apart))}: a part has a row in kTable of host/native/whittle_parts.hpp, and "
             "a class in AnyPart of host/fltea/noise/parts.py with the row's name for its tag"
         )
     return tuple(here[name] for name in native)
@@ -457,5 +457,5 @@ def spectrum(parts: Iterable[Part], lam: Array, h: float) -> Array:
 def spectrum_of(codes: Sequence[int], eta: Sequence[float], lam: Array, h: float) -> Array:
     """Return the spectrum of parts given by codes and free parameters, white noise first."""
     found = np.empty(len(lam))
-    _native.sentence_spectrum(list(codes), list(eta), np.ascontiguousarray(lam, dtype=np.float64), h, found)
+    _native.model_spectrum(list(codes), list(eta), np.ascontiguousarray(lam, dtype=np.float64), h, found)
     return found

@@ -19,7 +19,7 @@ from fltea.records.fit import FitAllan, Level
 from fltea.spectrum.allan_coefficients import Coefficient, Points, coefficients
 from fltea.spectrum.allan_dof import degrees_of_freedom
 from fltea.spectrum.bias_instability import bias_instability
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 
 CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
@@ -59,7 +59,7 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         count = tuple(np.asarray(differences, dtype=np.float64).tolist())
         return cls(tau, deviation, low, high, degrees, count, *coefficients(found, h, unit))
 
-    def with_model(self, f: CandidateModels, stands: Sentence, level: Level, unit: str) -> "Allan":
+    def with_model(self, f: CandidateModels, stands: FittedModel, level: Level, unit: str) -> "Allan":
         """Return the curve next to that of `stands`, the model of the noise, with its N and K, and with B.
 
         The model gives a better N and K than the curve. At short averaging times a filter that removes power
@@ -115,7 +115,7 @@ def fit_allan(
     h: float,
     unit: str,
     f: CandidateModels,
-    noise: Sentence,
+    noise: FittedModel,
     N: float | None,
 ) -> FitAllan | None:
     """Return the curve in the form of the record `fit`, next to the curve of the model `noise`, one of `f`.
@@ -138,7 +138,7 @@ def fit_allan(
     ).of_fit
 
 
-def _of_model(tau_s: Sequence[float], noise: Sentence, h: float) -> tuple[float, ...]:
+def _of_model(tau_s: Sequence[float], noise: FittedModel, h: float) -> tuple[float, ...]:
     found = model_adev(lambda lam: noise.spectrum(lam, h), np.rint(np.array(tau_s) / h))
     return tuple(found.tolist())
 

@@ -30,7 +30,7 @@ from fltea.noise.parts import (
 )
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
-from fltea.spectrum.candidate_models import BY_CHANCE, CandidateModels, Sentence
+from fltea.spectrum.candidate_models import BY_CHANCE, CandidateModels, FittedModel
 from fltea.spectrum.evidence import APART
 from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
@@ -50,88 +50,88 @@ RISING = (0.4, 1.0), (1.0, 1.0)
 """Starting points of the search for a rise: δ, and its density at half the sample rate over white noise."""
 
 
-def angle_walk(f: CandidateModels, sentence: Sentence) -> Interval:
+def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N (angle random walk) with its interval, in the unit of the samples times √s.
 
     N follows from the low-frequency density of all parts that are neither slow nor an order: white noise and
     the parts that are added to it there. Value and ends are None where the white noise is negligible next to
-    a fast relaxation, since the relaxation may stand for the white noise. The value is that of `sentence`,
+    a fast relaxation, since the relaxation may stand for the white noise. The value is that of `model`,
     the model of the noise.
     """
-    found = _of_one(f, sentence)
+    found = _of_one(f, model)
     if found.value is None or found.low is None or found.high is None:
         return found
     low, high = found.low, found.high
-    for other in _as_good(f, sentence):
+    for other in _as_good(f, model):
         from_, to = _profile(f, other)
         low, high = min(low, from_), max(high, to)
     return Interval(found.value, low, high)
 
 
-def _of_one(f: CandidateModels, sentence: Sentence) -> Interval:
-    """Return N with the interval that holds if the model `sentence` is right."""
-    words = list(sentence.words())
+def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
+    """Return N with the interval that holds if `model` is right."""
+    terms = list(model.terms())
     # With a filter, a hump belongs to the shape of the filter, and the low side of the hump is the pass band.
-    filtered = any(_is(code, LowPass, Mean) for code, _ in words)
+    filtered = any(_is(code, LowPass, Mean) for code, _ in terms)
     fast_only = tuple(kind for kind in CODES if kind.has("fast only"))
     others = (*SLOW, *FILTERS, *fast_only) + (() if filtered else (Resonance,))
-    fast = [(code, at) for code, at in words if not _is(code, *others)]
-    relaxing = [(code, at) for code, at in words if _is(code, White, Relaxation)]
+    fast = [(code, at) for code, at in terms if not _is(code, *others)]
+    relaxing = [(code, at) for code, at in terms if _is(code, White, Relaxation)]
     places = [at + k for code, at in fast for k in range(free_of(code))]
-    total, rows = slopes(f, [code for code, _ in fast], [sentence.eta[i] for i in places])
+    total, rows = slopes(f, [code for code, _ in fast], [model.eta[i] for i in places])
     value = float(total[0])
     codes = [code for code, _ in relaxing]
-    those = [sentence.eta[at + k] for code, at in relaxing for k in range(free_of(code))]
+    those = [model.eta[at + k] for code, at in relaxing for k in range(free_of(code))]
     if value < NO_WHITE * float(spectrum_of(codes, those, np.array([math.pi]), f.h)[0]):
         return Interval()
-    slope = np.zeros(len(sentence.eta))
+    slope = np.zeros(len(model.eta))
     slope[places] = rows[:, 0]
-    whole = rows if len(fast) == len(words) else slopes(f, sentence.codes, sentence.eta)[1]
+    whole = rows if len(fast) == len(terms) else slopes(f, model.codes, model.eta)[1]
     information = (whole * f.data.counts) @ whole.T + 1e-9 * np.eye(len(slope))
     deviation = NORMAL_95 * math.sqrt(max(float(slope @ np.linalg.solve(information, slope)), 0.0))
     if not deviation < HARDLY_KNOWN:
         return Interval()
     here = _walk_of(math.log(value), f.h)
-    if len(fast) == 1 < len(words):
+    if len(fast) == 1 < len(terms):
         # If the noise is white alone, this is the interval of R, which is asymmetric where other parts hide
         # R.
-        return Interval(here, *_profile(f, sentence))
+        return Interval(here, *_profile(f, model))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
 
-def _as_good(f: CandidateModels, sentence: Sentence) -> Iterator[Sentence]:
-    """Yield the other models that describe the data as well as `sentence` does."""
-    if sentence is not f.plain and _stands_beside(f.plain, sentence):
+def _as_good(f: CandidateModels, model: FittedModel) -> Iterator[FittedModel]:
+    """Yield the other models that describe the data as well as `model` does."""
+    if model is not f.plain and _stands_beside(f.plain, model):
         yield f.plain
-    if sentence is f.plain and f.ordered is not None and _stands_beside(f.ordered, sentence):
+    if model is f.plain and f.ordered is not None and _stands_beside(f.ordered, model):
         assert f.order is not None
         yield f.order
-    more = _with(f, sentence, Relaxation, ())
-    if 2 * (sentence.nll - more.nll) > SEEN:
+    more = _with(f, model, Relaxation, ())
+    if 2 * (model.nll - more.nll) > SEEN:
         yield more
-    if any(kind in SHAPES for kind in sentence.kinds):
+    if any(kind in SHAPES for kind in model.kinds):
         for kind in (Relaxation, Rise):
-            instead = _with(f, sentence, kind, SHAPES)
-            if 2 * (instead.nll - sentence.nll) < APART:
+            instead = _with(f, model, kind, SHAPES)
+            if 2 * (instead.nll - model.nll) < APART:
                 yield instead
 
 
-def _stands_beside(other: Sentence, sentence: Sentence) -> bool:
-    """Return whether `other` is near `sentence` in 2 log L, less what a parameter gains by chance."""
-    dearer = BY_CHANCE * (other.parameters - sentence.parameters)
-    return 2 * (other.nll - sentence.nll) + dearer < APART
+def _stands_beside(other: FittedModel, model: FittedModel) -> bool:
+    """Return whether `other` is near `model` in 2 log L, less what a parameter gains by chance."""
+    dearer = BY_CHANCE * (other.parameters - model.parameters)
+    return 2 * (other.nll - model.nll) + dearer < APART
 
 
 def _with(
-    f: CandidateModels, sentence: Sentence, kind: type[Part], left_out: tuple[type[Part], ...]
-) -> Sentence:
+    f: CandidateModels, model: FittedModel, kind: type[Part], left_out: tuple[type[Part], ...]
+) -> FittedModel:
     """Return the best fit with one more part, a fast relaxation or a rise, and without the kinds `left_out`.
 
     The fit begins at the last result for the same parts.
     """
-    kept = [(code, at) for code, at in sentence.words() if not _is(code, *left_out)]
+    kept = [(code, at) for code, at in model.terms() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]
-    rest = [sentence.eta[at + k] for code, at in kept for k in range(free_of(code))]
+    rest = [model.eta[at + k] for code, at in kept for k in range(free_of(code))]
     last = f.fits.beside.get(tuple(codes))
     first = (
         (_relaxing(rest, *one) for one in FAST)
@@ -142,7 +142,7 @@ def _with(
     fitted = (f.native.fit(codes, start, converged=1e-3, steps=40) for start in starts)
     eta, nll = min(fitted, key=lambda one: one[1])
     f.fits.beside[tuple(codes)] = eta
-    return Sentence(tuple(codes), tuple(eta), nll)
+    return FittedModel(tuple(codes), tuple(eta), nll)
 
 
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
@@ -156,11 +156,11 @@ def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
 
 
-def _profile(f: CandidateModels, sentence: Sentence) -> tuple[float, float]:
+def _profile(f: CandidateModels, model: FittedModel) -> tuple[float, float]:
     """Return the ends of the interval of N of the model's white noise, by the profile of the likelihood."""
-    limits = around(f, sentence.eta[0])
+    limits = around(f, model.eta[0])
     low, high = (
-        interval_end(f, sentence, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)
+        interval_end(f, model, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)
     )
     return 0.0 if low is None else _walk_of(low, f.h), _walk_of(limits[1] if high is None else high, f.h)
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from fltea.noise.parts import SLOW, White, free_of, kind_of
 from fltea.spectrum.allan_coefficients import Coefficient, not_known
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.evidence import APART
 from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.intervals import CRITICAL
@@ -22,7 +22,9 @@ SLOW_KINDS = (White, *SLOW)
 """Parts that have power at the low frequencies to which the three terms are fitted."""
 
 
-def bias_instability(of_curve: Coefficient, f: CandidateModels, stands: Sentence, unit: str) -> Coefficient:
+def bias_instability(
+    of_curve: Coefficient, f: CandidateModels, stands: FittedModel, unit: str
+) -> Coefficient:
     """Return B in `unit`; `of_curve`: B of the Allan deviation alone; `stands`: the model of the noise."""
     fit = flicker(f, stands)
     if fit is None or not _describes(fit, stands):
@@ -45,7 +47,7 @@ def _needed(fit: Flicker) -> bool:
     return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CRITICAL else CRITICAL)
 
 
-def _describes(fit: Flicker, stands: Sentence) -> bool:
+def _describes(fit: Flicker, stands: FittedModel) -> bool:
     """Return whether the BIC of the three terms is as low as that of the model, within the tolerance."""
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)

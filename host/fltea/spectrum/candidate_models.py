@@ -1,6 +1,6 @@
 """The candidate noise models of one spectrum: the best model without an order, and the best with one.
 
-The native search (host/native/sentence_search.hpp) finds each model. It adds parts for as long as a part
+The native search (host/native/whittle_search.hpp) finds each model. It adds parts for as long as a part
 gains more than its price in 2 log L. At BIC's price (the logarithm of the number of ordinates, for each
 parameter) it adds no part by chance. In much data, though, a sum of many relaxations costs more than it gains
 over an order, so that BIC alone would report an order. Therefore a second model without an order is searched
@@ -51,7 +51,7 @@ frequencies."""
 Raw = tuple[list[int], list[float], float]
 
 
-class Sentence(NamedTuple):
+class FittedModel(NamedTuple):
     """A noise model: the native module's numbers of its parts, white noise first, and the fitted `eta`.
 
     `eta` holds the transformed free parameters of all parts.
@@ -72,7 +72,7 @@ class Sentence(NamedTuple):
         """Return the kinds of the parts."""
         return tuple(map(kind_of, self.codes))
 
-    def words(self) -> Iterator[tuple[int, int]]:
+    def terms(self) -> Iterator[tuple[int, int]]:
         """Yield the number of each part, and the index of its first transformed parameter."""
         at = 0
         for code in self.codes:
@@ -81,21 +81,21 @@ class Sentence(NamedTuple):
 
     def parts(self, h: float) -> tuple[Part, ...]:
         """Return the parts with their parameters in physical units."""
-        return tuple(part_of(code, self.eta[at : at + free_of(code)], h) for code, at in self.words())
+        return tuple(part_of(code, self.eta[at : at + free_of(code)], h) for code, at in self.terms())
 
     def spectrum(self, lam: Array, h: float) -> Array:
         """Return the power spectrum at λ > 0 [rad a sample], (len(lam),)."""
         return spectrum_of(self.codes, self.eta, lam, h)
 
-    def without(self, kind: type[Part]) -> "Sentence":
+    def without(self, kind: type[Part]) -> "FittedModel":
         """Return the model without its parts of `kind`; nothing is fitted again, so `nll` stays as it was."""
-        words = [(code, at) for code, at in self.words() if kind_of(code) is not kind]
-        eta = [self.eta[at + k] for code, at in words for k in range(free_of(code))]
-        return Sentence(tuple(code for code, _ in words), tuple(eta), self.nll)
+        terms = [(code, at) for code, at in self.terms() if kind_of(code) is not kind]
+        eta = [self.eta[at + k] for code, at in terms for k in range(free_of(code))]
+        return FittedModel(tuple(code for code, _ in terms), tuple(eta), self.nll)
 
     def place(self, *kinds: type[Part]) -> int | None:
         """Return the index of the first transformed parameter of the first part of these kinds."""
-        return next((at for code, at in self.words() if kind_of(code) in kinds), None)
+        return next((at for code, at in self.terms() if kind_of(code) in kinds), None)
 
 
 class Fits:
@@ -137,12 +137,12 @@ class CandidateModels:
         self.ordinates = float(data.counts.sum())
         found = self.native.search(last.raw if last is not None else [])
         self.fits = Fits(found, last)
-        self.white, self.null, self.plain, self.rich = (_sentence(one) for one in found[:4])
-        self.pure, self.ordered = (_sentence(one) if one[0] else None for one in found[4:6])
-        self.missing = _sentence(found[6])
+        self.white, self.null, self.plain, self.rich = (_fitted_model(one) for one in found[:4])
+        self.pure, self.ordered = (_fitted_model(one) if one[0] else None for one in found[4:6])
+        self.missing = _fitted_model(found[6])
 
     @cached_property
-    def order(self) -> Sentence | None:
+    def order(self) -> FittedModel | None:
         """Return the model whose order is reported: the best one with an order, fitted without search limits.
 
         ARFIMA has no f. It is reported only where it is ahead of the fractional state in white noise.
@@ -156,7 +156,7 @@ class CandidateModels:
                 return state
         return found
 
-    def _starts(self, found: Sentence) -> Iterator[Sentence]:
+    def _starts(self, found: FittedModel) -> Iterator[FittedModel]:
         """Yield the fit of an order, and fits that start from the same model with its white noise removed.
 
         A second start helps because an order with white noise and another order without it can have nearly
@@ -170,20 +170,20 @@ class CandidateModels:
             eta = [found.eta[0] - NO_WHITE, *found.eta[1:at], order, *found.eta[at + 1 :]]
             yield self._unlimited(found._replace(eta=tuple(eta)))
 
-    def _unlimited(self, one: Sentence) -> Sentence:
+    def _unlimited(self, one: FittedModel) -> FittedModel:
         eta, nll = self.native.fit(list(one.codes), list(one.eta))
-        return Sentence(one.codes, tuple(eta), nll)
+        return FittedModel(one.codes, tuple(eta), nll)
 
     @property
     def ratio_white(self) -> float:
         """Return 2 log L of the better of the null test's two alternatives above that of white noise."""
         return max(2 * (self.white.nll - min(self.null.nll, self.missing.nll)), 0.0)
 
-    def gain(self, one: Sentence) -> float:
+    def gain(self, one: FittedModel) -> float:
         """Return 2 log L of model `one` above that of white noise."""
         return 2 * (self.white.nll - one.nll)
 
-    def bic(self, one: Sentence) -> float:
+    def bic(self, one: FittedModel) -> float:
         """Return BIC of model `one` minus that of white noise: the lower, the better."""
         return math.log(self.ordinates) * (one.parameters - 1) - self.gain(one)
 
@@ -198,7 +198,7 @@ class CandidateModels:
         return -math.inf if self.ordered is None else self.gain(self.ordered) - self.gain(self.rich)
 
 
-def native(data: Binned, h: float, samples: int) -> _native.Sentences:
+def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
     """Return the native fits of the single series in `data`; the arguments are those of `CandidateModels`.
 
     Raises:
@@ -207,7 +207,7 @@ def native(data: Binned, h: float, samples: int) -> _native.Sentences:
     lam = np.ascontiguousarray(data.lam, dtype=np.float64)
     walk = walk_column(lam, samples)
     counts, power = (np.ascontiguousarray(a, dtype=np.float64) for a in (data.counts, data.power[0]))
-    return _native.Sentences(lam, counts, power, walk, windows(lam, samples), h)
+    return _native.WhittleFits(lam, counts, power, walk, windows(lam, samples), h)
 
 
 def windows(lam: Array, samples: int) -> Array:
@@ -235,16 +235,16 @@ def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
     return np.asarray(lam < JOIN / 2**level if level else np.ones(len(lam), dtype=np.bool_))
 
 
-def order_in_white(fits: _native.Sentences) -> Sentence:
+def order_in_white(fits: _native.WhittleFits) -> FittedModel:
     """Return the best model of white noise and an order up to 2, which is the model that a board fits."""
     codes = [CODES.index(White), CODES.index(Order)]
     white, alpha, logit, s2 = fits.null_test([])[2][:4]
     starts = [[white, start, logit, s2] for start in (alpha, *ABOVE_ONE)]
     eta, nll = min((fits.fit(codes, start) for start in starts), key=lambda found: found[1])
-    return Sentence(tuple(codes), tuple(eta), nll)
+    return FittedModel(tuple(codes), tuple(eta), nll)
 
 
-def order_of(one: Sentence | None) -> float | None:
+def order_of(one: FittedModel | None) -> float | None:
     """Return α, or d of ARFIMA; None without an order, and at a limit, beyond which α may lie."""
     at = one.place(Order, Arfima) if one is not None else None
     if one is None or at is None:
@@ -253,6 +253,6 @@ def order_of(one: Sentence | None) -> float | None:
     return value if LEAST_ORDER + AT_A_LIMIT < value < MOST_ORDER - AT_A_LIMIT else None
 
 
-def _sentence(raw: Raw) -> Sentence:
+def _fitted_model(raw: Raw) -> FittedModel:
     codes, eta, nll = raw
-    return Sentence(tuple(codes), tuple(eta), nll)
+    return FittedModel(tuple(codes), tuple(eta), nll)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.drift import FALSE_ALARM, SlowPower
 from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.order_odds import odds_of
@@ -53,13 +53,13 @@ class Evidence(NamedTuple):
     median: MedianFilter | None = None
     """The median filter that was detected in the samples; None without one."""
 
-    def residual_ks(self, sentence: Sentence) -> float:
+    def residual_ks(self, model: FittedModel) -> float:
         """Return the Kolmogorov–Smirnov distance of the periodogram over the model (`residuals`)."""
         p = self.clean
         ratio = np.empty_like(p.lam)
         for begin in range(0, len(ratio), AT_ONCE):  # in pieces, which takes less memory
             part = slice(begin, begin + AT_ONCE)
-            ratio[part] = p.power[part] / sentence.spectrum(p.lam[part], p.h)
+            ratio[part] = p.power[part] / model.spectrum(p.lam[part], p.h)
         return farthest(ratio, p.weight)
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
-from fltea.spectrum.candidate_models import CandidateModels, Sentence, walk_column
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel, walk_column
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW = 1 / 20
@@ -67,7 +67,7 @@ class _Data(NamedTuple):
         return self._replace(columns=self.columns[:, terms])
 
 
-def flicker(f: CandidateModels, stands: Sentence) -> Flicker | None:
+def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
     """Return the fit of the three terms to the slow part of the spectrum of `f`; None if it is too short.
 
     `stands`: the model that stands for the noise.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fltea.noise.parts import Floor, HighPass, Part, Relaxation, Resonance, White, high_pass_of
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
@@ -46,45 +46,45 @@ class HighPassed(NamedTuple):
 
 
 def high_passed(
-    f: CandidateModels, sentence: Sentence, parts: Sequence[Part], from_hz: float
+    f: CandidateModels, model: FittedModel, parts: Sequence[Part], from_hz: float
 ) -> HighPassed | None:
-    """Return which of `parts` (of the model `sentence`) remain; None without a high-pass."""
+    """Return which of `parts` (of `model`) remain; None without a high-pass."""
     high_pass = high_pass_of(parts)
     if high_pass is None:
         return None
-    crest = _crest(f, sentence, high_pass, from_hz)
-    leak = LEAKS_AT_MOST * end_leak(f, sentence)
+    crest = _crest(f, model, high_pass, from_hz)
+    leak = LEAKS_AT_MOST * end_leak(f, model)
     return HighPassed(high_pass, tuple(one for one in parts if _is_left(one, high_pass, crest, leak)))
 
 
-def stands_for_shape(f: CandidateModels, sentence: Sentence, from_hz: float) -> bool:
+def stands_for_shape(f: CandidateModels, model: FittedModel, from_hz: float) -> bool:
     """Return whether all parts beside the high-pass may be only the shape of a different filter."""
-    high_pass = high_pass_of(sentence.parts(f.h))
-    return high_pass is not None and _crest(f, sentence, high_pass, from_hz) < SWINGS
+    high_pass = high_pass_of(model.parts(f.h))
+    return high_pass is not None and _crest(f, model, high_pass, from_hz) < SWINGS
 
 
-def end_leak(f: CandidateModels, sentence: Sentence) -> float:
+def end_leak(f: CandidateModels, model: FittedModel) -> float:
     """Return the mean density that leaks from the ends of the record into the lowest frequencies.
 
     It is 0 without a high-pass, since the leak matters only where a filter has removed everything else. The
     octaves above the lowest one have windows, so that nothing leaks into them.
     """
-    parts = sentence.parts(f.h)
+    parts = model.parts(f.h)
     if high_pass_of(parts) is None or not f.samples:
         return 0.0
     lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
     floor = sum(part.R for part in parts if isinstance(part, Floor))
-    density = np.maximum(sentence.spectrum(lam, f.h) - floor, 0.0)
+    density = np.maximum(model.spectrum(lam, f.h) - floor, 0.0)
     # The mean leak of an end at λ is 1 / (2 sin²(λ/2)) / n.
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 
-def _crest(f: CandidateModels, sentence: Sentence, high_pass: HighPass, from_hz: float) -> float:
+def _crest(f: CandidateModels, model: FittedModel, high_pass: HighPass, from_hz: float) -> float:
     """Return the largest density near the corner and above it, over that of white noise."""
     far = min(NEAR * high_pass.corner_hz, 0.5 / f.h)
     hz = np.geomspace(min(from_hz, far / 2), far, POINTS)
-    density = sentence.spectrum(2 * np.pi * hz * f.h, f.h)
-    white = sum(part.R for part in sentence.parts(f.h) if isinstance(part, White | Floor))
+    density = model.spectrum(2 * np.pi * hz * f.h, f.h)
+    white = sum(part.R for part in model.parts(f.h) if isinstance(part, White | Floor))
     return float(density.max()) / white
 
 

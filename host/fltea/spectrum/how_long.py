@@ -6,20 +6,20 @@ the expected odds of longer records of the fitted models, 44 were right within a
 """
 
 from fltea.records.plus_minus import NORMAL_95
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.intervals import order_deviation
 
 
 def seconds_more(
-    f: CandidateModels, sentence: Sentence, target: float, longest_s: float | None = None
+    f: CandidateModels, model: FittedModel, target: float, longest_s: float | None = None
 ) -> float | None:
     """Return how many more seconds of samples bring the 95 % interval of α to ± `target`.
 
-    The noise is assumed to stay as it is. `sentence`: a model of `f` with an order. `longest_s`: length [s]
+    The noise is assumed to stay as it is. `model`: a model of `f` with an order. `longest_s`: length [s]
     of the memory of a fit that forgets; None: the fit forgets nothing. The result is 0 if the interval is
     narrow enough now, and None if it never will be or the time cannot be known.
     """
-    deviation = order_deviation(f, sentence)
+    deviation = order_deviation(f, model)
     if deviation is None:
         return None
     have = 2 * f.ordinates * f.h

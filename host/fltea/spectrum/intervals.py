@@ -33,7 +33,7 @@ from fltea.noise.spectra import f_of
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
-from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, CandidateModels, Sentence, leaking
+from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, CandidateModels, FittedModel, leaking
 
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
@@ -120,13 +120,13 @@ class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Whether the order is that of ARFIMA(1, d, 0), for which α is d and f has no meaning."""
 
 
-def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:
+def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
     """Return the parts of a model with the intervals of their parameters."""
     found = []
-    for code, at in sentence.words():
+    for code, at in model.terms():
         free = free_of(code)
-        part = part_of(code, sentence.eta[at : at + free], f.h)
-        values = _of_order(f, sentence, code, at)
+        part = part_of(code, model.eta[at : at + free], f.h)
+        values = _of_order(f, model, code, at)
         for k, name in enumerate(part.__struct_fields__):
             value = float(getattr(part, name))
             if name in values:
@@ -135,15 +135,15 @@ def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:
                 values[name] = Interval(value, value, value)
                 continue
             low, high = (
-                interval_end(f, sentence, at + k, side, *_limits(f, code, k, sentence.eta[at + k], side))
+                interval_end(f, model, at + k, side, *_limits(f, code, k, model.eta[at + k], side))
                 for side in (-1, 1)
             )
             ends = [
-                None if end is None else _at(code, sentence.eta[at : at + free], k, end, f.h, name)
+                None if end is None else _at(code, model.eta[at : at + free], k, end, f.h, name)
                 for end in (low, high)
             ]
             if kind_of(code) is Walk:
-                ends = [_wider(f, sentence, at, value, end) for end in ends]
+                ends = [_wider(f, model, at, value, end) for end in ends]
             if _falls(ends, value):
                 ends.reverse()
             values[name] = Interval(value, *ends)
@@ -152,19 +152,19 @@ def estimated(f: CandidateModels, sentence: Sentence) -> tuple[Estimated, ...]:
     return tuple(found)
 
 
-def _of_order(f: CandidateModels, sentence: Sentence, code: int, at: int) -> dict[str, Interval]:
+def _of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
     """Return the parameters of an order, or of ARFIMA, that need more than one fit parameter or maximum.
 
     For any other part the result is empty.
     """
     if kind_of(code) not in (Order, Arfima):
         return {}
-    part, order = part_of(code, sentence.eta[at : at + free_of(code)], f.h), order_fit(f, sentence)
+    part, order = part_of(code, model.eta[at : at + free_of(code)], f.h), order_fit(f, model)
     if isinstance(part, Arfima):
-        return {"d": _with_value(order.alpha, part.d), "s2": _step(f, sentence, at)}
+        return {"d": _with_value(order.alpha, part.d), "s2": _step(f, model, at)}
     assert isinstance(part, Order)
     known = {"alpha": _with_value(order.alpha, part.alpha), "f": _with_value(order.f, part.f)}
-    return known | {"Q": _noise(f, sentence, at, part.Q)}
+    return known | {"Q": _noise(f, model, at, part.Q)}
 
 
 def _with_value(found: Interval, value: float) -> Interval:
@@ -172,18 +172,18 @@ def _with_value(found: Interval, value: float) -> Interval:
     return found if found.value is not None else Interval(value)
 
 
-def _step(f: CandidateModels, sentence: Sentence, at: int) -> Interval:
+def _step(f: CandidateModels, model: FittedModel, at: int) -> Interval:
     """Return s2 of ARFIMA."""
-    d, rate, level = sentence.eta[at : at + 3]
+    d, rate, level = model.eta[at : at + 3]
     log_s2 = level + 2 * math.log(-math.expm1(-math.exp(rate)))
-    by_step = _other(sentence, at, BY_STEP, [d, rate, log_s2])
+    by_step = _other(model, at, BY_STEP, [d, rate, log_s2])
     return Interval(*_interval(f, by_step, at + 2, "s2", around(f, log_s2)).exp())
 
 
-def _noise(f: CandidateModels, sentence: Sentence, at: int, Q: float) -> Interval:
+def _noise(f: CandidateModels, model: FittedModel, at: int, Q: float) -> Interval:
     """Return the noise variance Q of an order."""
-    alpha, logit = sentence.eta[at : at + 2]
-    by_noise = _other(sentence, at, BY_NOISE, [alpha, logit, math.log(Q)])
+    alpha, logit = model.eta[at : at + 2]
+    by_noise = _other(model, at, BY_NOISE, [alpha, logit, math.log(Q)])
     reach = LEAST + 4 * abs(math.log(f.h))
     ends = [
         interval_end(f, by_noise, at + 2, side, math.log(Q) + side * reach, 0.1, AT_BOUND["s2"])
@@ -192,27 +192,27 @@ def _noise(f: CandidateModels, sentence: Sentence, at: int, Q: float) -> Interva
     return Interval(Q, *(None if one is None else math.exp(one) for one in ends))
 
 
-def order_fit(f: CandidateModels, sentence: Sentence) -> OrderFit:
+def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
     """Return the order of a model that has one, with its intervals."""
-    arfima = sentence.place(Order) is None
-    at = sentence.place(Order, Arfima)
+    arfima = model.place(Order) is None
+    at = model.place(Order, Arfima)
     assert at is not None
-    here = sentence.eta
+    here = model.eta
     if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the order may be any beyond the limit
         return OrderFit()
     if arfima:
-        alpha = _interval(f, sentence, at, "alpha", (0.0, 1.0), 0.03)
-        R = _interval(f, sentence, 0, "R", around(f, here[0])).exp()
-        return OrderFit(_if_known(alpha), s2=_step(f, sentence, at), R=Interval(*R), arfima=True)
-    found = _of_maximum(f, sentence, at)
-    starts = _elsewhere(f, sentence, at)
+        alpha = _interval(f, model, at, "alpha", (0.0, 1.0), 0.03)
+        R = _interval(f, model, 0, "R", around(f, here[0])).exp()
+        return OrderFit(_if_known(alpha), s2=_step(f, model, at), R=Interval(*R), arfima=True)
+    found = _of_maximum(f, model, at)
+    starts = _elsewhere(f, model, at)
     f.fits.elsewhere = []
     for eta in starts:
         if all(one.low <= value <= one.high for one, value in zip(found, _values(f, eta, at), strict=True)):
             continue
         f.fits.elsewhere.append(eta)
-        there, _ = f.native.fit(list(sentence.codes), eta)
-        other = sentence._replace(eta=tuple(there))
+        there, _ = f.native.fit(list(model.codes), eta)
+        other = model._replace(eta=tuple(there))
         wider = [
             one.with_another(two) for one, two in zip(found, _of_maximum(f, other, at, False), strict=True)
         ]
@@ -223,25 +223,25 @@ def order_fit(f: CandidateModels, sentence: Sentence) -> OrderFit:
     return OrderFit(order, parameter, Interval(*F), Interval(*s2), Interval(*R))
 
 
-def _of_maximum(f: CandidateModels, sentence: Sentence, at: int, first: bool = True) -> list[Ends]:
+def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = True) -> list[Ends]:
     """Return α, F, -f, s2 and R with the parts of their intervals around one maximum.
 
-    `first`: whether this is the maximum of `sentence.nll`. Another maximum may be lower, and its ends are not
+    `first`: whether this is the maximum of `model.nll`. Another maximum may be lower, and its ends are not
     stored.
     """
-    here, s2_at = sentence.eta, at + 2
+    here, s2_at = model.eta, at + 2
 
-    def interval(one: Sentence, i: int, name: str, limits: tuple[float, float], step: float = 0.1) -> Ends:
+    def interval(one: FittedModel, i: int, name: str, limits: tuple[float, float], step: float = 0.1) -> Ends:
         return _interval(f, one, i, name, limits, step, keep=first)
 
-    alpha = interval(sentence, at, "alpha", (0.0, HIGHEST_ORDER), 0.03)
-    s2 = interval(sentence, s2_at, "s2", around(f, here[s2_at])).exp()
-    R = interval(sentence, 0, "R", around(f, here[0])).exp()
+    alpha = interval(model, at, "alpha", (0.0, HIGHEST_ORDER), 0.03)
+    s2 = interval(model, s2_at, "s2", around(f, here[s2_at])).exp()
+    R = interval(model, 0, "R", around(f, here[0])).exp()
     g = g_of_eta(here[at : at + 2])
-    by_F = _other(sentence, at, BY_F, [here[at] + g, math.log(-g)])
+    by_F = _other(model, at, BY_F, [here[at] + g, math.log(-g)])
     F = interval(by_F, at, "F", (-2.0, HIGHEST_ORDER), 0.03)
     log_f = math.log(-f_of(here[at], g, f.h))
-    by_f = _other(sentence, at, BY_PARAMETER, [here[at], log_f])
+    by_f = _other(model, at, BY_PARAMETER, [here[at], log_f])
     highest = 2 * math.log(2) - 2 * min(math.log(f.h), 0.0)
     minus_f = interval(by_f, at + 1, "f", (log_f - LEAST, highest)).exp()
     return [alpha, F, minus_f, s2, R]
@@ -253,9 +253,9 @@ def _values(f: CandidateModels, eta: Sequence[float], at: int) -> tuple[float, .
     return eta[at], eta[at] + g, -f_of(eta[at], g, f.h), math.exp(eta[at + 2]), math.exp(eta[0])
 
 
-def information_of(f: CandidateModels, sentence: Sentence) -> Array:
+def information_of(f: CandidateModels, model: FittedModel) -> Array:
     """Return the Fisher information of a model's transformed parameters, (p, p)."""
-    _, rows = slopes(f, sentence.codes, sentence.eta)
+    _, rows = slopes(f, model.codes, model.eta)
     return np.asarray((rows * f.data.counts) @ rows.T)
 
 
@@ -266,12 +266,12 @@ def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tu
     return total, rows
 
 
-def order_deviation(f: CandidateModels, sentence: Sentence) -> float | None:
+def order_deviation(f: CandidateModels, model: FittedModel) -> float | None:
     """Return the standard deviation of the order by the Fisher information, all other parameters unknown."""
-    at = sentence.place(Order, Arfima)
+    at = model.place(Order, Arfima)
     if at is None:
         return None
-    information = information_of(f, sentence)
+    information = information_of(f, model)
     # A parameter without information (of a part that is not there) is left out.
     keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
     try:
@@ -283,7 +283,7 @@ def order_deviation(f: CandidateModels, sentence: Sentence) -> float | None:
 
 def _interval(
     f: CandidateModels,
-    sentence: Sentence,
+    model: FittedModel,
     i: int,
     name: str,
     limits: tuple[float, float],
@@ -296,14 +296,14 @@ def _interval(
     """
     bound = AT_BOUND.get(name, CRITICAL)
     ends = [
-        interval_end(f, sentence, i, side, limit, step, bound, keep=keep)
+        interval_end(f, model, i, side, limit, step, bound, keep=keep)
         for side, limit in zip((-1, 1), limits, strict=True)
     ]
     low, high = (limit if end is None else end for end, limit in zip(ends, limits, strict=True))
-    return Ends(sentence.eta[i], low, high)
+    return Ends(model.eta[i], low, high)
 
 
-def _elsewhere(f: CandidateModels, sentence: Sentence, at: int) -> list[list[float]]:
+def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
     """Return the transformed parameters of all fits with a held order that belong to the interval.
 
     The first call of a search tries all orders in LOOKED_AT. Later calls only repeat those that made an
@@ -313,17 +313,17 @@ def _elsewhere(f: CandidateModels, sentence: Sentence, at: int) -> list[list[flo
     if starts is None:
         starts = [
             [
-                max(sentence.eta[0], little_white(f)),
-                *sentence.eta[1:at],
+                max(model.eta[0], little_white(f)),
+                *model.eta[1:at],
                 float(order),
                 logit,
-                *sentence.eta[at + 2 :],
+                *model.eta[at + 2 :],
             ]
             for order in LOOKED_AT
             for logit in (-6.0, 0.0)
         ]
-    fitted = [f.native.fit(list(sentence.codes), one, held=at, converged=1e-2, steps=20) for one in starts]
-    return [eta for eta, nll in fitted if 2 * (nll - sentence.nll) < CRITICAL]
+    fitted = [f.native.fit(list(model.codes), one, held=at, converged=1e-2, steps=20) for one in starts]
+    return [eta for eta, nll in fitted if 2 * (nll - model.nll) < CRITICAL]
 
 
 def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
@@ -343,7 +343,7 @@ def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tu
 
 def interval_end(
     f: CandidateModels,
-    sentence: Sentence,
+    model: FittedModel,
     i: int,
     side: int,
     limit: float,
@@ -356,14 +356,14 @@ def interval_end(
     `bound`: used in place of CRITICAL where the best fit has no white noise. `keep`: store the end, so that a
     later refit begins its search there.
     """
-    if side * (limit - sentence.eta[i]) <= 0:
+    if side * (limit - model.eta[i]) <= 0:
         return None
-    last = f.fits.ends.get((sentence.codes, i, side), []) if keep else []
+    last = f.fits.ends.get((model.codes, i, side), []) if keep else []
     end, there = f.native.end(
-        list(sentence.codes), list(sentence.eta), sentence.nll, i, side, limit, step, CRITICAL, bound, last
+        list(model.codes), list(model.eta), model.nll, i, side, limit, step, CRITICAL, bound, last
     )
     if keep:
-        f.fits.ends[sentence.codes, i, side] = there
+        f.fits.ends[model.codes, i, side] = there
     return None if math.isnan(end) else end
 
 
@@ -379,7 +379,7 @@ def _falls(ends: Sequence[float | None], value: float) -> bool:
     return (low is not None and low > value) or (high is not None and high < value)
 
 
-def _wider(f: CandidateModels, sentence: Sentence, at: int, value: float, end: float | None) -> float | None:
+def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: float | None) -> float | None:
     """Return an end of K, moved outwards for the power that a random walk leaks.
 
     The leaked power depends on a single random number and has the same shape at all frequencies, so that it
@@ -387,7 +387,7 @@ def _wider(f: CandidateModels, sentence: Sentence, at: int, value: float, end: f
     """
     if end is None:
         return None
-    own = slopes(f, sentence.codes, sentence.eta)[1][at] ** 2 * f.data.counts
+    own = slopes(f, model.codes, model.eta)[1][at] ** 2 * f.data.counts
     leaks = leaking(f.data.lam, f.samples)
     share = float(own[leaks].sum() / own.sum())
     # χ² with one degree of freedom has the standard deviation √2, and K is the root of a variance.
@@ -396,15 +396,15 @@ def _wider(f: CandidateModels, sentence: Sentence, at: int, value: float, end: f
     return value * math.exp(math.copysign(math.hypot(distance, more), distance))
 
 
-def _other(sentence: Sentence, at: int, code: int, first: list[float]) -> Sentence:
+def _other(model: FittedModel, at: int, code: int, first: list[float]) -> FittedModel:
     """Return the model with other values of the first transformed parameters of the part at index `at`.
 
     The spectrum is the same. A part without such parameters, such as a mean of samples, may have the same
     index, and stays.
     """
-    codes = [code if place == at and free_of(one) else one for one, place in sentence.words()]
-    eta = [*sentence.eta[:at], *first, *sentence.eta[at + len(first) :]]
-    return sentence._replace(codes=tuple(codes), eta=tuple(eta))
+    codes = [code if place == at and free_of(one) else one for one, place in model.terms()]
+    eta = [*model.eta[:at], *first, *model.eta[at + len(first) :]]
+    return model._replace(codes=tuple(codes), eta=tuple(eta))
 
 
 def little_white(f: CandidateModels) -> float:

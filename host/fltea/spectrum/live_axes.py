@@ -16,7 +16,7 @@ from fltea.records.fit import AxisFit, FitHighPass, FitLowPass, FitSpectrum, Int
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.allan_curve import fit_allan
 from fltea.spectrum.angle_walk import angle_walk
-from fltea.spectrum.candidate_models import Sentence
+from fltea.spectrum.candidate_models import FittedModel
 from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
@@ -228,7 +228,7 @@ def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
     yield from octaves.cells(lane, h)
 
 
-def spectrum_of(whole: Periodogram, noise: Sentence) -> FitSpectrum:
+def spectrum_of(whole: Periodogram, noise: FittedModel) -> FitSpectrum:
     """Return all ordinates, also those not fitted, in at most POINTS bins, and the spectrum of `noise`."""
     data = binned(whole)
     starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))

@@ -16,7 +16,7 @@ from fltea.noise.parts import AnyPart, Relaxation
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval, Level
 from fltea.spectrum.angle_walk import angle_walk
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.intervals import Estimated, estimated
 from fltea.spectrum.reading import corner_hz
@@ -24,7 +24,7 @@ from fltea.spectrum.verdict import Verdict, winner
 from fltea.spectrum.wording import names
 
 
-class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class ModelSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A noise model that was fitted, whether or not it stands for the noise."""
 
     name: str
@@ -39,22 +39,22 @@ class SentenceSummary(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class NoiseFigures(NamedTuple):
     """The noise model that stands for the noise, and its figures."""
 
-    sentence: Sentence
+    model: FittedModel
     parts: tuple[Estimated, ...]
     """The parts of the model, with 95 % intervals of their parameters."""
     level: Level
 
     def spectrum(self, h: float) -> Callable[[Array], Array]:
         """Return the function that gives the spectrum at λ > 0; `h`: sampling period [s]."""
-        return lambda lam: self.sentence.spectrum(np.ascontiguousarray(lam), h)
+        return lambda lam: self.model.spectrum(np.ascontiguousarray(lam), h)
 
 
 def noise_figures(e: Evidence, verdict: Verdict) -> NoiseFigures:
     """Return the figures of the model that the verdict chooses."""
     f = e.candidates
-    sentence = winner(e, verdict)
-    parts = tuple(sorted(estimated(f, sentence), key=_place))
-    return NoiseFigures(sentence, parts, level(parts, f, sentence))
+    model = winner(e, verdict)
+    parts = tuple(sorted(estimated(f, model), key=_place))
+    return NoiseFigures(model, parts, level(parts, f, model))
 
 
 def _place(one: Estimated) -> tuple[int, float]:
@@ -64,29 +64,29 @@ def _place(one: Estimated) -> tuple[int, float]:
     return 0 if one.part == "white" else 2, 0.0
 
 
-def level(found: Sequence[Estimated], f: CandidateModels, sentence: Sentence) -> Level:
+def level(found: Sequence[Estimated], f: CandidateModels, model: FittedModel) -> Level:
     """Return N and K of a model of `f`, with the intervals in `found`."""
     h = f.h
     by_kind = {one.part: one for one in found}
     K = by_kind["walk"].values["K"] if "walk" in by_kind else Interval()
-    N = angle_walk(f, sentence)
+    N = angle_walk(f, model)
     if N.value is not None:
         return Level(N, K)
-    relaxations = [part for part in sentence.parts(h) if isinstance(part, Relaxation)]
+    relaxations = [part for part in model.parts(h) if isinstance(part, Relaxation)]
     if not relaxations:
         return Level(N, K)
     knee_hz = min(max(map(corner_hz, relaxations)), 0.5 / h)
     lam = np.array([min(2 * np.pi * knee_hz * h, np.pi)])
-    return Level(N, K, knee_hz, math.sqrt(float(sentence.spectrum(lam, h)[0]) * h))
+    return Level(N, K, knee_hz, math.sqrt(float(model.spectrum(lam, h)[0]) * h))
 
 
-def summaries(f: CandidateModels) -> dict[str, SentenceSummary]:
+def summaries(f: CandidateModels) -> dict[str, ModelSummary]:
     """Return the candidate models by their names; a model that does not exist is left out."""
     known = {name: getattr(f, name) for name in ("white", "plain", "rich", "pure", "ordered", "order")}
     return {name: _summary(f, one) for name, one in known.items() if one is not None}
 
 
-def _summary(f: CandidateModels, one: Sentence) -> SentenceSummary:
+def _summary(f: CandidateModels, one: FittedModel) -> ModelSummary:
     parts = one.parts(f.h)
     bic = round(f.bic(one), 6) + 0.0  # not -0
-    return SentenceSummary(names(one.kinds), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)
+    return ModelSummary(names(one.kinds), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)

@@ -25,7 +25,7 @@ from fltea.noise.parts import (
     free_of,
     part_of,
 )
-from fltea.spectrum.candidate_models import CandidateModels, Sentence
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.high_pass import HighPassed, high_passed
 from fltea.spectrum.spectral_lines import Peak
 
@@ -87,13 +87,13 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
     `from_hz`: lowest fitted frequency. `apart`: difference in 2 log L by which a slow relaxation has to beat
     a random walk, and a model with a high-pass has to beat white noise.
     """
-    sentence, h = f.plain, f.h
-    parts = [p for p in sentence.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
-    behind = high_passed(f, sentence, parts, from_hz) if -f.bic(sentence) > apart else None
+    model, h = f.plain, f.h
+    parts = [p for p in model.parts(h) if not (_is_skirt(p, peaks) or _is_left_out(p, f))]
+    behind = high_passed(f, model, parts, from_hz) if -f.bic(model) > apart else None
     if behind is not None:
         parts = list(behind.parts)
-        sentence = sentence.without(HighPass)
-    first, last = _ends(f, sentence, from_hz)
+        model = model.without(HighPass)
+    first, last = _ends(f, model, from_hz)
     relaxations = sorted((p for p in parts if isinstance(p, Relaxation)), key=corner_hz)
     low_pass = _filter(parts, h)
     if low_pass is None and relaxations:
@@ -102,7 +102,7 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
         if rest < NO_WHITE * last and corner_hz(fastest) > LEAST_CORNER * from_hz:
             low_pass = LowPass(corner_hz(fastest), 1.0)
             relaxations = relaxations[:-1]
-    if low_pass is not None and _flat(sentence, low_pass, h, from_hz):
+    if low_pass is not None and _flat(model, low_pass, h, from_hz):
         near = NEAR_THE_FILTER * low_pass.corner_hz
         relaxations = [part for part in relaxations if corner_hz(part) < near]
     rises = last > RISES * first
@@ -123,7 +123,7 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
     if inside or drifts or coloured or notch is not None or behind is not None:
         # With other parts a resonance may only correct their shape; a resonance alone is real.
         ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
-        resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(sentence, p, h)]
+        resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(model, p, h)]
     elif not resonances:
         inside = [part for part in parts if isinstance(part, Relaxation)]
     return Reading(
@@ -149,11 +149,11 @@ def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
     return None
 
 
-def _flat(sentence: Sentence, low_pass: LowPass, h: float, from_hz: float) -> bool:
+def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bool:
     """Return whether the pass band is flat, within the difference of the true filter and the fitted one."""
     inside = max(from_hz, 1e-3 * low_pass.corner_hz)
     hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])
-    low, high = sentence.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
+    low, high = model.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
     return bool(low < AS_FILTERS_DIFFER * high)
 
 
@@ -161,7 +161,7 @@ def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
     """Return the loss of 2 log L when a random walk replaces the relaxation."""
     codes: list[int] = []
     eta: list[float] = []
-    for code, at in f.plain.words():
+    for code, at in f.plain.terms():
         own = f.plain.eta[at : at + free_of(code)]
         if part_of(code, own, f.h) != part:
             codes.append(code)
@@ -172,22 +172,22 @@ def _behind_with_walk(f: CandidateModels, part: Relaxation) -> float:
     return 2 * (f.native.fit(codes, eta)[1] - f.plain.nll)
 
 
-def _stands_out(sentence: Sentence, part: Resonance, h: float) -> bool:
+def _stands_out(model: FittedModel, part: Resonance, h: float) -> bool:
     """Return whether the resonance is a maximum of the whole spectrum, not only of its own part."""
     hz = part.frequency_hz * np.array([1.0, 1 / ASIDE, ASIDE])
-    top, *sides = sentence.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
+    top, *sides = model.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
     return bool(top > STANDS_OUT * max(sides))
 
 
-def _ends(f: CandidateModels, sentence: Sentence, from_hz: float) -> tuple[float, float]:
+def _ends(f: CandidateModels, model: FittedModel, from_hz: float) -> tuple[float, float]:
     """Return the model's density at the lowest fitted frequency, and the mean density at the highest ones.
 
     Only fitted frequencies count, since power between neighbouring frequencies fills the zeros of a filter.
     """
     low = np.array([min(max(2 * np.pi * from_hz * f.h, 1e-3), np.pi)])
     high = f.data.lam >= min(HIGHEST * np.pi, f.data.lam[-1])
-    density, counts = sentence.spectrum(f.data.lam, f.h)[high], f.data.counts[high]
-    return float(sentence.spectrum(low, f.h)[0]), float((density * counts).sum() / counts.sum())
+    density, counts = model.spectrum(f.data.lam, f.h)[high], f.data.counts[high]
+    return float(model.spectrum(low, f.h)[0]), float((density * counts).sum() / counts.sum())
 
 
 def _lowest(part: Relaxation, h: float) -> float:

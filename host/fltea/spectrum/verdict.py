@@ -13,7 +13,7 @@ from fltea.noise.parts import CODES, ONE_POLE, in_hz
 from fltea.records.fit import VerdictKind
 from fltea.records.odds import odds
 from fltea.spectrum import comb_words, median_words, wording
-from fltea.spectrum.candidate_models import BY_CHANCE, Sentence, order_of
+from fltea.spectrum.candidate_models import BY_CHANCE, FittedModel, order_of
 from fltea.spectrum.evidence import APART, Evidence
 from fltea.spectrum.high_pass import stands_for_shape
 from fltea.spectrum.intervals import OrderFit, order_fit
@@ -103,7 +103,7 @@ class _Questions:
         return found.saying()
 
 
-def winner(e: Evidence, verdict: Verdict) -> Sentence:
+def winner(e: Evidence, verdict: Verdict) -> FittedModel:
     """Return the model that stands for the noise in curves, figures, filters and simulations.
 
     Where the data do not show whether there is an order, it is the model with the lower BIC.

@@ -78,7 +78,7 @@ def headings_told(ys: Sequence[Array]) -> list[list[tuple[float, float]]]:
     """Return headings after TIMES_S, and their σ, of each axis as `identify --forecast` predicts them."""
     own = {}
     for number, y in enumerate(ys):
-        parts = look(y, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
+        parts = look(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
         own[f"gyro_{number}"] = learned(parts, y, H)
     return [_told(one.system, y) for one, y in zip(shared_walk(own, H).values(), ys, strict=True)]
 
@@ -95,7 +95,7 @@ def _told(system: System, y: Array) -> list[tuple[float, float]]:
 def judge_fails(y: Array) -> bool:
     """Return whether the recording fails the model of its own first half."""
     half = y[: len(y) // 2]
-    parts = look(half, H, IdentifyOptions(shuffles=0)).figures.sentence.parts(H)
+    parts = look(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
     found = judged(learned(parts, half, H), y, len(half), H)
     return any(one.fails for one in found.heading) or any(one.fails for one in found.bias)
 

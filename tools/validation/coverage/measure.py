@@ -92,7 +92,7 @@ def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
 def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
     """Yield which share of the pieces of the second half is beside the band that the first half tells."""
     half = len(y) // 2
-    parts = look(axis.parts, y[:half]).figures.sentence.parts(H)
+    parts = look(axis.parts, y[:half]).figures.model.parts(H)
     judgement = judged(learned(parts, np.ascontiguousarray(y[:half]), H), y, half, H)
     for name, pieces in (("heading_std", judgement.heading), ("bias_std", judgement.bias)):
         for one in pieces:

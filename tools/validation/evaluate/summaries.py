@@ -131,7 +131,7 @@ def _held(series: int, held: int, undefined: int) -> str:
 
 
 def parts(counts: DataFrame) -> Table:
-    """Intervals of the parts of composite noises, of the series whose sentence is of the same parts."""
+    """Intervals of the parts of composite noises, of the series whose model is of the same parts."""
     columns = {
         "composite noise": lambda one: one.noise,
         "quantity": lambda one: one.quantity,

@@ -1,7 +1,7 @@
-// The spectra of all parts and the sums over bins, for one instruction set (sentence_kernel.hpp).
+// The spectra of all parts and the sums over bins, for one instruction set (whittle_kernel.hpp).
 // CMakeLists.txt compiles this file once for each set. It uses no library function that has code: the linker
 // would share the compiled function between the instruction sets.
-#include "sentence_kernel.hpp"
+#include "whittle_kernel.hpp"
 
 #include <math.h>
 
@@ -11,7 +11,7 @@
 #include "set_name.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
@@ -241,7 +241,7 @@ double mean_gain(double lam, double step, int m) {
     return max(ratio * ratio + slope * slope * step, 1e-6);
 }
 
-bool word_at(const Columns& b, Word word, const double* eta, double* part, double* const* slope) {
+bool term_at(const Columns& b, Term term, const double* eta, double* part, double* const* slope) {
     const std::size_t n = b.size;
     const auto level = [=](const double* shape) {
         const double power = exp(eta[0]);
@@ -252,7 +252,7 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
             to(slope[0] + i, value);
         });
     };
-    switch (word.part) {
+    switch (term.part) {
         case kWhite:
         case kFloor: {
             const double power = exp(eta[0]);
@@ -265,7 +265,7 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
         }
         case kRelaxation:
         case kAlternating:
-            relaxation(b, word.part == kAlternating, eta, part, slope);
+            relaxation(b, term.part == kAlternating, eta, part, slope);
             return true;
         case kWalk:
             level(b.walk);
@@ -274,10 +274,10 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
         case kOrderByF:
         case kOrderByf:
         case kOrderByQ:
-            return order(word.part, b, eta, part, slope);
+            return order(term.part, b, eta, part, slope);
         case kArfima:
         case kArfimaByStep:
-            arfima(b, word.part == kArfimaByStep, eta, part, slope);
+            arfima(b, term.part == kArfimaByStep, eta, part, slope);
             return true;
         case kResonance:
             resonance(b, eta, part, slope);
@@ -315,7 +315,7 @@ bool word_at(const Columns& b, Word word, const double* eta, double* part, doubl
             notch(b, eta, part, slope);
             return true;
         case kMean:
-            for (std::size_t i = 0; i < n; ++i) part[i] = mean_gain(b.lam[i], b.spread[i], word.size);
+            for (std::size_t i = 0; i < n; ++i) part[i] = mean_gain(b.lam[i], b.spread[i], term.size);
             return true;
     }
     return false;
@@ -409,7 +409,7 @@ void derivatives(const Columns& b, const double* total, int free, const double* 
 }  // namespace FLTEA_INSTRUCTION_SET
 
 extern const Kernel FLTEA_JOIN(kernel_, FLTEA_INSTRUCTION_SET) = {
-    FLTEA_STRING(FLTEA_INSTRUCTION_SET), word_at, nll, whole, derivatives, dots, times, plus, inverted};
+    FLTEA_STRING(FLTEA_INSTRUCTION_SET), term_at, nll, whole, derivatives, dots, times, plus, inverted};
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

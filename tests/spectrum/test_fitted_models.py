@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 import pytest
 from fltea.noise import parts as p
-from fltea.spectrum.candidate_models import CandidateModels, Sentence, native, order_in_white, order_of
+from fltea.spectrum.candidate_models import CandidateModels, FittedModel, native, order_in_white, order_of
 from fltea.spectrum.intervals import CRITICAL, estimated, order_fit
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.reading import read
 from identify_support import H
+from model_support import bins, closed_form
 from scipy.optimize import minimize
-from sentence_support import bins, closed_form
 
 Parts = Sequence[p.Part]
 
@@ -79,11 +79,11 @@ def slow_fit(parts: Parts, data: Binned, held: tuple[int, float] | None = None) 
     return float(found.fun)
 
 
-def fitted(parts: Parts, data: Binned, n: int) -> tuple[CandidateModels, Sentence]:
+def fitted(parts: Parts, data: Binned, n: int) -> tuple[CandidateModels, FittedModel]:
     f = CandidateModels(data, H, n)
     codes = [part.code for part in parts]
     eta, nll = f.native.fit(codes, [one for part in parts for one in part.eta(H)])
-    return f, Sentence(tuple(codes), tuple(eta), nll)
+    return f, FittedModel(tuple(codes), tuple(eta), nll)
 
 
 @pytest.mark.parametrize("name", [name for name in NOISES if name != "notch"])
@@ -99,26 +99,26 @@ def test_as_good_as_the_slow_fit(name: str) -> None:
 @pytest.mark.parametrize("name", ["relaxation", "quantisation", "resonance"])
 def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
     data = bins(NOISES[name], 20_000, H, 5)
-    f, sentence = fitted(NOISES[name], data, 0)
-    part = estimated(f, sentence)[1]
-    best = p.part_of(sentence.codes[1], sentence.eta[1:], H)
+    f, model = fitted(NOISES[name], data, 0)
+    part = estimated(f, model)[1]
+    best = p.part_of(model.codes[1], model.eta[1:], H)
     for k, (field, interval) in enumerate(part.values.items()):
         for end in (interval.low, interval.high):
             assert end is not None
             if field == "width_hz":
                 continue  # the free parameter, width over frequency, changes with the frequency
             at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
-            fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - sentence.nll)
+            fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - model.nll)
             assert fall == pytest.approx(CRITICAL, abs=0.15)
 
 
 def test_the_order_s_interval_is_that_of_the_slow_profile() -> None:
     data = bins(NOISES["order"], 60_000, H, 1)
-    f, sentence = fitted(NOISES["order"], data, 0)
-    found = order_fit(f, sentence)
+    f, model = fitted(NOISES["order"], data, 0)
+    found = order_fit(f, model)
     for end in (found.alpha.low, found.alpha.high):
         assert end is not None
-        fall = 2 * (slow_fit(NOISES["order"], data, (1, end)) - sentence.nll)
+        fall = 2 * (slow_fit(NOISES["order"], data, (1, end)) - model.nll)
         assert fall == pytest.approx(CRITICAL, abs=0.15)
     assert found.F.value is not None
     assert found.F.value == pytest.approx(found.alpha.value + H**found.alpha.value * found.f.value)
@@ -158,8 +158,8 @@ def test_intervals_hold_the_truth(name: str) -> None:
     """The limits for 60 series, 95 ± 8.5 %, are three standard deviations of a binomial."""
     held, count = 0, 0
     for seed in range(60):
-        f, sentence = fitted(NOISES[name], bins(NOISES[name], 20_000, H, seed), 0)
-        for truth, part in zip(NOISES[name], estimated(f, sentence), strict=True):
+        f, model = fitted(NOISES[name], bins(NOISES[name], 20_000, H, seed), 0)
+        for truth, part in zip(NOISES[name], estimated(f, model), strict=True):
             for field, interval in part.values.items():
                 value = getattr(truth, field)
                 below = interval.low is None or interval.low <= value
@@ -175,8 +175,8 @@ def test_intervals_of_an_order_hold_the_truth(alpha: float, power: float) -> Non
     parts = (p.White(1.0), order(alpha, 0.3, power))
     held: dict[str, list[bool]] = {}
     for seed in range(60):
-        f, sentence = fitted(parts, bins(parts, 30_000, H, seed), 0)
-        found = order_fit(f, sentence)
+        f, model = fitted(parts, bins(parts, 30_000, H, seed), 0)
+        found = order_fit(f, model)
         g = H**alpha * parts[1].f
         truths = {
             "alpha": alpha,
@@ -242,16 +242,16 @@ def test_what_cannot_be_fitted_is_refused(change: Callable[[Binned], Binned], wo
 
 
 @pytest.mark.parametrize("codes", [[], [1], [0, p.CODES.index(p.Mean)], [0, 99], [0, 200], [0] + [3] * 9])
-def test_what_is_no_sentence_is_refused(codes: list[int]) -> None:
+def test_what_is_no_model_is_refused(codes: list[int]) -> None:
     fits = native(bins([p.White(1.0)], 5000, H, 1), H, 0)
-    with pytest.raises(ValueError, match=r"sentence|part|eta"):
+    with pytest.raises(ValueError, match=r"model|part|eta"):
         fits.fit(codes, [0.0] * 3)
 
 
 def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
     f = CandidateModels(bins([p.White(1.0), p.Mean(4), p.Floor(1e-3)], 200_000, H, 1), H, 0)
     mean_of_4, alternating = p.MEAN_FROM + 4, p.CODES.index(p.Alternating)
-    f.plain = Sentence((0, mean_of_4, alternating), (0.0, 2.2, -11.5), f.plain.nll)
+    f.plain = FittedModel((0, mean_of_4, alternating), (0.0, 2.2, -11.5), f.plain.nll)
     found = read(f, 0.01)
     assert found.low_pass is not None
     assert not found.rises
@@ -262,7 +262,7 @@ def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> 
     """A mean has no free parameters, so the order's parameters begin where the mean's would begin."""
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
     parts = (p.White(1.0), p.Mean(4), ordered)
-    f, sentence = fitted(parts, bins(parts, 20_000, H, 1), 0)
-    found = order_fit(f, sentence)
+    f, model = fitted(parts, bins(parts, 20_000, H, 1), 0)
+    found = order_fit(f, model)
     assert found.alpha.value is not None
     assert found.s2.low < found.s2.value < found.s2.high

@@ -1,18 +1,18 @@
 // What the fits of noise models need from each instruction set: plain data and one table of functions.
-// sentence_kernel.cpp is compiled once for each set, as engine.hpp explains for the engine. This file has
+// whittle_kernel.cpp is compiled once for each set, as engine.hpp explains for the engine. This file has
 // declarations only. The caller owns all memory.
 //
-// A noise model is a list of parts ("words") with the spectrum S(λ) = L(λ) (Σ of parts) + floor, where L is a
+// A noise model is a list of parts ("terms") with the spectrum S(λ) = L(λ) (Σ of parts) + floor, where L is a
 // chain of filters. Powers and rates are logarithms, so that a random walk of 1e-8 of the white noise has the
 // same weight in a search as the white noise itself.
 #pragma once
 
 #include <cstddef>
 
-#include "sentence_parts.hpp"
+#include "whittle_parts.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 constexpr double kPi = 3.14159265358979323846;
 
@@ -22,7 +22,7 @@ constexpr double kSmallest = 30, kLargest = 30;  // log of a power over the mean
 constexpr double kNoPole = 2.5;                  // log rate at which φ is 5e-6
 
 // One part of a model; `size` is m of kMean.
-struct Word {
+struct Term {
     Part part;
     int size;
 };
@@ -48,7 +48,7 @@ struct Kernel {
     const char* name;
     // Writes the spectrum of a part and its derivatives by the part's parameters; for a filter, its gain and
     // the derivatives of the gain's logarithm. Returns false if there is no such spectrum.
-    bool (*word)(const Columns& bins, Word word, const double* eta, double* part, double* const* slope);
+    bool (*term)(const Columns& bins, Term term, const double* eta, double* part, double* const* slope);
     // Returns Σ c (log S + I/S).
     double (*nll)(const Columns& bins, const double* total);
     // Turns `total`, the sum of the parts, into the whole spectrum total · gain + floor. Also writes
@@ -74,5 +74,5 @@ extern const Kernel kernel_baseline;
 extern const Kernel kernel_avx2;
 extern const Kernel kernel_avx512;
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

@@ -1,4 +1,4 @@
-// Whittle's likelihood of a noise model (sentence_kernel.hpp), its maximum within bounds by Fisher scoring
+// Whittle's likelihood of a noise model (whittle_kernel.hpp), its maximum within bounds by Fisher scoring
 // with Levenberg's damping, and what a further part would gain (Rao's score). Any parameter may be held
 // fixed, for profiles.
 #pragma once
@@ -9,16 +9,16 @@
 #include <limits>
 #include <vector>
 
-#include "sentence_bins.hpp"
+#include "whittle_bins.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
-typedef std::vector<Word> Words;
+typedef std::vector<Term> Terms;
 
-inline int free_of(const Words& words) {
+inline int free_of(const Terms& terms) {
     int count = 0;
-    for (const Word& word : words) count += free_of(word.part);
+    for (const Term& term : terms) count += free_of(term.part);
     return count;
 }
 
@@ -31,11 +31,11 @@ inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
 }
 
 // Writes the lowest and highest value of each parameter of a part.
-inline void bounds_of(const Word& word, const Bins& bins, double slowest, double* low, double* high) {
+inline void bounds_of(const Term& term, const Bins& bins, double slowest, double* low, double* high) {
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
     const double by_h = 4 * std::fabs(bins.log_h);
-    const Coordinates& own = row_of(word.part).coordinates;
+    const Coordinates& own = row_of(term.part).coordinates;
     for (int k = 0; k < own.count; ++k) {
         const Coordinate& one = own.at[k];
         const auto set = [&](double from, double to) {
@@ -90,26 +90,26 @@ class Spectrum {
           over_(size_) {}
 
     // Returns -log L, or infinity if the parameters define no spectrum.
-    double at(const Words& words, const double* eta) {
+    double at(const Terms& terms, const double* eta) {
         const Columns columns = bins_->columns();
         std::fill(total_.begin(), total_.end(), 0.0);
         std::fill(gain_.begin(), gain_.end(), 1.0);
         std::fill(floor_.begin(), floor_.end(), 0.0);
         const Kernel& kernel = *bins_->kernel;
-        free_ = free_of(words);
+        free_ = free_of(terms);
         scaled_ = true;
         rows_.resize(static_cast<std::size_t>(free_) * stride_);
         int next = 0;
-        for (const Word& word : words) {
+        for (const Term& term : terms) {
             double* slope[3] = {nullptr, nullptr, nullptr};
-            const int own = free_of(word.part);
-            const bool filter = filters(word.part), floor = row_of(word.part).is(kBehind);
+            const int own = free_of(term.part);
+            const bool filter = filters(term.part), floor = row_of(term.part).is(kBehind);
             for (int k = 0; k < own; ++k, ++next) {
                 slope[k] = row(next);
                 by_[next] = filter ? floor_.data() : floor ? part_.data() : over_.data();
             }
             const double* const at = eta + next - own;
-            if (!kernel.word(columns, word, at, part_.data(), slope))
+            if (!kernel.term(columns, term, at, part_.data(), slope))
                 return std::numeric_limits<double>::infinity();
             if (filter) {
                 kernel.times(size_, gain_.data(), part_.data(), gain_.data());
@@ -211,19 +211,19 @@ struct Room {
 
 // Moves `eta` to the best parameters that are reached from there, and returns -log L. Parameter `held` keeps
 // its value; -1: none is held.
-inline double score(Room& room, const Words& words, double* eta, int held, const Patience& patience) {
-    const int free = free_of(words);
+inline double score(Room& room, const Terms& terms, double* eta, int held, const Patience& patience) {
+    const int free = free_of(terms);
     double low[kMostFree], high[kMostFree], gradient[kMostFree];
     double information[kMostFree][kMostFree], damped[kMostFree][kMostFree];
     int next = 0;
-    for (const Word& word : words) {
-        bounds_of(word, room.bins, patience.slowest, low + next, high + next);
-        next += free_of(word.part);
+    for (const Term& term : terms) {
+        bounds_of(term, room.bins, patience.slowest, low + next, high + next);
+        next += free_of(term.part);
     }
     for (int i = 0; i < free; ++i)
         if (i != held) eta[i] = std::fmin(std::fmax(eta[i], low[i]), high[i]);
     Spectrum &here = room.here, &there = room.there;
-    double nll = here.at(words, eta), damping = 1e-3;
+    double nll = here.at(terms, eta), damping = 1e-3;
     int small = 0;
     for (int step = 0; step < patience.steps && std::isfinite(nll); ++step) {
         here.derivatives(free, gradient, information);
@@ -257,7 +257,7 @@ inline double score(Room& room, const Words& words, double* eta, int held, const
                 const double step = std::fmax(-kLongest, std::fmin(kLongest, move[a] * kLongest / longest));
                 trial[i] = std::fmin(std::fmax(eta[i] - step, low[i]), high[i]);
             }
-            found = there.at(words, trial);
+            found = there.at(terms, trial);
             if (found <= nll) {
                 better = true;
                 break;
@@ -275,10 +275,10 @@ inline double score(Room& room, const Words& words, double* eta, int held, const
     }
     return nll;
 }
-inline double score(const Bins& bins, const Words& words, double* eta, int held, const Patience& patience) {
+inline double score(const Bins& bins, const Terms& terms, double* eta, int held, const Patience& patience) {
     Room room(bins);
-    return score(room, words, eta, held, patience);
+    return score(room, terms, eta, held, patience);
 }
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

@@ -8,15 +8,15 @@
 #include <utility>
 #include <vector>
 
-#include "sentence.hpp"
-#include "sentence_gains.hpp"
+#include "fitted_model.hpp"
+#include "whittle_gains.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 // The models that the null test compares.
 struct NullTest {
-    Sentence white, order, missing;
+    FittedModel white, order, missing;
 };
 
 class NullFits {
@@ -27,8 +27,8 @@ class NullFits {
         : bins_(bins), room_(room), power_(std::log(bins.mean)), lowest_(2 * std::log(bins.lowest)) {}
 
     NullTest from(const Candidates& filters, const Candidates& orders) {
-        const Sentence w = white();
-        Gains gains(bins_, w.words, w.eta.data());
+        const FittedModel w = white();
+        Gains gains(bins_, w.terms, w.eta.data());
         return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
     }
 
@@ -39,36 +39,36 @@ class NullFits {
         return {white(), order({last.begin(), second}), missing({second, last.end()})};
     }
 
-    Sentence white() { return fitted({Word{kWhite, 0}}, {power_}, -1); }
-    Sentence order(std::vector<double> eta) {
+    FittedModel white() { return fitted({Term{kWhite, 0}}, {power_}, -1); }
+    FittedModel order(std::vector<double> eta) {
         bins_.lowest_order = 0;
         bins_.highest_order = 1;
-        return fitted({Word{kWhite, 0}, Word{kOrder, 0}}, std::move(eta), -1);
+        return fitted({Term{kWhite, 0}, Term{kOrder, 0}}, std::move(eta), -1);
     }
-    Sentence missing(std::vector<double> eta) {
-        return fitted({Word{kWhite, 0}, Word{kHighPass, 0}}, std::move(eta), 2);
+    FittedModel missing(std::vector<double> eta) {
+        return fitted({Term{kWhite, 0}, Term{kHighPass, 0}}, std::move(eta), 2);
     }
 
   private:
     static constexpr double kConverged = 1e-3;  // least gain of -log L in a step
     static constexpr std::size_t kOrders = 5;   // number of starting points
 
-    Sentence fitted(Words words, std::vector<double> eta, int held) {
+    FittedModel fitted(Terms terms, std::vector<double> eta, int held) {
         Patience patience;
         patience.converged = kConverged;
-        Sentence found{std::move(words), std::move(eta), 0};
-        found.nll = score(room_, found.words, found.eta.data(), held, patience);
+        FittedModel found{std::move(terms), std::move(eta), 0};
+        found.nll = score(room_, found.terms, found.eta.data(), held, patience);
         return found;
     }
 
-    static void keep(const Sentence& one, Sentence& into) {
+    static void keep(const FittedModel& one, FittedModel& into) {
         if (one.nll < into.nll) into = one;
     }
 
-    Sentence best_order(const Sentence& white, Gains& gains, const Candidates& orders) {
+    FittedModel best_order(const FittedModel& white, Gains& gains, const Candidates& orders) {
         std::vector<std::pair<Gain, const Candidate*>> ranked;
         for (const Candidate& one : orders) {
-            if (one.word.part != kOrder) continue;
+            if (one.term.part != kOrder) continue;
             const Gain gain = gains.of(one);
             if (gain.gain > 1) ranked.push_back({gain, &one});
         }
@@ -77,7 +77,7 @@ class NullFits {
             [](const std::pair<Gain, const Candidate*>& a, const std::pair<Gain, const Candidate*>& b) {
                 return a.first.gain > b.first.gain;
             });
-        Sentence found = order({white.eta[0], 0.5, 0.0, power_ - kSmallest});
+        FittedModel found = order({white.eta[0], 0.5, 0.0, power_ - kSmallest});
         for (std::size_t i = 0; i < ranked.size() && i < kOrders; ++i) {
             const double* const eta = ranked[i].second->eta;
             keep(order({white.eta[0], eta[0], eta[1], ranked[i].first.log_power}), found);
@@ -87,10 +87,10 @@ class NullFits {
 
     // Fits the high-pass from the best starting point: the likelihood has a single maximum along the corner,
     // apart from chance.
-    Sentence best_high_pass(const Sentence& white, Gains& gains, const Candidates& filters) {
+    FittedModel best_high_pass(const FittedModel& white, Gains& gains, const Candidates& filters) {
         double corner = lowest_, gained = 0;
         for (const Candidate& one : filters) {
-            if (one.word.part != kHighPass || one.leaks) continue;
+            if (one.term.part != kHighPass || one.leaks) continue;
             const double gain = gains.of(one).gain;
             if (gain > gained) corner = one.eta[0], gained = gain;
         }
@@ -109,5 +109,5 @@ inline NullTest null_test(Bins& bins, const std::vector<double>& last) {
     return fits.from(*shared<filters_to_add>(bins), *shared<orders_to_add>(bins));
 }
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

@@ -1,5 +1,5 @@
 // The bins of a spectrum to which noise models are fitted: the columns that the kernels read
-// (sentence_kernel.hpp).
+// (whittle_kernel.hpp).
 #pragma once
 
 #include <algorithm>
@@ -10,10 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "sentence_kernel.hpp"
+#include "whittle_kernel.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 // Allocates memory that begins at a cache line: a pack across two cache lines costs twice as much to write.
 // C++11 has no allocation with such an alignment, so the original pointer is stored in front of the memory.
@@ -121,5 +121,5 @@ inline double end_power(const Bins& bins, bool highest) {
     return some[count / 2];
 }
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

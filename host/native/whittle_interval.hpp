@@ -5,17 +5,17 @@
 #include <limits>
 #include <vector>
 
-#include "sentence_fit.hpp"
+#include "whittle_fit.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 constexpr double kNoWhite = 0.01;  // white noise is negligible if -log L grows by less than this without it
 
 // Returns -log L of the same model with its white noise removed.
-inline double without_white(Room& room, const Words& words, std::vector<double> eta) {
+inline double without_white(Room& room, const Terms& terms, std::vector<double> eta) {
     eta[0] = std::log(room.bins.mean) - kSmallest;
-    return room.here.at(words, eta.data());
+    return room.here.at(terms, eta.data());
 }
 
 // The loss of 2 log L that defines an end of an interval: `usual` if the best fit with the value there has
@@ -32,13 +32,13 @@ struct Tried {
 
 // Returns the distance to the end if log L were a parabola; `by`: change of the other parameters per unit of
 // parameter i.
-inline double direction(const Bins& bins, const Words& words, const std::vector<double>& best, int i,
+inline double direction(const Bins& bins, const Terms& terms, const std::vector<double>& best, int i,
                         std::vector<double>& by) {
-    const int free = free_of(words);
+    const int free = free_of(terms);
     double gradient[kMostFree], information[kMostFree][kMostFree], row[kMostFree] = {};
     Spectrum here(bins);
     by.assign(best.size(), 0.0);
-    if (!std::isfinite(here.at(words, best.data()))) return 0;
+    if (!std::isfinite(here.at(terms, best.data()))) return 0;
     here.derivatives(free, gradient, information);
     for (int k = 0; k < free; ++k) information[k][k] = information[k][k] * (1 + 1e-9) + 1e-9;
     if (!factor(free, information)) return 0;
@@ -59,7 +59,7 @@ inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); 
 // Returns the end of the interval of parameter i on one side (-1 or 1), NaN if the profile does not fall far
 // enough before `limit`. `end`: difference between the parameters at the end that an earlier fit found and
 // the best ones, or empty; it receives this difference for the new end, if there is one.
-inline double interval_end(const Bins& bins, const Words& words, const std::vector<double>& best, double nll,
+inline double interval_end(const Bins& bins, const Terms& terms, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {
     const std::size_t at = static_cast<std::size_t>(i);
@@ -73,7 +73,7 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += end[k];
     } else {
         std::vector<double> by;
-        const double far = root * direction(bins, words, best, i, by);
+        const double far = root * direction(bins, terms, best, i, by);
         const double first = std::fmin(std::fmax(far, step), 8 * step);
         trial = middle + side * std::fmin(first, side * (limit - middle));
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
@@ -85,9 +85,9 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
     for (int look = 0; look < 40; ++look) {
         if (i != 0) eta[0] = std::fmax(eta[0], some_white);
         eta[at] = trial;
-        const double found = score(room, words, eta.data(), i, patience);
+        const double found = score(room, terms, eta.data(), i, patience);
         double excess = std::isfinite(found) ? 2 * (found - nll) : 1e6;
-        if (critical.at_bound != critical.usual && without_white(room, words, eta) - found < kNoWhite)
+        if (critical.at_bound != critical.usual && without_white(room, terms, eta) - found < kNoWhite)
             excess *= critical.usual / critical.at_bound;
         const bool close = std::fabs(excess - critical.usual) < 0.02;
         if (!close && excess < critical.usual) {
@@ -121,5 +121,5 @@ inline double interval_end(const Bins& bins, const Words& words, const std::vect
     return outside.value;
 }
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

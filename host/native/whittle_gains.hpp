@@ -9,27 +9,27 @@
 #include <utility>
 #include <vector>
 
-#include "sentence_fit.hpp"
+#include "whittle_fit.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 // A part that may be added, with its spectrum at these parameters; for a filter, the logarithm of its gain.
 struct Candidate {
-    Word word;
+    Term term;
     double eta[3];
     Numbers shape, inverse;  // inverse: of the gain of a filter
     bool leaks;              // a filter behind which white noise is added
 };
 
-inline Candidate candidate(const Bins& bins, const Word& word, double a, double b, double c) {
+inline Candidate candidate(const Bins& bins, const Term& term, double a, double b, double c) {
     const std::size_t stride = stride_of(bins.size());
-    Candidate found{word, {a, b, c}, Numbers(bins.size()), {}, false};
+    Candidate found{term, {a, b, c}, Numbers(bins.size()), {}, false};
     Numbers spare(3 * stride);
     double* slope[3] = {spare.data(), spare.data() + stride, spare.data() + 2 * stride};
-    if (!bins.kernel->word(bins.columns(), word, found.eta, found.shape.data(), slope))
+    if (!bins.kernel->term(bins.columns(), term, found.eta, found.shape.data(), slope))
         std::fill(found.shape.begin(), found.shape.end(), 0.0);
-    if (!filters(word.part)) return found;
+    if (!filters(term.part)) return found;
     found.inverse.resize(bins.size());
     bins.kernel->inverted(bins.size(), found.shape.data(), found.inverse.data());
     return found;
@@ -57,9 +57,9 @@ struct Gain {
 
 class Gains {
   public:
-    Gains(const Bins& bins, const Words& words, const double* eta)
+    Gains(const Bins& bins, const Terms& terms, const double* eta)
         : bins_(bins),
-          free_(free_of(words)),
+          free_(free_of(terms)),
           size_(bins.size()),
           stride_(stride_of(size_)),
           row_(size_),
@@ -67,7 +67,7 @@ class Gains {
           excess_(size_),
           ratio_(size_) {
         Spectrum here(bins);
-        here.at(words, eta);
+        here.at(terms, eta);
         double information[kMostFree][kMostFree];
         here.derivatives(free_, slope_, information);
         for (int i = 0; i < free_; ++i) information[i][i] = information[i][i] * (1 + 1e-9) + 1e-9;
@@ -92,10 +92,10 @@ class Gains {
 
     Gain of(const Candidate& one) {
         if (!sound_) return Gain{0, 0};
-        const bool filter = filters(one.word.part);
+        const bool filter = filters(one.term.part);
         const double* shape = one.shape.data();
         if (!filter) {
-            const Numbers& by = row_of(one.word.part).is(kBehind) ? over_ : passed_;
+            const Numbers& by = row_of(one.term.part).is(kBehind) ? over_ : passed_;
             bins_.kernel->times(size_, shape, by.data(), row_.data());
             shape = row_.data();
         }
@@ -187,7 +187,7 @@ class Trials {
                 break;
             case kMeans:
                 for (const int m : {2, 3, 4, 5, 8, 10})
-                    into_.push_back(candidate(bins_, Word{row.part, m}, 0, 0, 0));
+                    into_.push_back(candidate(bins_, Term{row.part, m}, 0, 0, 0));
                 break;
             case kOrders:
                 orders(row);
@@ -201,7 +201,7 @@ class Trials {
 
   private:
     void at(const Row& row, double a, double b, double c) {
-        into_.push_back(candidate(bins_, Word{row.part, 0}, a, b, c));
+        into_.push_back(candidate(bins_, Term{row.part, 0}, a, b, c));
     }
     void corners(const Row& row) {
         const double range = top_ - lowest_;
@@ -273,5 +273,5 @@ std::shared_ptr<const Candidates> shared(const Bins& bins) {
     return made.candidates;
 }
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

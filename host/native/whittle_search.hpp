@@ -9,14 +9,16 @@
 #include <utility>
 #include <vector>
 
-#include "sentence_null.hpp"
+#include "whittle_null.hpp"
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 struct Frontier {
-    Sentence white, null, plain, rich, pure, ordered;  // null: the null test's alternative, an order up to 1
-    Sentence missing;  // the second alternative of the null test: white noise through a high-pass of one pole
+    FittedModel white, null, plain, rich, pure,
+        ordered;  // null: the null test's alternative, an order up to 1
+    FittedModel
+        missing;  // the second alternative of the null test: white noise through a high-pass of one pole
 };
 
 class Search {
@@ -38,9 +40,9 @@ class Search {
         if (f.ordered.known()) {
             // Parts that were found along with an order may be better with another part in place of the
             // order. Without an order or a replacement, a filter would move to where the order was.
-            const Sentence rest = removed(f.ordered, orders());
-            Gains gains(bins_, rest.words, rest.eta.data());
-            Sentence other;
+            const FittedModel rest = removed(f.ordered, orders());
+            Gains gains(bins_, rest.terms, rest.eta.data());
+            FittedModel other;
             for (const Ranked& one : best(gains, rest, *parts_, 2, 1, Allowed()))
                 keep(with(rest, one), bic_, other);
             if (other.known()) keep(grown(other, bic_, Allowed()), bic_, f.plain);
@@ -56,24 +58,24 @@ class Search {
         f.white = null_.white();
         f.null = null_.order(last.null.eta);
         f.missing = null_.missing(last.missing.eta);
-        const auto refit = [&](const Sentence& one) {
-            return one.known() ? fitted(one.words, one.eta) : one;
+        const auto refit = [&](const FittedModel& one) {
+            return one.known() ? fitted(one.terms, one.eta) : one;
         };
         f.plain = refit(last.plain);
         f.rich = refit(last.rich);
         f.pure = refit(last.pure);
-        f.ordered = last.ordered.same_words(last.pure) ? f.pure : refit(last.ordered);
+        f.ordered = last.ordered.same_terms(last.pure) ? f.pure : refit(last.ordered);
         return f;
     }
 
-    Sentence fitted(const Words& words, std::vector<double> eta, bool roughly = false) {
+    FittedModel fitted(const Terms& terms, std::vector<double> eta, bool roughly = false) {
         Patience patience;
         patience.converged = roughly ? kTrial : kRough;
         patience.steps = roughly ? kTrialSteps : kSteps;
         bins_.lowest_order = kLeastOrder;
         bins_.highest_order = kMostOrder;
-        Sentence found{words, std::move(eta), 0};
-        found.nll = score(room_, found.words, found.eta.data(), -1, patience);
+        FittedModel found{terms, std::move(eta), 0};
+        found.nll = score(room_, found.terms, found.eta.data(), -1, patience);
         return found;
     }
 
@@ -93,17 +95,17 @@ class Search {
     };
 
     static std::vector<Part> orders() { return parts_with(kOrdered); }
-    double cost(const Sentence& s, double price) const {
+    double cost(const FittedModel& s, double price) const {
         return s.known() ? 2 * s.nll + price * s.parameters() : std::numeric_limits<double>::infinity();
     }
 
-    bool fits_in(const Sentence& s, const Word& word, const Allowed& allowed) const {
-        const Row& row = row_of(word.part);
-        if (s.count(word.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
+    bool fits_in(const FittedModel& s, const Term& term, const Allowed& allowed) const {
+        const Row& row = row_of(term.part);
+        if (s.count(term.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
         // Behind a high-pass, a random walk has the same spectrum as white noise behind the filter.
         if (row.is(kEndless) && s.has(kHighPass)) return false;
         if (row.is(kBehind) && !s.filtered()) return false;
-        return word.part != kLowPass || !s.has(kMean);
+        return term.part != kLowPass || !s.has(kMean);
     }
 
     struct Ranked {
@@ -112,12 +114,12 @@ class Search {
     };
 
     // Returns the best `count` candidates of `list`, at most `alike` of one kind.
-    std::vector<Ranked> best(Gains& gains, const Sentence& s, const std::vector<Candidate>& list, int count,
-                             int alike, const Allowed& allowed) {
+    std::vector<Ranked> best(Gains& gains, const FittedModel& s, const std::vector<Candidate>& list,
+                             int count, int alike, const Allowed& allowed) {
         std::vector<Ranked> all, found;
         for (const Candidate& one : list) {
-            if (!fits_in(s, one.word, allowed)) continue;
-            if (allowed.only_low_pass && one.word.part != kLowPass) continue;
+            if (!fits_in(s, one.term, allowed)) continue;
+            if (allowed.only_low_pass && one.term.part != kLowPass) continue;
             const Gain gain = gains.of(one);
             if (gain.gain > 1) all.push_back({&one, gain});
         }
@@ -125,48 +127,49 @@ class Search {
                          [](const Ranked& a, const Ranked& b) { return a.gain.gain > b.gain.gain; });
         for (const Ranked& one : all) {
             const auto same = [&](const Ranked& other) {
-                return other.candidate->word.part == one.candidate->word.part;
+                return other.candidate->term.part == one.candidate->term.part;
             };
-            const int most = one.candidate->word.part == kLowPass ? 2 : alike;
+            const int most = one.candidate->term.part == kLowPass ? 2 : alike;
             if (std::count_if(found.begin(), found.end(), same) < most) found.push_back(one);
             const bool floor = std::any_of(found.begin(), found.end(), [](const Ranked& other) {
-                return other.candidate->word.part == kFloor;
+                return other.candidate->term.part == kFloor;
             });
             if (static_cast<int>(found.size()) == count + floor) break;
         }
         return found;
     }
 
-    Sentence with(const Sentence& before, const Ranked& one) {
+    FittedModel with(const FittedModel& before, const Ranked& one) {
         const Candidate& candidate = *one.candidate;
-        const Sentence s = candidate.word.part == kHighPass ? removed(before, parts_with(kEndless)) : before;
-        Words words = s.words;
+        const FittedModel s =
+            candidate.term.part == kHighPass ? removed(before, parts_with(kEndless)) : before;
+        Terms terms = s.terms;
         std::vector<double> eta = s.eta;
         eta[0] = std::fmax(eta[0], power_ - kNothing);
-        words.push_back(candidate.word);
+        terms.push_back(candidate.term);
         const std::size_t first = eta.size();
-        eta.insert(eta.end(), candidate.eta, candidate.eta + free_of(candidate.word.part));
-        const int power = power_of(candidate.word.part);
+        eta.insert(eta.end(), candidate.eta, candidate.eta + free_of(candidate.term.part));
+        const int power = power_of(candidate.term.part);
         if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
-        const bool low = candidate.word.part == kLowPass, high = candidate.word.part == kHighPass;
+        const bool low = candidate.term.part == kLowPass, high = candidate.term.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
             // A floor such as rounding is added behind the filter; without a floor a steep filter fits
             // nothing.
-            words.push_back(Word{kFloor, 0});
+            terms.push_back(Term{kFloor, 0});
             eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));
-            return taken_away(fitted(words, eta, true), bic_, {kFloor});
+            return taken_away(fitted(terms, eta, true), bic_, {kFloor});
         }
-        return fitted(words, eta, true);
+        return fitted(terms, eta, true);
     }
 
-    Sentence grown(Sentence s, double price, const Allowed& allowed) {
-        while (free_of(s.words) < kMostParameters) {
-            Gains gains(bins_, s.words, s.eta.data());
-            Sentence next;
+    FittedModel grown(FittedModel s, double price, const Allowed& allowed) {
+        while (free_of(s.terms) < kMostParameters) {
+            Gains gains(bins_, s.terms, s.eta.data());
+            FittedModel next;
             for (const Ranked& one : best(gains, s, *parts_, 2, 1, allowed)) keep(with(s, one), price, next);
             for (const Ranked& one : best(gains, s, *filters_, 3, 1, allowed))
                 keep(with(s, one), price, next);
-            if (next.known()) next = fitted(next.words, next.eta);
+            if (next.known()) next = fitted(next.terms, next.eta);
             if (!(cost(next, price) < cost(s, price))) break;
             s = next;
         }
@@ -175,28 +178,30 @@ class Search {
 
     // Keeps the better order. ARFIMA, which has no f, has to lead the fractional state D^α x = f x + ω by
     // kAhead.
-    void keep_order(const Sentence& one, Sentence& into) const {
-        const auto behind = [&](const Sentence& s) { return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0); };
+    void keep_order(const FittedModel& one, FittedModel& into) const {
+        const auto behind = [&](const FittedModel& s) {
+            return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0);
+        };
         if (behind(one) < behind(into)) into = one;
     }
 
-    void keep(const Sentence& one, double price, Sentence& into) const {
+    void keep(const FittedModel& one, double price, FittedModel& into) const {
         if (cost(one, price) < cost(into, price)) into = one;
     }
 
     // Returns `s` without the parts that are not worth their price. `only`: the parts that may be removed; if
     // empty, all but the orders.
-    Sentence taken_away(Sentence s, double price, const std::vector<Part>& only) {
+    FittedModel taken_away(FittedModel s, double price, const std::vector<Part>& only) {
         for (;;) {
-            Sentence next;
+            FittedModel next;
             const std::vector<double> sure = certainty(s);
-            for (std::size_t i = 1; i < s.words.size(); ++i) {
-                const Part part = s.words[i].part;
+            for (std::size_t i = 1; i < s.terms.size(); ++i) {
+                const Part part = s.terms[i].part;
                 const bool named = std::find(only.begin(), only.end(), part) != only.end();
                 if (only.empty() ? row_of(part).is(kOrdered) : !named) continue;
                 if (part == kRise && !s.has(kQuantised)) keep(as_quantised(s, i), price, next);
                 if (!filters(part) && sure[i] > kSure * price) continue;
-                keep(without_word(s, i), price, next);
+                keep(without_term(s, i), price, next);
             }
             if (!(cost(next, price) <= cost(s, price))) return s;
             s = next;
@@ -205,18 +210,18 @@ class Search {
 
     // Returns, for each part, the square of its power over the standard deviation of that power, by the
     // curvature.
-    std::vector<double> certainty(const Sentence& s) const {
-        std::vector<double> found(s.words.size(), 0.0);
-        const int free = free_of(s.words);
+    std::vector<double> certainty(const FittedModel& s) const {
+        std::vector<double> found(s.terms.size(), 0.0);
+        const int free = free_of(s.terms);
         Spectrum here(bins_);
-        here.at(s.words, s.eta.data());
+        here.at(s.terms, s.eta.data());
         double gradient[kMostFree], information[kMostFree][kMostFree];
         here.derivatives(free, gradient, information);
         for (int i = 0; i < free; ++i) information[i][i] = information[i][i] * (1 + 1e-9) + 1e-9;
         if (!factor(free, information)) return found;
         int at = 0;
-        for (std::size_t i = 0; i < s.words.size(); ++i) {
-            const Part part = s.words[i].part;
+        for (std::size_t i = 0; i < s.terms.size(); ++i) {
+            const Part part = s.terms[i].part;
             double unit[kMostFree] = {0};
             if (free_of(part)) {
                 unit[at] = 1;
@@ -228,58 +233,58 @@ class Search {
         return found;
     }
 
-    Sentence without_word(const Sentence& s, std::size_t left_out) {
-        Sentence found = removed_word(s, left_out);
+    FittedModel without_term(const FittedModel& s, std::size_t left_out) {
+        FittedModel found = removed_term(s, left_out);
         found.eta[0] = std::fmax(found.eta[0], power_ - kNothing);
-        return fitted(found.words, found.eta);
+        return fitted(found.terms, found.eta);
     }
 
     // Returns the model without one part; all other parameters stay as they are.
-    static Sentence removed_word(const Sentence& s, std::size_t left_out) {
-        Words words;
+    static FittedModel removed_term(const FittedModel& s, std::size_t left_out) {
+        Terms terms;
         std::vector<double> eta;
         std::size_t at = 0;
-        for (std::size_t i = 0; i < s.words.size(); ++i) {
-            const std::size_t count = static_cast<std::size_t>(free_of(s.words[i].part));
+        for (std::size_t i = 0; i < s.terms.size(); ++i) {
+            const std::size_t count = static_cast<std::size_t>(free_of(s.terms[i].part));
             if (i != left_out) {
-                words.push_back(s.words[i]);
+                terms.push_back(s.terms[i]);
                 eta.insert(eta.end(), s.eta.begin() + static_cast<std::ptrdiff_t>(at),
                            s.eta.begin() + static_cast<std::ptrdiff_t>(at + count));
             }
             at += count;
         }
-        return Sentence{words, eta, s.nll};
+        return FittedModel{terms, eta, s.nll};
     }
 
-    static Sentence removed(Sentence s, const std::vector<Part>& parts) {
-        for (std::size_t i = s.words.size(); i-- > 1;)
-            if (std::find(parts.begin(), parts.end(), s.words[i].part) != parts.end()) s = removed_word(s, i);
+    static FittedModel removed(FittedModel s, const std::vector<Part>& parts) {
+        for (std::size_t i = s.terms.size(); i-- > 1;)
+            if (std::find(parts.begin(), parts.end(), s.terms[i].part) != parts.end()) s = removed_term(s, i);
         return s;
     }
 
     // Returns the model with the rise at index i replaced by that of quantisation, which has one parameter
     // less.
-    Sentence as_quantised(const Sentence& s, std::size_t i) {
-        Words words = s.words;
+    FittedModel as_quantised(const FittedModel& s, std::size_t i) {
+        Terms terms = s.terms;
         std::vector<double> eta = s.eta;
-        const Words before(words.begin(), words.begin() + static_cast<std::ptrdiff_t>(i));
+        const Terms before(terms.begin(), terms.begin() + static_cast<std::ptrdiff_t>(i));
         const std::ptrdiff_t at = free_of(before);
-        words[i] = Word{kQuantised, 0};
+        terms[i] = Term{kQuantised, 0};
         eta[static_cast<std::size_t>(at)] -= 2 * kLn2;
         eta.erase(eta.begin() + at + 1);
-        return fitted(words, eta);
+        return fitted(terms, eta);
     }
 
-    Sentence without(Sentence s, const std::vector<Part>& parts) {
-        for (std::size_t i = s.words.size(); i-- > 1;)
-            if (std::find(parts.begin(), parts.end(), s.words[i].part) != parts.end()) s = without_word(s, i);
+    FittedModel without(FittedModel s, const std::vector<Part>& parts) {
+        for (std::size_t i = s.terms.size(); i-- > 1;)
+            if (std::find(parts.begin(), parts.end(), s.terms[i].part) != parts.end()) s = without_term(s, i);
         return s;
     }
 
-    Sentence best_order(const std::vector<Sentence>& bases) {
-        Sentence found;
-        for (const Sentence& base : bases) {
-            Gains gains(bins_, base.words, base.eta.data());
+    FittedModel best_order(const std::vector<FittedModel>& bases) {
+        FittedModel found;
+        for (const FittedModel& base : bases) {
+            Gains gains(bins_, base.terms, base.eta.data());
             for (const Ranked& one : best(gains, base, *orders_, 3, 2, Allowed()))
                 keep_order(with(base, one), found);
         }
@@ -288,22 +293,22 @@ class Search {
 
     // Finds `pure`, an order in place of relaxations and walks, and `ordered`, an order with any other parts.
     void find_orders(Frontier& f) {
-        std::vector<Sentence> bases = {f.white};
-        Gains gains(bins_, f.white.words, f.white.eta.data());
+        std::vector<FittedModel> bases = {f.white};
+        Gains gains(bins_, f.white.terms, f.white.eta.data());
         Allowed low_pass;
         low_pass.only_low_pass = true;
         for (const Ranked& one : best(gains, f.white, *filters_, 1, 1, low_pass))
             bases.push_back(with(f.white, one));
-        const Sentence bare = removed(f.plain, parts_with(kSlow, kOrdered));
-        if (!bare.same_words(f.white)) bases.push_back(bare);
+        const FittedModel bare = removed(f.plain, parts_with(kSlow, kOrdered));
+        if (!bare.same_terms(f.white)) bases.push_back(bare);
         f.pure = best_order(bases);
         if (!f.pure.known()) return;
         Allowed fast;
         fast.slow = false;
         f.pure = grown(f.pure, bic_, fast);
         f.ordered = grown(f.pure, bic_, Allowed());
-        if (f.plain.same_words(f.white) || f.plain.same_words(bare)) return;
-        Sentence other = best_order({f.plain});
+        if (f.plain.same_terms(f.white) || f.plain.same_terms(bare)) return;
+        FittedModel other = best_order({f.plain});
         if (other.known()) keep_order(grown(other, bic_, Allowed()), f.ordered);
     }
 
@@ -319,5 +324,5 @@ class Search {
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
 };
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

@@ -1,13 +1,13 @@
 // The table of the parts of noise models. Search, fit and intervals take from it everything that they need to
 // know about a part, and so does Python (host/fltea/noise/part.py).
 //
-// A new part needs a number in Part and a row in kTable here, its spectrum in sentence_kernel.cpp, and a
+// A new part needs a number in Part and a row in kTable here, its spectrum in whittle_kernel.cpp, and a
 // class in host/fltea/noise/parts.py. Compilers and tests report whatever is missing
 // (tests/noise/test_part_table.py).
 #pragma once
 
 namespace fltea {
-namespace sentence {
+namespace whittle {
 
 constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
@@ -96,7 +96,7 @@ enum Says : int { kNothing, kRelaxations, kDrift, kAnOrder, kAResonance, kAColou
 constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "order",
                                       "resonance", "colour",      "notch", "high-pass"};
 
-// Where a search tries a part (sentence_gains.hpp).
+// Where a search tries a part (whittle_gains.hpp).
 enum Start : int {
     kNever,
     kOnce,    // once, since its only parameter is its power
@@ -213,5 +213,5 @@ inline int power_of(Part part) {
     return -1;
 }
 
-}  // namespace sentence
+}  // namespace whittle
 }  // namespace fltea

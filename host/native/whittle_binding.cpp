@@ -1,6 +1,6 @@
 // Fits of noise models for Python (host/fltea/spectrum/candidate_models.py): the bins are given once, then
 // any number of models is fitted to them.
-#include "sentence_binding.hpp"
+#include "whittle_binding.hpp"
 
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/pair.h>
@@ -15,14 +15,14 @@
 #include <vector>
 
 #include "engine_binding.hpp"
-#include "sentence_interval.hpp"
-#include "sentence_search.hpp"
+#include "whittle_interval.hpp"
+#include "whittle_search.hpp"
 
 namespace nb = nanobind;
 
 namespace {
 
-using namespace fltea::sentence;
+using namespace fltea::whittle;
 using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Rows = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
@@ -44,30 +44,30 @@ const Kernel& fastest() {
 
 [[noreturn]] void refuse(const std::string& why) { throw nb::value_error(why.c_str()); }
 
-Words words_of(const std::vector<int>& codes) {
-    Words words;
+Terms terms_of(const std::vector<int>& codes) {
+    Terms terms;
     for (const int code : codes) {
         if (code < 0 || (code >= kParts && code < kMeanFrom) || code > kMeanFrom + 64 || code == kMean)
             refuse("no such part: " + std::to_string(code));
-        words.push_back(code >= kMeanFrom ? Word{kMean, code - kMeanFrom} : Word{static_cast<Part>(code), 0});
+        terms.push_back(code >= kMeanFrom ? Term{kMean, code - kMeanFrom} : Term{static_cast<Part>(code), 0});
     }
-    if (words.empty() || words[0].part != kWhite) refuse("a sentence begins with white noise");
-    if (free_of(words) > kMostFree)
-        refuse("a sentence has at most " + std::to_string(kMostFree) + " parameters");
-    return words;
+    if (terms.empty() || terms[0].part != kWhite) refuse("a noise model begins with white noise");
+    if (free_of(terms) > kMostFree)
+        refuse("a noise model has at most " + std::to_string(kMostFree) + " parameters");
+    return terms;
 }
 
 // A model for Python: codes of its parts, parameters, -log L; without codes there is no model.
 using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
 
-Raw raw_of(const Sentence& s) {
+Raw raw_of(const FittedModel& s) {
     std::vector<int> codes;
-    for (const Word& word : s.words) codes.push_back(word.part == kMean ? kMeanFrom + word.size : word.part);
+    for (const Term& term : s.terms) codes.push_back(term.part == kMean ? kMeanFrom + term.size : term.part);
     return {codes, s.eta, s.nll};
 }
 
-void check(const Words& words, const std::vector<double>& eta) {
-    if (eta.size() != static_cast<std::size_t>(free_of(words)))
+void check(const Terms& terms, const std::vector<double>& eta) {
+    if (eta.size() != static_cast<std::size_t>(free_of(terms)))
         refuse("eta must have one number a parameter");
     for (const double value : eta)
         if (!std::isfinite(value)) refuse("parameters must be finite numbers");
@@ -106,30 +106,30 @@ class Fitted {
     std::pair<std::vector<double>, double> fit(const std::vector<int>& codes, std::vector<double> eta,
                                                int held, int steps, double converged, double slowest,
                                                double lowest_order, double highest_order) {
-        const Words words = words_of(codes);
-        check(words, eta);
+        const Terms terms = terms_of(codes);
+        check(terms, eta);
         if (!(lowest_order >= 0 && lowest_order < highest_order && highest_order <= kHighestOrder))
             refuse("orders are fitted from 0 up to 2");
         const nb::gil_scoped_release release;
         set_orders(lowest_order, highest_order);
-        const double nll = score(bins_, words, eta.data(), held, Patience{steps, converged, slowest});
+        const double nll = score(bins_, terms, eta.data(), held, Patience{steps, converged, slowest});
         return {std::move(eta), nll};
     }
 
     // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). last: the models of
     // an earlier search, which are then fitted again; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
-        std::vector<Sentence> before;
+        std::vector<FittedModel> before;
         for (const Raw& one : last) {
-            Sentence s;
+            FittedModel s;
             if (!std::get<0>(one).empty()) {
-                s.words = words_of(std::get<0>(one));
+                s.terms = terms_of(std::get<0>(one));
                 s.eta = std::get<1>(one);
-                check(s.words, s.eta);
+                check(s.terms, s.eta);
             }
             before.push_back(s);
         }
-        if (!before.empty() && before.size() != 7) refuse("a frontier has seven sentences");
+        if (!before.empty() && before.size() != 7) refuse("there are seven candidate models");
         const nb::gil_scoped_release release;
         Search search(bins_);
         const Frontier f = before.empty() ? search.whole()
@@ -147,7 +147,7 @@ class Fitted {
         for (const double value : last)
             if (!std::isfinite(value)) refuse("parameters must be finite numbers");
         const nb::gil_scoped_release release;
-        const NullTest found = fltea::sentence::null_test(bins_, last);
+        const NullTest found = fltea::whittle::null_test(bins_, last);
         std::vector<double> eta = found.order.eta;
         eta.insert(eta.end(), found.missing.eta.begin(), found.missing.eta.end());
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};
@@ -158,16 +158,16 @@ class Fitted {
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
                                                double usual, double at_bound, std::vector<double> last) {
-        const Words words = words_of(codes);
-        check(words, eta);
-        if (!last.empty()) check(words, last);
-        const int free = free_of(words);
+        const Terms terms = terms_of(codes);
+        check(terms, eta);
+        if (!last.empty()) check(terms, last);
+        const int free = free_of(terms);
         if (index < 0 || index >= free || !(step > 0) || (side != 1 && side != -1) || !std::isfinite(limit))
             refuse("no such parameter, or no such end");
         const nb::gil_scoped_release release;
         set_orders(0, kHighestOrder);
         const Patience patience{60, 1e-5, kSlowest};
-        const double found = interval_end(bins_, words, eta, nll, index, side, limit, step,
+        const double found = interval_end(bins_, terms, eta, nll, index, side, limit, step,
                                           Critical{usual, at_bound}, patience, last);
         return {found, std::move(last)};
     }
@@ -175,13 +175,13 @@ class Fitted {
     // Writes the derivatives of the logarithm of the spectrum by the parameters, (p, bins).
     void slopes(const std::vector<int>& codes, const std::vector<double>& eta, OutColumn total,
                 OutRows rows) {
-        const Words words = words_of(codes);
-        check(words, eta);
+        const Terms terms = terms_of(codes);
+        check(terms, eta);
         if (total.shape(0) != bins_.size() || rows.shape(1) != bins_.size() || rows.shape(0) != eta.size())
             refuse("total must have one number a bin, rows one row a parameter");
         set_orders(0, kHighestOrder);
         Spectrum here(bins_);
-        here.at(words, eta.data());
+        here.at(terms, eta.data());
         std::copy(here.total().begin(), here.total().end(), total.data());
         for (std::size_t k = 0; k < eta.size(); ++k) {
             const double* const row = here.slope(static_cast<int>(k));
@@ -225,23 +225,23 @@ std::vector<RawRow> noise_parts() {
 // Writes the spectrum of a model at any frequencies.
 void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Column lam, double h,
               OutColumn total) {
-    const Words words = words_of(codes);
-    check(words, eta);
+    const Terms terms = terms_of(codes);
+    check(terms, eta);
     if (total.shape(0) != lam.shape(0)) refuse("total must have one number a frequency");
     const std::size_t size = lam.shape(0);
     const LockGivenAway given(size);
     unsigned read = 0;
-    for (const Word& word : words) read |= row_of(word.part).columns;
+    for (const Term& term : terms) read |= row_of(term.part).columns;
     const Bins bins(fastest(), Numbers(lam.data(), lam.data() + size), read, h);
     Spectrum here(bins);
-    here.at(words, eta.data());
+    here.at(terms, eta.data());
     std::copy(here.total().begin(), here.total().end(), total.data());
 }
 
 }  // namespace
 
-void bind_sentences(nb::module_& m) {
-    nb::class_<Fitted>(m, "Sentences")
+void bind_whittle_fits(nb::module_& m) {
+    nb::class_<Fitted>(m, "WhittleFits")
         .def(nb::init<Column, Column, Column, Column, Column, double>(), nb::arg("lam"), nb::arg("counts"),
              nb::arg("power"), nb::arg("walk"), nb::arg("window"), nb::arg("h"))
         .def("fit", &Fitted::fit, nb::arg("codes"), nb::arg("eta"), nb::arg("held") = -1,
@@ -255,6 +255,6 @@ void bind_sentences(nb::module_& m) {
         .def("slopes", &Fitted::slopes, nb::arg("codes"), nb::arg("eta"), nb::arg("total"), nb::arg("rows"));
     m.attr("MEAN_FROM") = kMeanFrom;
     m.def("noise_parts", &noise_parts);
-    m.def("sentence_spectrum", &spectrum, nb::arg("codes"), nb::arg("eta"), nb::arg("lam"), nb::arg("h"),
+    m.def("model_spectrum", &spectrum, nb::arg("codes"), nb::arg("eta"), nb::arg("lam"), nb::arg("h"),
           nb::arg("total"));
 }

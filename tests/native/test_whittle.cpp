@@ -8,12 +8,12 @@
 #include <vector>
 
 #include "pack_log.hpp"
-#include "sentence_interval.hpp"
-#include "sentence_search.hpp"
+#include "whittle_interval.hpp"
+#include "whittle_search.hpp"
 
 namespace {
 
-using namespace fltea::sentence;
+using namespace fltea::whittle;
 
 // Bins whose width is proportional to the frequency, like those of the live spectrum; powers are 1.
 Bins bins_of(std::size_t size, double samples = 60000) {
@@ -33,9 +33,9 @@ Bins with_power(const Bins& bins, const Numbers& power) {
     return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, Numbers(bins.size()), 0.01);
 }
 
-Numbers spectrum(const Bins& bins, const Words& words, const std::vector<double>& eta) {
+Numbers spectrum(const Bins& bins, const Terms& terms, const std::vector<double>& eta) {
     Spectrum at(bins);
-    at.at(words, eta.data());
+    at.at(terms, eta.data());
     return at.total();
 }
 
@@ -94,11 +94,11 @@ std::vector<double> inside(Part part, double a, double b, double c) {
 
 // White noise, a relaxation, and one more part, at a place well inside.
 struct Example {
-    Words words;
+    Terms terms;
     std::vector<double> eta;
 
     Example(Part part, std::mt19937& random)
-        : words{{kWhite, 0}, {kRelaxation, 0}, {part, 3}}, eta{0, 0, -3} {
+        : terms{{kWhite, 0}, {kRelaxation, 0}, {part, 3}}, eta{0, 0, -3} {
         std::uniform_real_distribution<double> some(0.3, 0.9);
         const double a = some(random), b = some(random), c = some(random);
         for (const double one : inside(part, a, b, c)) eta.push_back(one);
@@ -117,7 +117,7 @@ TEST_CASE("the logarithm is that of the library") {
     }
 }
 
-TEST_CASE("sentence: slopes of all parts are the differences of the spectrum and of -log L") {
+TEST_CASE("noise models: slopes of all parts are the differences of the spectrum and of -log L") {
     std::mt19937 random(3);
     const Bins plain = bins_of(43);
     const Bins bins = with_power(plain, drawn(plain, Numbers(43, 3.0), 1));
@@ -126,15 +126,15 @@ TEST_CASE("sentence: slopes of all parts are the differences of the spectrum and
             Example one(part, random);
             CAPTURE(part);
             Spectrum at(bins), less(bins), more(bins);
-            REQUIRE(std::isfinite(at.at(one.words, one.eta.data())));
+            REQUIRE(std::isfinite(at.at(one.terms, one.eta.data())));
             double gradient[kMostFree], information[kMostFree][kMostFree];
-            at.derivatives(free_of(one.words), gradient, information);
+            at.derivatives(free_of(one.terms), gradient, information);
             for (std::size_t i = 0; i < one.eta.size(); ++i) {
                 std::vector<double> eta = one.eta;
                 eta[i] -= 1e-5;
-                const double below = less.at(one.words, eta.data());
+                const double below = less.at(one.terms, eta.data());
                 eta[i] += 2e-5;
-                const double above = more.at(one.words, eta.data());
+                const double above = more.at(one.terms, eta.data());
                 CAPTURE(i);
                 CHECK(gradient[i] == doctest::Approx((above - below) / 2e-5).epsilon(1e-5).scale(100));
                 double worst = 0;
@@ -148,7 +148,8 @@ TEST_CASE("sentence: slopes of all parts are the differences of the spectrum and
     }
 }
 
-TEST_CASE("sentence: of the columns that only some parts read, each part reads those that its row names") {
+TEST_CASE(
+    "noise models: of the columns that only some parts read, each part reads those that its row names") {
     const Bins bins = bins_of(43);
     const Numbers none(bins.branch.size(), std::nan(""));
     for (const Row& row : kTable) {
@@ -162,24 +163,25 @@ TEST_CASE("sentence: of the columns that only some parts read, each part reads t
         double* slope[3] = {spare.data(), spare.data() + bins.size(), spare.data() + 2 * bins.size()};
         const std::vector<double> eta = inside(row.part, 0.5, 0.6, 0.7);
         REQUIRE(eta.size() == static_cast<std::size_t>(row.coordinates.count));
-        REQUIRE(bins.kernel->word(columns, Word{row.part, 3}, eta.data(), part.data(), slope));
+        REQUIRE(bins.kernel->term(columns, Term{row.part, 3}, eta.data(), part.data(), slope));
         for (const double one : part) REQUIRE(std::isfinite(one));
         for (const double one : spare) REQUIRE(std::isfinite(one));
     }
 }
 
-TEST_CASE("sentence: every part can be found: white noise is there, and all others are tried by a search") {
+TEST_CASE(
+    "noise models: every part can be found: white noise is there, and all others are tried by a search") {
     const Bins bins = bins_of(43);
     std::vector<bool> tried(kParts, false);
     for (const Candidates& list : {parts_to_add(bins), filters_to_add(bins), orders_to_add(bins)})
-        for (const Candidate& one : list) tried[one.word.part] = true;
+        for (const Candidate& one : list) tried[one.term.part] = true;
     for (const Row& row : kTable) {
         CAPTURE(std::string(row.name));
         CHECK(tried[row.part] == (row.part != kWhite && !row.is(kOther)));
     }
 }
 
-TEST_CASE("sentence: a matrix is solved by its factor, and one that is not positive has none") {
+TEST_CASE("noise models: a matrix is solved by its factor, and one that is not positive has none") {
     double a[kMostFree][kMostFree] = {{4, 2, 0}, {2, 5, 1}, {0, 1, 3}}, b[] = {1, -2, 3};
     double x[] = {1, -2, 3};
     double left[kMostFree][kMostFree];
@@ -192,7 +194,8 @@ TEST_CASE("sentence: a matrix is solved by its factor, and one that is not posit
     CHECK_FALSE(factor(3, a));
 }
 
-TEST_CASE("sentence: fits end inside their bounds from anywhere, for any number of bins, whatever the data") {
+TEST_CASE(
+    "noise models: fits end inside their bounds from anywhere, for any number of bins, whatever the data") {
     std::mt19937 random(4);
     std::uniform_real_distribution<double> anywhere(-60, 60);
     for (std::size_t size = 2; size < 20; ++size) {
@@ -212,13 +215,13 @@ TEST_CASE("sentence: fits end inside their bounds from anywhere, for any number 
                 CAPTURE(size);
                 CAPTURE(kind);
                 CAPTURE(part);
-                const double nll = score(bins, one.words, one.eta.data(), -1, Patience());
+                const double nll = score(bins, one.terms, one.eta.data(), -1, Patience());
                 CHECK_FALSE(std::isnan(nll));
                 double low[kMostFree], high[kMostFree];
                 int next = 0;
-                for (const Word& word : one.words) {
-                    bounds_of(word, bins, 1, low + next, high + next);
-                    next += free_of(word.part);
+                for (const Term& term : one.terms) {
+                    bounds_of(term, bins, 1, low + next, high + next);
+                    next += free_of(term.part);
                 }
                 for (int i = 0; i < next; ++i) {
                     CHECK(one.eta[static_cast<std::size_t>(i)] >= low[i]);
@@ -229,31 +232,31 @@ TEST_CASE("sentence: fits end inside their bounds from anywhere, for any number 
     }
 }
 
-TEST_CASE("sentence: what is held keeps its value, and the others are the best there are with it") {
+TEST_CASE("noise models: what is held keeps its value, and the others are the best there are with it") {
     const Bins plain = bins_of(60);
-    const Words words = {{kWhite, 0}, {kRelaxation, 0}};
+    const Terms terms = {{kWhite, 0}, {kRelaxation, 0}};
     const std::vector<double> truth = {0, 1, -3};
-    const Bins bins = with_power(plain, spectrum(plain, words, truth));
+    const Bins bins = with_power(plain, spectrum(plain, terms, truth));
     std::vector<double> eta = {-1, 2, -2.5};
-    const double held = score(bins, words, eta.data(), 2, Patience());
+    const double held = score(bins, terms, eta.data(), 2, Patience());
     CHECK(eta[2] == -2.5);
     const double best = held;
     for (int i : {0, 1}) {
         for (double step : {-1e-3, 1e-3}) {
             std::vector<double> other = eta;
             other[static_cast<std::size_t>(i)] += step;
-            CHECK(Spectrum(bins).at(words, other.data()) >= best - 1e-6);
+            CHECK(Spectrum(bins).at(terms, other.data()) >= best - 1e-6);
         }
     }
     std::vector<double> all = eta;
-    CHECK(score(bins, words, all.data(), -1, Patience()) < held - 1);
+    CHECK(score(bins, terms, all.data(), -1, Patience()) < held - 1);
     for (std::size_t i = 0; i < 3; ++i) CHECK(all[i] == doctest::Approx(truth[i]).epsilon(0.01));
 }
 
-TEST_CASE("sentence: the score of a part says what fitting it gains, where that is little") {
+TEST_CASE("noise models: the score of a part says what fitting it gains, where that is little") {
     const Bins plain = bins_of(80, 20000);
     for (Part part : {kRelaxation, kWalk, kQuantised}) {
-        const Words white = {{kWhite, 0}}, both = {{kWhite, 0}, {part, 0}};
+        const Terms white = {{kWhite, 0}}, both = {{kWhite, 0}, {part, 0}};
         const double levels[] = {0, -5, -13, 0, 0, -4};
         std::vector<double> truth = {0, levels[part]};
         if (part == kRelaxation) truth.push_back(-3);
@@ -261,7 +264,7 @@ TEST_CASE("sentence: the score of a part says what fitting it gains, where that 
         std::vector<double> eta = {0};
         const double before = score(bins, white, eta.data(), -1, Patience());
         Gains gains(bins, white, eta.data());
-        const Gain found = gains.of(candidate(bins, Word{part, 0}, truth[1], -3, 0));
+        const Gain found = gains.of(candidate(bins, Term{part, 0}, truth[1], -3, 0));
         const double after = score(bins, both, truth.data(), -1, Patience());
         CAPTURE(part);
         CHECK(2 * (before - after) > 1);
@@ -270,9 +273,9 @@ TEST_CASE("sentence: the score of a part says what fitting it gains, where that 
     }
 }
 
-TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
+TEST_CASE("noise models: on exact spectra the search finds what they are made of") {
     struct Case {
-        Words words;
+        Terms terms;
         std::vector<double> eta;
     };
     const Case cases[] = {
@@ -291,10 +294,10 @@ TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
     };
     for (const Case& one : cases) {
         const Bins plain = bins_of(150);
-        Bins bins = with_power(plain, spectrum(plain, one.words, one.eta));
+        Bins bins = with_power(plain, spectrum(plain, one.terms, one.eta));
         const Frontier found = Search(bins).whole();
-        CAPTURE(one.words.back().part);
-        REQUIRE(found.plain.same_words(Sentence{one.words, {}, 0}));
+        CAPTURE(one.terms.back().part);
+        REQUIRE(found.plain.same_terms(FittedModel{one.terms, {}, 0}));
         for (std::size_t i = 0; i < one.eta.size(); ++i)
             CHECK(found.plain.eta[i] == doctest::Approx(one.eta[i]).epsilon(0.02).scale(1));
         CHECK(found.plain.nll <= found.white.nll);
@@ -304,21 +307,21 @@ TEST_CASE("sentence: on exact spectra the search finds what they are made of") {
     }
 }
 
-TEST_CASE("sentence: an order is found beside none, and its interval holds it") {
+TEST_CASE("noise models: an order is found beside none, and its interval holds it") {
     for (double alpha : {0.3, 0.5, 0.7}) {
         const Bins plain = bins_of(150, 600000);
-        const Words words = {{kWhite, 0}, {kOrder, 0}};
+        const Terms terms = {{kWhite, 0}, {kOrder, 0}};
         const std::vector<double> truth = {0, alpha, -4, -1};
-        Bins bins = with_power(plain, drawn(plain, spectrum(plain, words, truth), 7));
+        Bins bins = with_power(plain, drawn(plain, spectrum(plain, terms, truth), 7));
         const Frontier found = Search(bins).whole();
         CAPTURE(alpha);
-        REQUIRE(found.ordered.same_words(Sentence{words, {}, 0}));
+        REQUIRE(found.ordered.same_terms(FittedModel{terms, {}, 0}));
         CHECK(found.ordered.nll < found.plain.nll);
         double ends[2];
         for (int side : {-1, 1}) {
             std::vector<double> away;
             const auto end = [&] {
-                return interval_end(bins, words, found.ordered.eta, found.ordered.nll, 1, side,
+                return interval_end(bins, terms, found.ordered.eta, found.ordered.nll, 1, side,
                                     side > 0 ? 1.9 : 0, 0.03, Critical{3.841, 3.841}, Patience(), away);
             };
             ends[side > 0] = end();
@@ -334,13 +337,13 @@ TEST_CASE("sentence: an order is found beside none, and its interval holds it") 
         for (double end : ends) {
             std::vector<double> eta = found.ordered.eta;
             eta[1] = end;
-            CHECK(2 * (score(bins, words, eta.data(), 1, Patience()) - found.ordered.nll) ==
+            CHECK(2 * (score(bins, terms, eta.data(), 1, Patience()) - found.ordered.nll) ==
                   doctest::Approx(3.841).epsilon(0.02));
         }
     }
 }
 
-TEST_CASE("sentence: a search finds the same whatever was searched before") {
+TEST_CASE("noise models: a search finds the same whatever was searched before") {
     const Bins small = bins_of(40);
     const auto found = [](const Bins& plain, unsigned seed, double power) {
         Bins bins = with_power(plain, drawn(plain, Numbers(plain.size(), power), seed));
@@ -355,27 +358,27 @@ TEST_CASE("sentence: a search finds the same whatever was searched before") {
     CHECK(again.ordered.nll == first.ordered.nll);
 }
 
-TEST_CASE("sentence: where there is no spectrum there are slopes of no meaning") {
+TEST_CASE("noise models: where there is no spectrum there are slopes of no meaning") {
     const Bins bins = bins_of(20);
     Spectrum at(bins);
     const double eta[] = {0, 3, 0, 0};
-    CHECK(std::isinf(at.at({Word{kWhite, 0}, Word{kOrder, 0}}, eta)));
+    CHECK(std::isinf(at.at({Term{kWhite, 0}, Term{kOrder, 0}}, eta)));
     for (int k = 0; k < 4; ++k) CHECK(at.slope(k) != nullptr);
 }
 
-TEST_CASE("sentence: columns and rows begin on lines of the cache") {
+TEST_CASE("noise models: columns and rows begin on lines of the cache") {
     const auto begins_on_a_line = [](const double* at) {
         return reinterpret_cast<std::uintptr_t>(at) % OnLines<double>::kLine == 0;
     };
     const Bins bins = bins_of(21);
     Spectrum at(bins);
     const double eta[] = {0, 0, 0};
-    at.at({Word{kWhite, 0}, Word{kRelaxation, 0}}, eta);
+    at.at({Term{kWhite, 0}, Term{kRelaxation, 0}}, eta);
     CHECK(begins_on_a_line(bins.power.data()));
     for (int k = 0; k < 3; ++k) CHECK(begins_on_a_line(at.slope(k)));
 }
 
-TEST_CASE("sentence: a search of data that are no spectrum ends, with finite numbers") {
+TEST_CASE("noise models: a search of data that are no spectrum ends, with finite numbers") {
     for (std::size_t size : {2, 3, 7, 40}) {
         const Bins plain = bins_of(size);
         for (int kind = 0; kind < 3; ++kind) {
@@ -389,7 +392,7 @@ TEST_CASE("sentence: a search of data that are no spectrum ends, with finite num
             const Frontier found = Search(bins).whole();
             CAPTURE(size);
             CAPTURE(kind);
-            for (const Sentence* one : {&found.white, &found.null, &found.plain, &found.rich}) {
+            for (const FittedModel* one : {&found.white, &found.null, &found.plain, &found.rich}) {
                 CHECK_FALSE(std::isnan(one->nll));
                 for (double coordinate : one->eta) CHECK(std::isfinite(coordinate));
             }

@@ -1,4 +1,0 @@
-#pragma once
-#include <nanobind/nanobind.h>
-
-void bind_sentences(nanobind::module_& m);
