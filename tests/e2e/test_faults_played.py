@@ -46,7 +46,7 @@ EXPECTED = {
     "daemon stopped until the line is full": Expected(500, None, 0, ("gap",)),
     "sequence and time wrap, 20 samples lost at each": Expected(370, 40),
     "firmware of another protocol version": Expected(420, 0, 120, ("version", "restart")),
-    "a contradicting rate": Expected(None, 0, None, ("rate_differs", "restart")),
+    "a contradicting rate": Expected(None, 0, None, ("rate_differs", "restart", "restart")),
     "MQTT broker killed, back after a while": Expected(reported=("broker_lost", "broker_back")),
     "browser killed in mid-stream": Expected(),
     "three open pages that do not read": Expected(),
