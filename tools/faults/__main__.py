@@ -5,7 +5,7 @@
      make faults ARGS='--only disk --only clock' only faults with one of these words in their names
      make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
 
-Exit code 1: some records are not accounted for, or something else is wrong. The row of a fault that cannot be
+Exit code 1: some records are not accounted for, or a fault did not lead to what is expected of it. The row of a fault that cannot be
 played on this machine says why, and has no records.
 """
 
@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tools.faults import board, cluster, daemon_line, daemon_outputs, daemon_program, fleet, ingest
-from tools.faults.case import NOT_PLAYED, Case, Outcome, cells, line, play_all, report
+from tools.faults.case import NOT_PLAYED, Case, cells, line, play_all, report
+from tools.faults.outcome import Outcome
 from tools.faults.program import Skip
 
 

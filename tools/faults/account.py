@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
+from tools.faults.outcome import LOST
 from tools.faults.program import Program
 
 Sample = tuple[Any, int]
@@ -77,7 +78,7 @@ def account(
         "delivered twice": {one for one, times in delivered.items() if once and times > 1},
         "counted as lost twice": {one for one, times in lost.items() if once and times > 1},
     }
-    where = {"delivered": len(delivered), "counted as lost": len(missed)}
+    where = {"delivered": len(delivered), LOST: len(missed)}
     where |= ({excuse: len(rest)} if excuse else {}) | ({"dropped by its output": dropped} if dropped else {})
     return Account(len(due), where, [f"{what}: {shown(which)}" for what, which in checks.items() if which])
 

@@ -3,6 +3,7 @@
 Times are virtual, so two reports of one image are equal.
 """
 
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 from typing import NamedTuple
@@ -12,42 +13,12 @@ from fltea.wire import layout as wire
 from tools.due_emulator.__main__ import IMAGE
 from tools.due_emulator.image import read_image
 from tools.due_run import DueRun
-from tools.faults.case import Case, Outcome
+from tools.faults.case import Case
+from tools.faults.expected import Expected, within
+from tools.faults.outcome import LOST, Outcome
 from tools.faults.stage import Stage
 
 UNINTERRUPTED_S = 0.015
-
-
-class DueCase(NamedTuple):
-    """Faults as on the emulator's command line, and the length of the run [s of virtual time]."""
-
-    name: str
-    faults: tuple[str, ...]
-    until_s: float
-
-
-DUE_CASES = (
-    DueCase("SDA held, 5 clocks free it", ("sda_stuck at=1 clocks=5",), 2.2),
-    DueCase("SDA held for 1.2 s", ("sda_stuck at=1 for=1.2",), 4.2),
-    DueCase("SCL held for 1.2 s", ("scl_stuck at=1 for=1.2",), 4.2),
-    DueCase("one NACK", ("nack_burst at=1 count=1",), 2.2),
-    DueCase("NACKs for 0.1 s", ("nack_burst at=1 for=0.1",), 3.2),
-    DueCase("stale bytes in the controller", ("stale_byte at=1 count=5",), 2.2),
-    DueCase("sensor unplugged for 1.5 s", ("unplug at=1 for=1.5",), 4.2),
-    DueCase("exchanged for an MPU-6500", ("clone at=1 who_am_i=0x70",), 3.2),
-    DueCase(
-        "exchanged for an unknown chip for 1 s", ("clone at=1 who_am_i=0x12", "clone at=2 who_am_i=0x71"), 4.2
-    ),
-    DueCase("sensor's supply sags", ("brown_out at=1",), 3.2),
-    DueCase("board's supply sags in mid-frame", ("brown_out at=1.0055 part=board",), 3.2),
-    DueCase("40 bytes lost on the UART", ("uart_loss at=1 count=40",), 2.2),
-    DueCase("2 % of bytes lost for 1 s", ("uart_loss at=1 probability=0.02 for=1",), 3.2),
-    DueCase("host does not read for 10 s", ("host_stops_reading at=1 for=10",), 12.2),
-    DueCase("sensor's clock 1 % fast", ("sensor_clock at=1 percent=1",), 2.2),
-    DueCase("program hangs for 0.5 s", ("watchdog_starvation at=1 for=0.5",), 2.7),
-    DueCase("program hangs for 2 s", ("watchdog_starvation at=1 for=2",), 4.2),
-    DueCase("port opened again", ("port_reopen at=1.0071",), 3.2),
-)
 
 
 class Measured(NamedTuple):
@@ -85,12 +56,178 @@ class Measured(NamedTuple):
             self.due,
             {
                 "delivered": self.delivered,
-                "counted as lost": self.lost,
+                LOST: self.lost,
                 "unheard when a boot ended": self.unheard,
             },
             more=f"{recovery}; STATUS: {', '.join(counts) or 'nothing'}",
             wrong=[self.wrong] if self.wrong else [],
         )
+
+
+class DueExpected(NamedTuple):
+    """What a fault has to lead to.
+
+    `lost`, `recovery_s`, `unheard`: smallest and largest value, as in `Measured`. `epochs`, `faults`: their
+    kinds, in order. `i2c_errors`, `bus_recoveries`: fields of the last boot's STATUS. `resets`: their causes.
+    `bad_frames`: number of frames that the host refused. `lost_on_the_way`: whether samples are lost on the
+    wire, so that the board cannot count them.
+    """
+
+    lost: tuple[int, int]
+    recovery_s: tuple[float, float]
+    epochs: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    i2c_errors: range = range(1)
+    bus_recoveries: int = 0
+    unheard: tuple[int, int] = (0, 0)
+    resets: tuple[str, ...] = ()
+    bad_frames: range = range(1)
+    lost_on_the_way: bool = False
+
+    @property
+    def of_outcome(self) -> Expected:
+        """The expectation of what stands in the report's table."""
+        return Expected((*self.faults, *self.epochs), lost=self.lost, excused=self.unheard)
+
+    def differences(self, one: Measured) -> list[str]:
+        """Return a sentence for each difference between a run and what is expected."""
+        status = one.status
+        checks = {
+            "recovery_s": within(one.recovery_s, self.recovery_s),
+            "bad_frames": one.bad_frames in self.bad_frames,
+            "resets": one.resets == list(self.resets),
+            "reset_cause": status["reset_cause"] == (self.resets or ("power_up",))[-1],
+            "i2c_errors": status["i2c_errors"] in self.i2c_errors,
+            "bus_recoveries": status["bus_recoveries"] == self.bus_recoveries,
+            "sensor_reinits": status["sensor_reinits"] == one.epochs.count("sensor_restart"),
+            "dropped_frames": status["dropped_frames"] == 0,
+            # The device cannot know what is lost on the wire; it has counted everything else that the host
+            # lacks.
+            "overruns": status["overruns"] == (0 if self.lost_on_the_way else one.lost),
+        }
+        wrong = [f"{name} is not as expected: {one}" for name, is_right in checks.items() if not is_right]
+        return [*self.of_outcome.differences(one.outcome), *wrong]
+
+
+class DueCase(NamedTuple):
+    """A fault of sensor, bus, wires or board.
+
+    `faults`: as on the emulator's command line. `until_s`: length of the run [s of virtual time].
+    """
+
+    name: str
+    faults: tuple[str, ...]
+    until_s: float
+    expected: DueExpected
+
+
+UNINTERRUPTED = (0.0099, 0.0151)
+RESTART = ("sensor_restart",)
+# A set-up is tried every 0.1 s and takes 0.15 s. This is the most that recovery adds to the fault's own
+# duration.
+DUE_CASES = (
+    DueCase(
+        "SDA held, 5 clocks free it",
+        ("sda_stuck at=1 clocks=5",),
+        2.2,
+        DueExpected((0, 0), UNINTERRUPTED, (), (), range(1, 2), 1),
+    ),
+    DueCase(
+        "SDA held for 1.2 s",
+        ("sda_stuck at=1 for=1.2",),
+        4.2,
+        DueExpected((135, 148), (1.35, 1.49), RESTART, ("bus_held", "sensor_lost"), range(4, 30)),
+    ),
+    DueCase(
+        "SCL held for 1.2 s",
+        ("scl_stuck at=1 for=1.2",),
+        4.2,
+        DueExpected((135, 148), (1.35, 1.49), RESTART, ("bus_held", "sensor_lost"), range(4, 30)),
+    ),
+    DueCase(
+        "one NACK", ("nack_burst at=1 count=1",), 2.2, DueExpected((0, 0), UNINTERRUPTED, (), (), range(1, 2))
+    ),
+    DueCase(
+        "NACKs for 0.1 s",
+        ("nack_burst at=1 for=0.1",),
+        3.2,
+        DueExpected((25, 38), (0.25, 0.39), RESTART, ("sensor_lost",), range(8, 13)),
+    ),
+    DueCase(
+        "stale bytes in the controller", ("stale_byte at=1 count=5",), 2.2, DueExpected((0, 0), UNINTERRUPTED)
+    ),
+    DueCase(
+        "sensor unplugged for 1.5 s",
+        ("unplug at=1 for=1.5",),
+        4.2,
+        DueExpected((165, 179), (1.65, 1.8), RESTART, ("sensor_lost", "sensor_missing"), range(10, 50)),
+    ),
+    DueCase(
+        "exchanged for an MPU-6500",
+        ("clone at=1 who_am_i=0x70",),
+        3.2,
+        DueExpected((15, 25), (0.16, 0.25), RESTART, ("readback_mismatch",), range(3)),
+    ),
+    DueCase(
+        "exchanged for an unknown chip for 1 s",
+        ("clone at=1 who_am_i=0x12", "clone at=2 who_am_i=0x71"),
+        4.2,
+        DueExpected((114, 131), (1.15, 1.32), RESTART, ("readback_mismatch", "sensor_unknown"), range(5)),
+    ),
+    DueCase(
+        "sensor's supply sags",
+        ("brown_out at=1",),
+        3.2,
+        DueExpected((15, 22), (0.16, 0.22), RESTART, ("readback_mismatch",)),
+    ),
+    DueCase(
+        "board's supply sags in mid-frame",
+        ("brown_out at=1.0055 part=board",),
+        3.2,
+        DueExpected(
+            (0, 0), (0.15, 0.22), ("restart",), unheard=(1, 1), resets=("power_up",), bad_frames=range(1, 2)
+        ),
+    ),
+    DueCase(
+        "40 bytes lost on the UART",
+        ("uart_loss at=1 count=40",),
+        2.2,
+        DueExpected((1, 2), (0.019, 0.031), bad_frames=range(1, 3), lost_on_the_way=True),
+    ),
+    DueCase(
+        "2 % of bytes lost for 1 s",
+        ("uart_loss at=1 probability=0.02 for=1",),
+        3.2,
+        DueExpected((20, 70), (0.019, 0.1), bad_frames=range(15, 70), lost_on_the_way=True),
+    ),
+    DueCase(
+        "host does not read for 10 s",
+        ("host_stops_reading at=1 for=10",),
+        12.2,
+        DueExpected((995, 1005), (9.9, 10.1), ("gap",), bad_frames=range(3), lost_on_the_way=True),
+    ),
+    DueCase(
+        "sensor's clock 1 % fast", ("sensor_clock at=1 percent=1",), 2.2, DueExpected((0, 0), UNINTERRUPTED)
+    ),
+    DueCase(
+        "program hangs for 0.5 s",
+        ("watchdog_starvation at=1 for=0.5",),
+        2.7,
+        DueExpected((48, 51), (0.49, 0.52)),
+    ),
+    DueCase(
+        "program hangs for 2 s",
+        ("watchdog_starvation at=1 for=2",),
+        4.2,
+        DueExpected((0, 0), (0.7, 1.3), ("restart",), unheard=(95, 105), resets=("watchdog",)),
+    ),
+    DueCase(
+        "port opened again",
+        ("port_reopen at=1.0071",),
+        3.2,
+        DueExpected((0, 0), (0.36, 0.42), ("restart",), resets=("user",), bad_frames=range(2)),
+    ),
+)
 
 
 def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
@@ -117,7 +254,9 @@ def measure(image: bytes, case: DueCase) -> tuple[DueRun, Measured]:
 
 
 def _play(case: DueCase, stage: Stage) -> Outcome:
-    return measure(read_image(stage.image or IMAGE).content, case)[1].outcome
+    measured = measure(read_image(stage.image or IMAGE).content, case)[1]
+    outcome = measured.outcome
+    return replace(outcome, wrong=[*outcome.wrong, *case.expected.differences(measured)])
 
 
-CASES = tuple(Case(case.name, partial(_play, case)) for case in DUE_CASES)
+CASES = tuple(Case(case.name, partial(_play, case), case.expected.of_outcome) for case in DUE_CASES)

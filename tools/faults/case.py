@@ -1,14 +1,15 @@
-"""A fault and its outcome, functions that play faults, and the table of outcomes in Markdown."""
+"""A fault and what it has to lead to, functions that play faults, and the table of outcomes in Markdown."""
 
-import itertools
 import tempfile
 import traceback
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from tools.faults.expected import Expected, shown
+from tools.faults.outcome import Outcome
 from tools.faults.program import Skip
 from tools.faults.stage import Stage
 
@@ -16,43 +17,22 @@ HEADS = ("part", "fault", "reported", "account", "uncounted", "more")
 NOT_PLAYED = "not played"
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What a fault led to, and what became of each record.
-
-    `reported`: kinds of errors and alerts, and reasons of new epochs. `due`: number of records. `where`:
-    number of records by what became of them. `of`: name of the records, such as samples. `more`, `figures`:
-    further results as text and as numbers. `wrong`: what must not be.
-    """
-
-    reported: list[str]
-    due: int
-    where: dict[str, int]
-    of: str = "samples"
-    more: str = ""
-    figures: dict[str, float] = field(default_factory=dict)
-    wrong: list[str] = field(default_factory=list)
-
-    @property
-    def uncounted(self) -> int:
-        """Number of records that are not accounted for; 0 if all are."""
-        return self.due - sum(self.where.values())
-
-    @property
-    def is_right(self) -> bool:
-        """Whether all records are accounted for, and nothing else is wrong."""
-        return not self.wrong and self.uncounted == 0
-
-
 class Case(NamedTuple):
-    """A fault: its name in the report, and the function that plays it."""
+    """A fault: its name in the report, the function that plays it, and what it has to lead to.
+
+    `tested`: whether the second tier of tests plays it; the others take too long for that.
+    """
 
     name: str
     play: Callable[[Stage], Outcome]
+    expected: Expected
+    tested: bool = True
 
 
 def play(case: Case, **how: Any) -> Outcome:
-    """Play a fault in a folder of its own. An exception becomes a wrong outcome.
+    """Play a fault in a folder of its own, and compare its outcome with what is expected.
+
+    What differs is wrong, and so is an exception.
 
     `how`: see `Stage`.
 
@@ -63,7 +43,9 @@ def play(case: Case, **how: Any) -> Outcome:
     with tempfile.TemporaryDirectory(prefix="fault-", ignore_cleanup_errors=True) as folder:
         try:
             with Stage(Path(folder), **how) as stage:
-                return case.play(stage)
+                outcome = case.play(stage)
+                differences = case.expected.differences(outcome, short=stage.short)
+                return replace(outcome, wrong=[*outcome.wrong, *differences])
         except Skip:
             raise
         except ModuleNotFoundError as error:
@@ -92,7 +74,7 @@ def cells(name: str, one: Outcome) -> tuple[str, ...]:
     wrong = f" **{'; '.join(one.wrong)}**" if one.wrong else ""
     return (
         name,
-        ", ".join(kind for kind, _ in itertools.groupby(one.reported)) or "–",
+        shown(one.reported),
         f"{one.due} {one.of} = {parts}",
         str(one.uncounted),
         ("; ".join(filter(None, (one.more, *figures))) or "–") + wrong,

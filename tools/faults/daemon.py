@@ -14,7 +14,7 @@ from fltea.sources.wire_events import SILENCE_S
 from msgspec import json
 
 from tools.faults.account import Account, Record, Sample, account, heard, shown, wrong_ends
-from tools.faults.case import Outcome
+from tools.faults.outcome import Outcome
 from tools.faults.program import Program
 from tools.faults.pty_board import LSB_PER_DPS, Board
 from tools.faults.stage import Stage
@@ -93,7 +93,6 @@ class Scene:
     def outcome(
         self,
         *,
-        others: str | None = None,
         but: str = "",
         excuse: str = "",
         figures: Mapping[str, float] | None = None,
@@ -103,9 +102,8 @@ class Scene:
     ) -> Outcome:
         """Finish, if not done yet, and sum up what became of samples, recording and estimates.
 
-        `others`: text on the losses of other outputs; default: the last counts of all outputs except `but`.
-        `excuse`,
-        `line_is_known`: see `samples_of`. `recording_is_whole`: whether the recording has to hold all that
+        `but`: output that may lose records; it is wrong if any other does. `excuse`, `line_is_known`: see
+        `samples_of`. `recording_is_whole`: whether the recording has to hold all that
         was sent.
         """
         if self.programs[-1].code is None:
@@ -117,10 +115,9 @@ class Scene:
             found += wrong_ends(program)
             if program.code == 0:
                 found += check_totals(program.records)
+                found += lost_by_outputs(program, but=but)
         if recording_is_whole:
             found += missing_in_recording(self.recording, self.board)
-        if others is None:
-            others = dropped(programs[-1], but=but)
         times = sorted(ns for program in programs for ns in program.estimates_ns)
         after = [ns for ns in times if ns >= self._ended_ns]
         if not after:
@@ -133,7 +130,7 @@ class Scene:
             [*faults_of(programs, self.board), *epochs],
             samples.due,
             samples.where,
-            more=f"estimates {estimates}; other outputs {others}",
+            more=f"estimates {estimates}",
             figures=dict(figures or {}),
             wrong=found,
         )
@@ -247,11 +244,14 @@ def missing_in_recording(folder: Path, board: Board) -> list[str]:
     return []
 
 
-def dropped(program: Program, but: str = "") -> str:
-    """Return which outputs lost records, by their last counts."""
+def lost_by_outputs(program: Program, but: str = "") -> list[str]:
+    """Return which outputs, except `but`, lost records, by their last counts."""
     outputs = program.of("stats")[-1]["outputs"]
-    lost = {name: one["dropped"] for name, one in outputs.items() if one["dropped"] and name != but}
-    return ", ".join(f"{name} lost {n}" for name, n in lost.items()) or "unaffected"
+    return [
+        f"the output {name} lost {one['dropped']} records"
+        for name, one in outputs.items()
+        if one["dropped"] and name != but
+    ]
 
 
 def time_stamps_off_ms(program: Program, *epochs: int) -> dict[str, float]:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tools.faults.case import Outcome
+from tools.faults.outcome import Outcome
 from tools.faults.program import PATIENCE_S, wait_until
 from tools.faults.small_disk import SmallDisk
 from tools.faults.stage import Stage

@@ -12,8 +12,8 @@ from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
 from tools.faults.account import Sample, account, heard, wrong_ends
-from tools.faults.case import Outcome
 from tools.faults.nats_server import NatsServer
+from tools.faults.outcome import Outcome
 from tools.faults.program import Program, wait_until
 from tools.faults.server import Broker
 from tools.faults.stage import Stage

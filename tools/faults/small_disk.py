@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SIZE = "4m"
+WHERE_FULL, WHERE_LIMITED = "disk_full", "record_failed"
+"""Kinds of the error that a program has to report: of a file system, and of a limit on its files."""
 
 
 class SmallDisk:
@@ -24,7 +26,7 @@ class SmallDisk:
         before = ("unshare", "--map-root-user", "--mount", "sh", "-c", mount, "sh")
         self.is_mounted = _works(before)
         self.before = before if self.is_mounted else ()
-        self.kind = "disk_full" if self.is_mounted else "record_failed"
+        self.kind = WHERE_FULL if self.is_mounted else WHERE_LIMITED
         self._pid = self._fd = -1
         self._keeper: subprocess.Popen[bytes] | None = None
 

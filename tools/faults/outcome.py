@@ -1,0 +1,33 @@
+"""What a fault led to, and what became of each record."""
+
+from dataclasses import dataclass, field
+
+LOST = "counted as lost"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a fault led to, and what became of each record.
+
+    `reported`: kinds of errors and alerts, and reasons of new epochs. `due`: number of records. `where`:
+    number of records by what became of them; the first are those that arrived. `of`: name of the records,
+    such as samples. `more`, `figures`: further results as text and as numbers. `wrong`: what must not be.
+    """
+
+    reported: list[str]
+    due: int
+    where: dict[str, int]
+    of: str = "samples"
+    more: str = ""
+    figures: dict[str, float] = field(default_factory=dict)
+    wrong: list[str] = field(default_factory=list)
+
+    @property
+    def uncounted(self) -> int:
+        """Number of records that are not accounted for; 0 if all are."""
+        return self.due - sum(self.where.values())
+
+    @property
+    def is_right(self) -> bool:
+        """Whether all records are accounted for, and nothing else is wrong."""
+        return not self.wrong and self.uncounted == 0
