@@ -15,7 +15,9 @@ ROOT = Path(__file__).resolve().parents[1]
 PATH = ("host", ".", "tools", "tests/rig")
 FLAT = ("tools", "tests/rig")
 BY_PACKAGE = (
-    "tools.board_voice",
+    "tools.made_up_board",
+    "tools.own_estimator",
+    "tools.standin",
     "tools.demo",
     "tools.due_run",
     "tools.fed_source",

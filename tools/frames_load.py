@@ -13,14 +13,12 @@ import time
 from typing import Any
 
 import numpy as np
-from fltea.records.events import TIME_WRAP_US
 from fltea.settings.outputs import is_loopback
-from fltea.wire.messages import encode
+from fltea.wire import layout as wire
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from tools.bench.feeder import sample
-from tools.board_voice import HELLO
+from tools.made_up_board import HELLO, MadeUpBoard, frames
 
 RATE_HZ = 100
 LONGEST_S, MOST_DEVICES, MOST_A_SECOND = 600, 10_000, 20_000
@@ -33,6 +31,8 @@ class Sensors:
 
     def __init__(self, devices: int, seed: int = 1) -> None:
         self.names = [f"s{k:05d}" for k in range(devices)]
+        self._boards = [MadeUpBoard(_hello(k)) for k in range(devices)]
+        self._voices = [MadeUpBoard() for _ in range(VOICES)]
         self._rngs = [np.random.default_rng((seed, k)) for k in range(VOICES)]
         self._second = -1
         self._samples: list[bytes] = []
@@ -41,14 +41,19 @@ class Sensors:
         """Return a second of sensor `k`: HELLO and its samples."""
         if second != self._second:
             self._second = second
-            self._samples = [_samples(rng.normal(0, 3, (RATE_HZ, 3)), second) for rng in self._rngs]
-        hello = HELLO._replace(boot_id=k + 1, device_id=k.to_bytes(16, "big"), firmware_version="load")
-        return encode(hello, second % 65536, second * 10**6 % TIME_WRAP_US) + self._samples[k % VOICES]
+            self._samples = [self._speak(voice, second) for voice in range(VOICES)]
+        self._boards[k].instant = second * RATE_HZ
+        return frames(self._boards[k].greets()) + self._samples[k % VOICES]
+
+    def _speak(self, voice: int, second: int) -> bytes:
+        """Return a second of samples with one of the noises."""
+        board, noise = self._voices[voice], self._rngs[voice].normal(0, 3, (RATE_HZ, 3))
+        board.instant = second * RATE_HZ
+        return frames(board.sample(gyro) for gyro in np.rint(noise).astype(int).tolist())
 
 
-def _samples(noise: "np.ndarray[Any, Any]", second: int) -> bytes:
-    rows = enumerate(np.rint(noise).astype(int).tolist(), second * RATE_HZ)
-    return b"".join(sample(i, gyro, i * 10**6 // RATE_HZ) for i, gyro in rows)
+def _hello(k: int) -> wire.Hello:
+    return HELLO._replace(boot_id=k + 1, device_id=k.to_bytes(16, "big"), firmware_version="load")
 
 
 def run(host: str, port: int, version: MQTTProtocolVersion, given: argparse.Namespace) -> dict[str, Any]:

@@ -132,11 +132,13 @@ class PtyPort:
         emptied, self._emptied = self._emptied, False
         return emptied
 
-    def fill(self) -> None:
-        """Write idle bytes, which have no meaning, to the port until its buffer is full."""
+    def fill(self) -> int:
+        """Write idle bytes, which have no meaning, until the port's buffer is full; return their number."""
+        written = 0
         with contextlib.suppress(BlockingIOError):
             while True:
-                os.write(self.master, bytes(1024))
+                written += os.write(self.master, bytes(1024))
+        return written
 
     def forget(self) -> None:
         """Discard the bytes that the last program did not read, as a real port does when it is closed."""

@@ -18,75 +18,43 @@ from fltea.records.errors import UsageError
 from fltea.records.version import __version__
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 from fltea.wire import layout as wire
-from own_estimator import JOINT, OwnEstimator
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # needed when the file is run directly
 
-from tools.board_voice import HELLO, Voice
+from tools.made_up_board import HELLO, STATUS, MadeUpBoard, frames
+from tools.own_estimator import JOINT, OwnEstimator
 from tools.pty_port import PtyPort
 
 POLL_S = 0.02
 OPENING_S = 0.3
 """Time [s] within which a program that opens the port empties it: less than a Due takes to boot."""
-ACCEL_1G = 16384
-TEMPERATURE_25C = round((25.0 - 21.0) * 333.87)
 
 
-class Device:
-    """What the firmware would send, sample by sample. Its time is the number of samples over the rate.
+class Device(MadeUpBoard):
+    """A made-up board whose samples are simulated noise.
 
     `estimate`: it also sends the estimates that it computes from its samples.
     """
 
     def __init__(self, settings: NoiseSettings, boot_id: int, *, estimate: bool = False) -> None:
-        self._settings = settings
-        self._noise = NoiseGenerator(settings)
-        self._boot_id = boot_id
-        self._voice = Voice()
-        self.samples = 0
-        self.dropped_frames = 0
-        self._own = OwnEstimator(JOINT, settings.lsb_per_dps, 1 / settings.rate_hz) if estimate else None
-
-    @property
-    def device_us(self) -> int:
-        """Time of the next sample [us since boot]."""
-        return round(self.samples * 1e6 / self._settings.rate_hz)
-
-    def boot(self) -> bytes:
-        """Return the bytes of a boot: 0x00, which ends any unfinished frame, then HELLO."""
-        return b"\0" + self._frame(self._hello()) + self._estimator()
-
-    def tick(self) -> bytes:
-        """Return the frames of one sampling instant; HELLO and STATUS are added once a second."""
-        gyro = x, y, z = [int(count) for count in self._noise.step()]
-        sequence = self._voice.next_sample()
-        frames = self._frame(wire.Sample(x, y, z, 0, 0, ACCEL_1G, TEMPERATURE_25C, 0))
-        if self._own is not None:
-            frames += b"".join(map(self._frame, self._own.step(gyro, sequence)))
-        if self.samples % round(self._settings.rate_hz) == 0:
-            frames += self._frame(self._hello())
-            frames += self._frame(wire.Status(0, 0, 0, 0, self.dropped_frames, wire.ResetCause.USER, 0, 0))
-            frames += self._estimator()
-        self.samples += 1
-        return frames
-
-    def _estimator(self) -> bytes:
-        return self._frame(self._own.stated) if self._own is not None else b""
-
-    def _frame(self, message: wire.Message) -> bytes:
-        return self._voice.says(message, self.device_us)
-
-    def _hello(self) -> wire.Hello:
-        s = self._settings
-        return HELLO._replace(
-            boot_id=self._boot_id,
+        hello = HELLO._replace(
+            boot_id=boot_id,
             device_id=b"fltea stand-in".ljust(16, b"\0"),
             firmware_version=f"{__version__} stand-in",
-            sample_rate=round(s.rate_hz * 1000),
-            gyro_range=round(s.range_dps),
-            gyro_lsb=round(s.lsb_per_dps * 10),
+            sample_rate=round(settings.rate_hz * 1000),
+            gyro_range=round(settings.range_dps),
+            gyro_lsb=round(settings.lsb_per_dps * 10),
             sampling_mode=wire.SamplingMode.SIMULATED,
         )
+        own = OwnEstimator(JOINT, settings.lsb_per_dps, 1 / settings.rate_hz) if estimate else None
+        super().__init__(hello, status=STATUS, rate_hz=settings.rate_hz, own=own)
+        self._noise = NoiseGenerator(settings)
+        self.dropped_frames = 0
+
+    def next_frames(self) -> bytes:
+        """Return the frames of one sampling instant."""
+        self.status = STATUS._replace(dropped_frames=self.dropped_frames)
+        return frames(self.tick([int(count) for count in self._noise.step()]))
 
 
 def parse_arguments() -> argparse.Namespace:
@@ -116,7 +84,7 @@ def main() -> int:
         settings = parse_noise(arguments.noise)
         if settings.lsb_per_dps < 0.1 or settings.rate_hz < 1:
             raise UsageError("a device sends counts (lsb_per_dps ≥ 0.1), at 1 Hz or more.")
-        Device(settings, boot_id=0).boot()
+        Device(settings, boot_id=0).booted()
         port = PtyPort(arguments.link)
     except UsageError as error:
         print(f"standin: error: {error}", file=sys.stderr)
@@ -145,15 +113,15 @@ def serve(port: PtyPort, device: Device, limit: int) -> None:
     while not port.was_emptied() and time.monotonic() < opened_s + OPENING_S:
         time.sleep(POLL_S)
     begin_s = time.monotonic()
-    port.send(device.boot())
+    port.send(device.booted())
     while port.is_open and not port.was_emptied():
-        if limit and device.samples >= limit:
+        if limit and device.instant >= limit:
             time.sleep(POLL_S)
             continue
         time.sleep(max(0.0, begin_s + device.device_us * 1e-6 - time.monotonic()))
-        frames = device.tick()
-        if not port.send(frames):
-            device.dropped_frames += frames.count(0)
+        data = device.next_frames()
+        if not port.send(data):
+            device.dropped_frames += data.count(0)
 
 
 if __name__ == "__main__":

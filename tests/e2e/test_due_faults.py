@@ -14,7 +14,6 @@ from due_support import (
     NOISE,
     PERIOD_US,
     ROOT,
-    DueExpected,
     DueRun,
     Measured,
     after_a_reading,
@@ -24,6 +23,7 @@ from due_support import (
 from fltea.wire import layout as wire
 from tiers import slow
 
+from tools.faults.board import DueExpected
 from tools.faults.case import cells, line
 
 LONG_S = 10.0

@@ -17,9 +17,10 @@ from fake_iio import imu, scan
 from fltea.sources.synthetic import parse_noise
 from host_support import Processes, fltea_here, wait_until
 from mcap_support import files
-from standin import Device
 from terminal import speaking
 from tiers import slow
+
+from tools.standin import Device
 
 EVERY_S = 0.02
 LINES = np.random.default_rng(1).integers(-50, 50, (100_000, 3))
@@ -30,7 +31,7 @@ def boards(rate_hz: int = 500) -> Callable[[int], bytes]:
     """Return the bytes that a board sends in a fiftieth of a second."""
     device = Device(parse_noise(f"seed=1&rate_hz={rate_hz}"), boot_id=1)
     return lambda turn: (
-        (b"" if turn else device.boot()) + b"".join(device.tick() for _ in range(rate_hz // 50))
+        (b"" if turn else device.booted()) + b"".join(device.next_frames() for _ in range(rate_hz // 50))
     )
 
 

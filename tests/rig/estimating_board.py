@@ -1,7 +1,7 @@
 """Simulate a board that computes estimates: its messages, in order, and the events read from them."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -13,12 +13,11 @@ from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
 from fltea.wire.message_events import axis_event, estimator_event, hello_event
-from fltea.wire.messages import encode
 from host_support import WIRE_HELLO
-from own_estimator import JOINT, OwnEstimator
 from walk_support import Source
 
-from tools.board_voice import Voice
+from tools.made_up_board import MadeUpBoard, Sent
+from tools.own_estimator import JOINT, OwnEstimator
 
 ESTIMATOR = JOINT._replace(startup=30, remaining=30, gate=8.0)
 """The board's settings: start-up window and gate differ from the host's."""
@@ -30,25 +29,14 @@ START_NS = 10**9
 AXES = ("gyro_x", "gyro_y", "gyro_z")
 
 
-class Sent(NamedTuple):
-    """One frame.
-
-    `at`: number of the sampling period in which the frame is sent.
-    """
-
-    at: int
-    message: wire.Message
-    sequence: int
-
-
 def noise(n: int, seed: int = 1) -> list[tuple[int, ...]]:
     """Return counts of three axes at rest, with offsets."""
     counts = np.rint(np.random.default_rng(seed).normal((3, -40, 0), 2.5, (n, 3)))
     return [tuple(map(int, row)) for row in counts]
 
 
-class Board:
-    """Sends HELLO and ESTIMATOR every 100 samples, SAMPLE, and an ESTIMATE of each axis `late` samples later.
+class Board(MadeUpBoard):
+    """A board that sends HELLO and ESTIMATOR every 100 samples, and each sample's estimates `late` later.
 
     `stated`: the settings that the board states; None if the board does not estimate. `first`: sequence
     number of the first sample.
@@ -62,30 +50,17 @@ class Board:
         late: int = 0,
         first: int = 0,
     ) -> None:
-        self._hello, self._late, self._first = hello, late, first
-        self._own = None if stated is None else OwnEstimator(stated, LSB_PER_DPS, PERIOD_US * 1e-6)
-        self._voice = Voice()
-        self._at = 0
+        own = None if stated is None else OwnEstimator(stated, LSB_PER_DPS, PERIOD_US * 1e-6)
+        super().__init__(hello, first=first, own=own, own_late=late)
 
     def run(self, counts: Iterable[tuple[int, ...] | None]) -> Iterator[Sent]:
         """Process samples and yield the messages sent; a sample None is one that the board misses."""
-        waiting: list[tuple[int, list[wire.Estimate]]] = []
-        for at, row in enumerate(counts):
-            self._at, number = at, (self._first + at) % 65536
-            if at % 100 == 0:
-                yield self._sent(self._hello)
-                if self._own is not None:
-                    yield self._sent(self._own.stated)
-            if row is not None:
-                x, y, z = row
-                yield Sent(at, wire.Sample(x, y, z, 0, 0, 16384, 0, 0), number)
-            if self._own is not None:
-                waiting.append((at, self._own.step(row, number)))
-            while waiting and waiting[0][0] <= at - self._late:
-                yield from map(self._sent, waiting.pop(0)[1])
+        return (sent for row in counts for sent in self.tick(row))
 
-    def _sent(self, message: wire.Message) -> Sent:
-        return Sent(self._at, message, self._voice.number(message))
+
+def said(at: int, message: wire.Message, sequence: int = 0) -> Sent:
+    """Return a message that a board sends at this sampling instant."""
+    return Sent(at, message, sequence, at * PERIOD_US)
 
 
 def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:
@@ -93,8 +68,8 @@ def chunks(sent: Iterable[Sent], start: int = 0) -> Iterator[Chunk]:
 
     `start`: number of the first sampling period.
     """
-    for at, message, sequence in sent:
-        yield Chunk(encode(message, sequence, at * PERIOD_US), START_NS + (start + at) * PERIOD_US * 1000, 0)
+    for one in sent:
+        yield Chunk(one.frame, START_NS + (start + one.instant) * PERIOD_US * 1000, 0)
 
 
 def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0) -> Iterator[Event]:
@@ -108,7 +83,7 @@ def events(sent: Iterable[Sent], link: WireEvents | None = None, start: int = 0)
 
 def exact(sent: Iterable[Sent]) -> Iterator[Event]:
     """Yield the events of these frames without rounding the estimates to single precision."""
-    for at, message, sequence in sent:
+    for at, message, sequence, device_us in sent:
         host_ns = at * 10_000_000
         match message:
             case wire.Hello():
@@ -118,7 +93,7 @@ def exact(sent: Iterable[Sent]) -> Iterator[Event]:
             case wire.Estimate():
                 yield axis_event(message, sequence, host_ns)
             case wire.Sample():
-                yield as_block(RawSample(sequence, at * 10_000, host_ns, message[:3], message[3:6]))
+                yield as_block(RawSample(sequence, device_us, host_ns, message[:3], message[3:6]))
 
 
 def changed(

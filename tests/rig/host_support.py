@@ -19,9 +19,9 @@ from fltea.records.records import AnyRecord, Hello
 from fltea.service.hub import Hub
 from fltea.sinks.record_json import record_json
 
-from tools.board_voice import HELLO
 from tools.faults.program import PATIENCE_S, Program
 from tools.faults.program import wait_until as wait_until
+from tools.made_up_board import HELLO
 
 T = TypeVar("T")
 

@@ -21,9 +21,9 @@ from fltea.sources.synthetic import parse_noise
 from fltea.stream.pipeline import Pipeline
 from mcap.reader import make_reader
 from mcap.records import Message
-from standin import Device
 
 from tools.fed_source import FedSource
+from tools.standin import Device
 
 MONOTONIC_NS, OFFSET_NS = 5_000_000_000, 1_800_000_000_123_456_789
 SMALL = {"estimator.window": 50, "estimator.startup": 20, "name": "due"}
@@ -47,9 +47,9 @@ def transport(samples: int = 200, boots: int = 1, seed: int = 1) -> list[Transpo
             found.append(Failed("unplugged", "the port was lost.", now_ns, offset_ns()))
             now_ns += 7 * 10**9
         found.append(Opened(now_ns, offset_ns()))
-        pending = device.boot()
+        pending = device.booted()
         for k in range(samples):
-            frames = device.tick()
+            frames = device.next_frames()
             pending += b"" if k in (60, 61, 150) else frames
             now_ns += PERIOD_NS
             cut = rng.randrange(len(pending) + 1) if k < samples - 1 else len(pending)

@@ -8,11 +8,10 @@ import numpy as np
 from estimating_board import noise
 from fltea.records.events import Event, LinkDown, Opened, Reads
 from fltea.wire import layout as wire
-from fltea.wire.messages import encode
-from host_support import WIRE_HELLO
 from hypothesis import strategies as st
 
 from tools.fed_source import FedSource
+from tools.made_up_board import STATUS, MadeUpBoard, frames
 
 PERIOD_NS = 10**7
 SECOND_NS = 10**9
@@ -95,58 +94,56 @@ class _Board:
     """Makes the bytes of successive sampling periods."""
 
     def __init__(self) -> None:
-        self._hello = WIRE_HELLO
+        self._board = MadeUpBoard()
+        self._board.restart(first=65_400, device_us=5_000_000)
         self._rows = noise(4096)
-        self._sequence, self._device_ns, self._before_ns, self._others = 65_400, 5 * SECOND_NS, 0, 0
+        self._before_ns = 0
         self._constant = self._knocked = False
 
     def says(self, k: int, what: str, host_ns: int) -> bytes:
-        step_ns = host_ns - self._before_ns if self._before_ns else 0
-        self._before_ns, self._others = host_ns, self._others + 1
-        self._sequence += round(step_ns / PERIOD_NS)
-        self._device_ns += step_ns
-        said = b"\0" if k == 0 else b""
-        if k == 0 or what in ("hello", "opened"):
-            said += self._says(self._hello)
+        board = self._board
+        if self._before_ns:
+            board.instant += round((host_ns - self._before_ns) / PERIOD_NS) - 1
+        self._before_ns = host_ns
+        said = board.booted() if k == 0 else b""
         match what:
+            case "hello" | "opened":
+                said += self._states()
             case "status":
-                said += self._says(wire.Status(1, 0, 0, 2, k % 256, wire.ResetCause.WATCHDOG, 4321, 700))
+                said += board.says(STATUS._replace(i2c_errors=1, dropped_frames=k % 256)).frame
             case "fault":
-                said += self._says(wire.Fault(wire.FaultCode.SENSOR_LOST, 0x10))
+                said += board.says(wire.Fault(wire.FaultCode.SENSOR_LOST, 0x10)).frame
             case "rubbish":
                 said += bytes(k * j % 256 for j in range(k % 90))
             case "gap":
-                self._sequence, self._device_ns = self._sequence + 3, self._device_ns + 3 * PERIOD_NS
+                board.instant += 3
             case "long gap":
-                self._sequence, self._device_ns = self._sequence + 90, self._device_ns + 90 * PERIOD_NS
+                board.instant += 90
             case "jump":
-                self._device_ns += 7 * SECOND_NS
+                board.jump(7_000_000)
             case "restart":
-                self._hello = self._hello._replace(boot_id=self._hello.boot_id + 1)
-                self._sequence = self._device_ns = 0
-                said += self._says(self._hello)
+                board.restart(boot_id=board.hello.boot_id + 1)
+                said += self._states()
             case "sensor":
-                self._hello = self._hello._replace(sensor_starts=self._hello.sensor_starts + 1)
-                said += self._says(self._hello)
+                board.hello = board.hello._replace(sensor_starts=board.hello.sensor_starts + 1)
+                said += self._states()
             case "other version":
-                said += self._says(self._hello._replace(protocol_major=wire.PROTOCOL_MAJOR + 1))
+                said += board.says(board.hello._replace(protocol_major=wire.PROTOCOL_MAJOR + 1)).frame
             case "constant":
                 self._constant = True
             case "knock":
                 self._knocked = True
-        if k % 100 == 99:
-            said += self._says(self._hello)
         gyro = (3, -40, 0) if self._constant else self._rows[k]
         if self._knocked:
             gyro = tuple(50 * counts for counts in gyro)
-        sample = wire.Sample(*gyro, k % 7, -3, 16_384, 300, 0)
-        frame = encode(sample, self._sequence % 65536, self._device_ns // 1000 % 2**32)
+        *others, sample = board.tick(gyro, (k % 7, -3, 16_384))
+        frame = sample.frame
         if what == "bad":
             frame = bytes([frame[0], frame[1], frame[2] ^ 1, *frame[3:]])
-        return said + frame * (2 if what == "twice" else 1)
+        return said + frames(others) + frame * (2 if what == "twice" else 1)
 
-    def _says(self, message: wire.Message) -> bytes:
-        return encode(message, self._others % 65536, self._device_ns // 1000 % 2**32)
+    def _states(self) -> bytes:
+        return frames(self._board.states())
 
 
 def stories() -> st.SearchStrategy[Story]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import msgspec
 import pytest
-import standin
 from blocks import of
 from fltea.recording.part_reader import read_info
 from fltea.recording.schema import encode_message, record_schema
@@ -44,7 +43,8 @@ from mcap_support import (
     written,
 )
 
-from tools.board_voice import HELLO
+from tools import standin
+from tools.made_up_board import HELLO
 
 # --- what is in a file ---
 
@@ -205,7 +205,7 @@ def test_a_board_that_says_ever_new_things_leaves_few_notes(tmp_path: Path) -> N
     """The metadata index stays in memory until the file ends; the recorded bytes hold every HELLO anyway."""
     items: list[TransportEvent] = [Opened(MONOTONIC_NS, OFFSET_NS)]
     items += [
-        Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).boot(), MONOTONIC_NS + k, OFFSET_NS)
+        Chunk(standin.Device(parse_noise("seed=1"), boot_id=k).booted(), MONOTONIC_NS + k, OFFSET_NS)
         for k in range(1, 3 * MOST_NOTES)
     ]
     record(tmp_path, items)

@@ -8,7 +8,6 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-import standin
 from blocks import of
 from fake_smbus import Pi
 from fltea.recording.session import check_hello
@@ -24,6 +23,8 @@ from host_support import fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap_support import record, replay, transport
+
+from tools import standin
 
 
 def taken(records: list[AnyRecord]) -> list[tuple[object, ...]]:

@@ -21,12 +21,14 @@ from estimating_board import (
     noise,
     pipeline,
     reasons,
+    said,
 )
 from fltea.records.records import DeviceEstimates, Epoch, Estimate, EstimatorInfo, Sample, Stats
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from host_support import WIRE_HELLO
-from own_estimator import TRIPLE
+
+from tools.own_estimator import TRIPLE
 
 PRINTED = TRIPLE._replace(startup=STARTUP, remaining=STARTUP, guard=wire.EstimatorGuard.FAITHFUL)
 
@@ -62,7 +64,7 @@ def test_what_the_device_tracks_is_published_from_its_first_fit_on() -> None:
     }
     sent = [*Board().run(noise(200))]
     flags = wire.EstimateFlags.VALID | wire.EstimateFlags.TRACKED
-    which = {"which": lambda one: one.at >= 150 and one.message.axis == wire.Axis.GYRO_Y}
+    which = {"which": lambda one: one.instant >= 150 and one.message.axis == wire.Axis.GYRO_Y}
     fitted = changed(sent, wire.Estimate, **which, flags=flags, **numbers)
     records = feed(pipeline("both"), events(fitted))
     compared, biases = of(DeviceEstimates, records), {e.seq: e.axes for e in of(Estimate, records)}
@@ -172,7 +174,7 @@ def test_an_axis_that_is_lost_on_the_line_costs_only_itself(who: str) -> None:
 
 def test_a_sample_that_only_the_line_lost_has_no_place_for_its_estimate() -> None:
     sent, walk = Board().run(noise(100)), pipeline("both")
-    sent = (one for one in sent if one.at not in (50, 51) or not isinstance(one.message, wire.Sample))
+    sent = (one for one in sent if one.instant not in (50, 51) or not isinstance(one.message, wire.Sample))
     compared = of(DeviceEstimates, feed(walk, events(sent)))
     assert [e.seq for e in compared] == [k for k in range(STARTUP, 100) if k not in (50, 51)]
     assert walk.stats().device_estimator.unplaced == 6
@@ -190,7 +192,9 @@ def test_a_device_that_restarts_begins_anew(who: str) -> None:
     link = WireEvents("board")
     walk = pipeline(who)
     records = feed(walk, events([*first, *second[:1]], link))
-    records += feed(walk, events([one._replace(at=0) for one in stray] + second[1:], link, start=120))
+    records += feed(
+        walk, events([said(0, one.message, one.sequence) for one in stray] + second[1:], link, start=120)
+    )
     found = estimates_of(who, records)
     assert [(e.epoch, e.seq) for e in found] == [(n, k) for n in (1, 2) for k in range(STARTUP, 95)]
     if who == "both":
@@ -208,14 +212,14 @@ def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_d
     """
     again = WIRE_HELLO._replace(sensor_starts=2)
     first = list(Board().run(noise(100)))
-    second = [one for one in Board(hello=again, first=110).run(noise(100, 3)) if known or one.at]
+    second = [one for one in Board(hello=again, first=110).run(noise(100, 3)) if known or one.instant]
     if not known:
         first = [one for one in first if not isinstance(one.message, wire.Estimator)]
-        second.insert(0, Sent(0, again, 0))
+        second.insert(0, said(0, again, 0))
     second = [one for one in second if not isinstance(one.message, wire.Estimator)]
-    late = [Sent(99, ESTIMATOR, 7)]
+    late = [said(99, ESTIMATOR, 7)]
     link = WireEvents("board")
-    moved = [one._replace(at=one.at + 110) for one in second + late]
+    moved = [said(one.instant + 110, one.message, one.sequence) for one in second + late]
     records = feed(pipeline("both"), events([*first, *moved], link))
     epochs = of(Epoch, records)
     assert [e.reason for e in epochs] == ["start", "sensor_restart"]
@@ -229,13 +233,15 @@ def test_after_another_start_of_the_sensor_both_begin_with_the_settings_of_the_d
 def told_late() -> list[Sent]:
     """The device states its settings only after the first sample; all except gate and window are the
     host's."""
-    late = [one for one in Board().run(noise(250)) if one.at or not isinstance(one.message, wire.Estimator)]
-    return [*late[:20], Sent(15, ESTIMATOR, 0), *late[20:]]
+    late = [
+        one for one in Board().run(noise(250)) if one.instant or not isinstance(one.message, wire.Estimator)
+    ]
+    return [*late[:20], said(15, ESTIMATOR, 0), *late[20:]]
 
 
 def heard_late() -> list[Sent]:
     """The device was already running, so the start-up windows of device and host differ."""
-    return [one for one in Board().run(noise(400)) if one.at >= 150]
+    return [one for one in Board().run(noise(400)) if one.instant >= 150]
 
 
 @pytest.mark.parametrize(

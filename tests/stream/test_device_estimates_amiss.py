@@ -8,7 +8,6 @@ from estimating_board import (
     ESTIMATOR,
     STARTUP,
     Board,
-    Sent,
     changed,
     estimates_of,
     events,
@@ -17,6 +16,7 @@ from estimating_board import (
     of_filters,
     pipeline,
     reasons,
+    said,
 )
 from fltea.records.events import LinkDown, RawBlock, host_ns_of
 from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Sample, Stats
@@ -28,8 +28,8 @@ from host_support import WIRE_HELLO
 def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:
     flags = wire.EstimateFlags.VALID | wire.EstimateFlags.SKIPPED
     sent = Board().run(noise(200))
-    skipped = list(changed(sent, wire.Estimate, lambda one: one.at >= 100, flags=flags))
-    skipped += [Sent(200 + 100 * k, ESTIMATOR._replace(skipped=k), 0) for k in range(130)]
+    skipped = list(changed(sent, wire.Estimate, lambda one: one.instant >= 100, flags=flags))
+    skipped += [said(200 + 100 * k, ESTIMATOR._replace(skipped=k), 0) for k in range(130)]
     walk = pipeline("both")
     records = feed(walk, events(skipped))
     compared = of(DeviceEstimates, records)
@@ -59,7 +59,7 @@ def test_a_constant_axis_is_null_and_told_once() -> None:
 
 
 def test_a_device_that_says_that_an_axis_is_lost_is_believed() -> None:
-    which = {"which": lambda one: one.message.axis == 2 and one.at % 20 == 10}
+    which = {"which": lambda one: one.message.axis == 2 and one.instant % 20 == 10}
     lost = changed(Board().run(noise(100)), wire.Estimate, **which, flags=0, alpha=0.0)
     records = feed(pipeline("device"), events(lost))
     assert [e.kind for e in of(Error, records)] == ["axis_bound"], "once a minute"

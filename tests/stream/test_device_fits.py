@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import of
-from estimating_board import AXES, Board, Sent, events, feed, noise, pipeline
+from estimating_board import AXES, Board, Sent, events, feed, noise, pipeline, said
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits, Sample
 from fltea.sinks.metrics.families import Families, Newest
@@ -301,9 +301,9 @@ def with_fits(sent: Iterable[Sent]) -> Iterator[Sent]:
     """Insert a FIT and its bins after sample 60."""
     for one in sent:
         yield one
-        if isinstance(one.message, wire.Sample) and one.at == 60:
+        if isinstance(one.message, wire.Sample) and one.instant == 60:
             for sequence, message in enumerate([FIT, *spectra(7)]):
-                yield Sent(one.at, message, sequence if sequence == 0 else sequence - 1)
+                yield said(one.instant, message, sequence if sequence == 0 else sequence - 1)
 
 
 @pytest.mark.parametrize("who", ["both", "device"])

@@ -9,8 +9,9 @@ from fltea.wire.block_reader import FrameReader
 from fltea.wire.inspection import HEX_BYTES_SHOWN, describe, inspect, summary
 from fltea.wire.messages import REASONS, Frame
 from host_support import fltea, fltea_here
-from own_estimator import f32
 from protocol_support import records
+
+from tools.own_estimator import f32
 
 ACCEL = "accel_x -120  accel_y 85  accel_z 16390"
 REFUSED_STREAM = "a device of another version"

@@ -8,8 +8,8 @@ from typing import Any
 from cobs import cobs
 from fltea.wire.block_reader import BlockReader, FrameReader, SampleColumns
 
-from tools.bench.feeder import sample
 from tools.bench.measured import cpu_seconds, in_turns
+from tools.made_up_board import MadeUpBoard
 
 FRAMES = 20_000
 CHUNK = 4096
@@ -46,7 +46,8 @@ def measure() -> dict[str, Any]:
 
     Figures are medians over the rounds; a ratio is the median of the ratios within a round.
     """
-    frames = [sample(k, (k % 7, -k % 5, k % 3), k * 10_000) for k in range(FRAMES)]
+    board = MadeUpBoard()
+    frames = [board.sample((k % 7, -k % 5, k % 3)).frame for k in range(FRAMES)]
     stream = b"".join(frames)
     small, large = _chunks(stream, CHUNK), _chunks(stream, LARGE_CHUNK)
     works: dict[str, Callable[[], int]] = {

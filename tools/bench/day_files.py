@@ -17,7 +17,7 @@ from fltea.sinks.record import RecordSink
 from fltea.wire.message_events import hello_event
 from numpy.typing import NDArray
 
-from tools.bench.feeder import RATE_HZ, frames, hello_of
+from tools.bench.feeder import RATE_HZ, board, sent_by
 
 LSB_PER_DPS = 16.4
 BEGIN_NS = 10**9
@@ -59,10 +59,11 @@ def write_mcap(folder: Path, gyro: NDArray[np.int16]) -> Path:
     sink = RecordSink(
         RecordConfig(folder=str(folder)).for_devices(1), "bench", lambda kind, text: print(kind, text)
     )
+    device = board(0)
     sink.write(Opened(BEGIN_NS, UNIX_NS))
-    sink.write(hello_event(hello_of(0), "serial:bench", BEGIN_NS + UNIX_NS))
+    sink.write(hello_event(device.hello, "serial:bench", BEGIN_NS + UNIX_NS))
     parts = (gyro[begin : begin + AT_ONCE].tolist() for begin in range(0, len(gyro), AT_ONCE))
-    for i, data in enumerate(frames(0, chain.from_iterable(parts))):
+    for i, data in enumerate(sent_by(device, chain.from_iterable(parts))):
         sink.write(Chunk(data, BEGIN_NS + i * (10**9 // RATE_HZ) + 900_000, UNIX_NS))
         if i % 50 == 0:
             sink.flush()

@@ -16,12 +16,10 @@ from itertools import accumulate, groupby
 from pathlib import Path
 
 import numpy as np
-from fltea.records.events import TIME_WRAP_US
 from fltea.wire import layout as wire
-from fltea.wire.messages import encode
 from numpy.typing import NDArray
 
-from tools.board_voice import HELLO
+from tools.made_up_board import HELLO, STATUS, MadeUpBoard, frames
 
 RATE_HZ = 100
 PERIOD_NS = 10**9 // RATE_HZ
@@ -32,31 +30,19 @@ VOICES = 8
 """Number of different noises. Devices with the same noise differ in their HELLO."""
 
 
-def hello_of(k: int, boot_id: int | None = None) -> wire.Hello:
+def hello_of(k: int) -> wire.Hello:
     """Return the HELLO of device `k`."""
-    names = boot_id or k + 1, k.to_bytes(16, "big")
-    return HELLO._replace(boot_id=names[0], device_id=names[1], firmware_version="bench")
+    return HELLO._replace(boot_id=k + 1, device_id=k.to_bytes(16, "big"), firmware_version="bench")
 
 
-def greeting(k: int, second: int, now_us: int, boot_id: int | None = None) -> bytes:
-    """Return what device `k` sends once a second: HELLO and STATUS."""
-    hello = hello_of(k, boot_id)
-    status = wire.Status(0, 0, 0, 0, 0, wire.ResetCause.USER, 0, 0)
-    return b"".join(encode(one, second % 65536, now_us % TIME_WRAP_US) for one in (hello, status))
+def board(k: int) -> MadeUpBoard:
+    """Return device `k`."""
+    return MadeUpBoard(hello_of(k), status=STATUS)
 
 
-def sample(i: int, gyro: Sequence[int], now_us: int) -> bytes:
-    """Return the frame of sample `i` of a device at rest."""
-    x, y, z = gyro
-    return encode(wire.Sample(x, y, z, 0, 0, 16384, 1335, 0), i % 65536, now_us % TIME_WRAP_US)
-
-
-def frames(k: int, counts: Iterable[Sequence[int]]) -> Iterator[bytes]:
-    """Yield the bytes that device `k` sends at each instant, from counts of three axes."""
-    for i, gyro in enumerate(counts):
-        now_us = i * PERIOD_NS // 1000
-        said = greeting(k, i // RATE_HZ, now_us) if i % RATE_HZ == 0 else b""
-        yield said + sample(i, gyro, now_us)
+def sent_by(one: MadeUpBoard, counts: Iterable[Sequence[int]]) -> Iterator[bytes]:
+    """Yield the bytes that a board sends at each instant, from counts of three axes."""
+    return (frames(one.tick(gyro)) for gyro in counts)
 
 
 def relaxation(seed: int, samples: int, seconds: float = 0.5) -> NDArray[np.float64]:
@@ -88,8 +74,8 @@ def noises(n: int, samples: int, *, coloured: bool) -> list[list[bytes]]:
     for k in range(min(n, VOICES)):
         noise = np.random.default_rng(k).normal(0, 3, (samples, 3))
         noise += relaxation(k, samples) if coloured else 0
-        rows = enumerate(noise.round().astype(int).tolist())
-        found.append([sample(i, gyro, i * PERIOD_NS // 1000) for i, gyro in rows])
+        voice = board(k)
+        found.append([voice.sample(gyro).frame for gyro in noise.round().astype(int).tolist()])
     return found
 
 
@@ -101,6 +87,7 @@ def offsets_ns(n: int) -> list[int]:
 def send(masters: list[int], samples: int, voices: list[list[bytes]]) -> tuple[NDArray[np.int64], ...]:
     """Write all samples when they are due; return times, due times and bytes, as in FOLDER/fed.npz."""
     n, offsets = len(masters), offsets_ns(len(masters))
+    boards = [board(k) for k in range(n)]
     together = [(at_ns, list(ks)) for at_ns, ks in groupby(range(n), offsets.__getitem__)]
     greets = [-(k * RATE_HZ // n) % RATE_HZ for k in range(n)]
     times, taken = np.zeros((n, samples), dtype=np.int64), [0] * n
@@ -114,7 +101,8 @@ def send(masters: list[int], samples: int, voices: list[list[bytes]]) -> tuple[N
             for k in ks:
                 data = frames_now[k % VOICES]
                 if of_second == greets[k] or not i:
-                    data = greeting(k, i // RATE_HZ, i * PERIOD_NS // 1000) + data
+                    boards[k].instant = i
+                    data = frames(boards[k].greets()) + data
                 try:
                     count = os.write(masters[k], data)
                 except BlockingIOError:

@@ -25,7 +25,7 @@ from fltea.sinks.ndjson import NdjsonSink
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.pipeline import Pipeline
 
-from tools.bench.feeder import PERIOD_NS, frames
+from tools.bench.feeder import PERIOD_NS, board, sent_by
 from tools.fed_source import FedSource
 from tools.validation.tables import Table
 
@@ -94,7 +94,7 @@ class Looks:
 
 def _reads(at_once: int) -> Iterator[Chunk]:
     noise = np.random.default_rng(1).normal(0, 3, (SAMPLES, 3)).round().astype(int)
-    sent = frames(0, noise.tolist())
+    sent = sent_by(board(0), noise.tolist())
     for end in range(at_once, SAMPLES + 1, at_once):
         yield Chunk(b"".join(islice(sent, at_once)), end * PERIOD_NS)
 

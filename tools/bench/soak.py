@@ -25,8 +25,9 @@ from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.stream.pipeline import Pipeline
 
-from tools.bench.feeder import greeting, sample
+from tools.bench.feeder import hello_of
 from tools.fed_source import FedSource
+from tools.made_up_board import STATUS, MadeUpBoard, frames
 
 PERIOD_US = 10_000
 HOUR = 360_000
@@ -47,15 +48,14 @@ class Sent:
 def stream(samples: int, seed: int, sent: Sent) -> Iterator[tuple[bytes, int]]:
     """Yield bytes and their monotonic time of arrival [ns]; the device's clock runs 40 ppm fast."""
     rng = random.Random(seed)
-    k, boot, silent = 0, 0, 0
+    device = MadeUpBoard(hello_of(1), status=STATUS, pace=1 + 40e-6)
+    boot = silent = 0
     for n in range(samples):
         if n == 0 or rng.random() < RESET:
-            boot, k = boot + 1, 0
-        sent.boots[boot] = k + 1
-        now_us = round(k * PERIOD_US * (1 + 40e-6))
-        data = greeting(1, k // 100, now_us, boot) if k % 100 == 0 else b""
-        data += sample(k, [round(rng.gauss(0, 3)) for _ in range(3)], now_us)
-        k += 1
+            boot += 1
+            device.restart(boot_id=boot)
+        data = frames(device.tick([round(rng.gauss(0, 3)) for _ in range(3)]))
+        sent.boots[boot] = device.instant
         if silent:
             silent -= 1
             continue

@@ -5,8 +5,8 @@
      make faults ARGS='--only disk --only clock' only faults with one of these words in their names
      make faults ARGS='daemon --long'            minutes in place of seconds, as the tables of host/*.md
 
-Exit code 1: some records are not accounted for, or a fault did not lead to what is expected of it. The row of a fault that cannot be
-played on this machine says why, and has no records.
+Exit code 1: some records are not accounted for, or a fault did not lead to what is expected of it.
+The row of a fault that cannot be played on this machine says why, and has no records.
 """
 
 import argparse

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from fltea.wire import layout as wire
 
-from tools.board_voice import HELLO, Voice
 from tools.faults.program import PATIENCE_S
+from tools.made_up_board import HELLO, LEVEL, STATUS, MadeUpBoard, frames
 from tools.pty_port import PtyPort
 
 RATE_HZ = 100
@@ -25,20 +25,14 @@ Instants = set[tuple[int, int]]
 
 
 class Boot:
-    """One boot of the board. `sequence`, `device_us`: number and time of its first sampling instant.
+    """One boot of the board. `sequence`: number of its first sampling instant.
 
-    `protocol_major`, `stated_hz`: what HELLO states. `counts`: the gyroscope's counts at each instant.
-    `frames`: number of frames of any kind that were sent.
+    `counts`: the gyroscope's counts at each instant. `frames`: number of frames of any kind that were sent.
     """
 
-    def __init__(
-        self, boot_id: int, sequence: int, device_us: int, protocol_major: int, stated_hz: int
-    ) -> None:
+    def __init__(self, boot_id: int, sequence: int) -> None:
         self.boot_id = boot_id
         self.sequence = sequence
-        self.device_us = device_us
-        self.protocol_major = protocol_major
-        self.stated_hz = stated_hz
         self.counts: list[tuple[int, int, int]] = []
         self.frames = 0
 
@@ -67,7 +61,8 @@ class Board:
         self._blocks: dict[bytes, tuple[int, int]] = {}
         self._begin_ns = 0
         self._port = PtyPort(held=True)
-        self._voice = Voice()
+        hello = HELLO._replace(device_id=b"faults".ljust(16, b"\0"), firmware_version="faults")
+        self._board = MadeUpBoard(hello, status=STATUS, rate_hz=RATE_HZ)
         self.plug()
 
     # --- the plug ---
@@ -102,7 +97,7 @@ class Board:
             if time.monotonic() > deadline_s:
                 raise TimeoutError("nobody heard the board's HELLO")
             with contextlib.suppress(BlockingIOError):  # no program has the port open
-                os.write(self._port.master, b"\0" + self._frame(self._hello()))
+                os.write(self._port.master, self._board.booted())
             self._note_silence()
             until_s = time.monotonic() + INTRODUCTION_S
             while not heard() and time.monotonic() < until_s:
@@ -117,7 +112,8 @@ class Board:
         what HELLO states.
         """
         self._begin_boot(**how)
-        self._write(b"\0" + self._frame(self._hello()))
+        self.boots[-1].frames += 1
+        self._write(self._board.booted())
 
     def send(self, instants: int, damage: Damage | None = None) -> None:
         """Send the frames of a number of sampling instants. `damage`: changes the bytes of each instant."""
@@ -159,8 +155,9 @@ class Board:
 
     def fill_the_line(self) -> None:
         """Send idle bytes, which have no meaning, until the port is full, since no program reads."""
-        for _ in range(5):  # the system moves bytes from one buffer to the next
-            self._port.fill()
+        full = 0
+        while full < 5:  # the system moves bytes from one buffer to the next, late if it is busy
+            full = 0 if self._port.fill() else full + 1
             time.sleep(0.05)
 
     def heard(self) -> bytes:
@@ -184,7 +181,14 @@ class Board:
         protocol_major: int = wire.PROTOCOL_MAJOR,
         stated_hz: int = RATE_HZ,
     ) -> None:
-        self.boots.append(Boot(len(self.boots) + 1, sequence, device_us, protocol_major, stated_hz))
+        self.boots.append(boot := Boot(len(self.boots) + 1, sequence))
+        self._board.restart(
+            first=sequence,
+            device_us=device_us,
+            boot_id=boot.boot_id,
+            protocol_major=protocol_major,
+            sample_rate=stated_hz * 1000,
+        )
         self._begin_ns = time.monotonic_ns()
 
     def _tick(self) -> bytes:
@@ -194,32 +198,15 @@ class Board:
         left_ns = self._begin_ns + k * PERIOD_NS - time.monotonic_ns()
         if left_ns > 0:
             time.sleep(left_ns * 1e-9)
-        frames = b""
-        if k % RATE_HZ == 0:
-            status = wire.Status(0, 0, 0, 0, self.dropped, wire.ResetCause.USER, 0, 0)
-            frames = self._frame(self._hello()) + self._frame(status)
-        x, y, z = (round(self._random.gauss(0, 3)) for _ in range(3))
-        # accel_x and accel_y make each frame unique, over all boots.
-        sample = wire.Sample(x, y, z, boot.boot_id, self._random.randrange(1 << 15), 16384, 1335, 0)
-        frame = self._frame(sample, boot.sequence + k)
+        gyro = x, y, z = tuple(round(self._random.gauss(0, 3)) for _ in range(3))
+        # Two of the accelerations make each frame unique, over all boots.
+        accel = boot.boot_id, self._random.randrange(1 << 15), LEVEL[2]
+        self._board.status = STATUS._replace(dropped_frames=self.dropped)
+        sent = self._board.tick(gyro, accel)
+        boot.frames += len(sent)
         boot.counts.append((x, y, z))
-        self._blocks[frame[:-1]] = (len(self.boots) - 1, k)
-        return frames + frame
-
-    def _frame(self, message: wire.Message, sequence: int | None = None) -> bytes:
-        boot = self.boots[-1]
-        boot.frames += 1
-        return self._voice.says(message, boot.device_us + boot.due * PERIOD_NS // 1000, sequence)
-
-    def _hello(self) -> wire.Hello:
-        boot = self.boots[-1]
-        return HELLO._replace(
-            protocol_major=boot.protocol_major,
-            boot_id=boot.boot_id,
-            sample_rate=boot.stated_hz * 1000,
-            device_id=b"faults".ljust(16, b"\0"),
-            firmware_version="faults",
-        )
+        self._blocks[sent[-1].frame[:-1]] = (len(self.boots) - 1, k)
+        return frames(sent)
 
     def _note_silence(self) -> None:
         before_s, self._said_s = self._said_s, time.monotonic()
