@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from blocks import place_one
+from blocks import track_one
 from built import make
 from fltea.records.events import RawSample
 from fltea.stream.decode import Decoder
@@ -72,7 +72,7 @@ def lost(run: Run) -> tuple[list[str], int, int]:
             case wire.Sample():
                 arrival_ns = frame.device_us * 1000
                 raw = RawSample(frame.sequence, frame.device_us, arrival_ns, (0, 0, 0))
-                placed = place_one(place, raw)
+                placed = track_one(place, raw)
                 if placed.new_epoch:
                     reasons.append(placed.new_epoch)
     counts = place.counts

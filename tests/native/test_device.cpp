@@ -1,5 +1,5 @@
 // Sequence position, time and the stops of a device. Plain Python is the oracle of its output
-// (tests/stream/test_plain_walk.py). These tests check the limits of ranges, and the order of stops.
+// (tests/stream/test_plain_device_stream.py). These tests check the limits of ranges, and the order of stops.
 #include <doctest/doctest.h>
 
 #include <vector>

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 from blocks import in_blocks
+from device_stream_support import Source
 from fltea.records.events import Break, Event, LinkDown, RawSample, Tick, Trouble, block_of
 from fltea.records.records import Hello
 from fltea.records.stats import DeviceStatus
 from host_support import hello
 from hypothesis import strategies as st
-from walk_support import Source
 
 SECOND_NS = 10**9
 
@@ -50,8 +50,7 @@ ACTS = (
     *SAID,
     "goes on",
     "gap",
-    # a gap of the longest length without a restart by the settings of `walk_support.SMALL`, or of one sample
-    # more
+    # a gap of the longest length without a restart by `device_stream_support.SMALL`, or of one sample more
     "longest gap",
     "odd gap",  # a gap in which the device's clock drifts, up to more than the program accepts
     "long gap",  # long enough for the sequence number to wrap once or more

@@ -159,7 +159,7 @@ raw_samples = st.builds(
 """Any sample that a frame can hold."""
 
 
-class Placed(NamedTuple):
+class Tracked(NamedTuple):
     """A sample with its number.
 
     `missing`: number of samples lost just before this sample. `new_epoch`: reason why the sample begins an
@@ -173,25 +173,25 @@ class Placed(NamedTuple):
     new_epoch: EpochReason | None = None
 
 
-def place_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Placed | None]:
+def track_all(decoder: Decoder, samples: Sequence[RawSample]) -> list[Tracked | None]:
     """Return the sequence position of each sample of a block; None for a sample that was rejected."""
     numbered = block_of(samples)._replace(temperature=np.arange(float(len(samples))))
-    found: list[Placed | None] = [None] * len(samples)
+    found: list[Tracked | None] = [None] * len(samples)
     for piece in of(Decoded, decoder.feed(numbered)):
         assert piece.raw.temperature is not None
         rows, block = piece.raw.temperature.astype(int).tolist(), piece.block
         for row, seq, device_us in zip(rows, block.seq.tolist(), block.device_us.tolist(), strict=True):
             broken = (piece.missing, piece.new_epoch) if row == rows[0] else (0, None)
-            found[row] = Placed(samples[row], seq, device_us, *broken)
+            found[row] = Tracked(samples[row], seq, device_us, *broken)
     return found
 
 
-def place_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
+def track_events(events: Iterable[Event]) -> tuple[SampleStats, list[Decoded]]:
     """Return the counts after all events of a source, and the decoded pieces of its blocks."""
     decoder = Decoder(lambda: 0, max_gap=100)
     found = [piece for event in events for piece in of(Decoded, decoder.feed(event))]
     return decoder.counts, found
 
 
-def place_one(decoder: Decoder, raw: RawSample) -> Placed | None:
-    return place_all(decoder, [raw])[0]
+def track_one(decoder: Decoder, raw: RawSample) -> Tracked | None:
+    return track_all(decoder, [raw])[0]

@@ -11,6 +11,7 @@ from typing import Any, ParamSpec
 import msgspec
 import numpy as np
 from blocks import as_block, records_of
+from device_stream_support import Source
 from fltea.records.events import Break, Event, RawSample
 from fltea.records.ports import Recorder
 from fltea.records.records import (
@@ -36,7 +37,6 @@ from fltea.sinks.page.tiers import Cursor
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
-from walk_support import Source
 
 P = ParamSpec("P")
 

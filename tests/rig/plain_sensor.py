@@ -1,7 +1,7 @@
 """Estimate the axes of one sensor in plain Python, one sample at a time, as an oracle.
 
-The lanes of the filters and their supervisors are in `sample_by_sample`. `plain_walk` explains the steps
-before and after.
+The lanes of the filters and their supervisors are in `sample_by_sample`. `plain_device_stream` has the
+steps before and after.
 """
 
 import math

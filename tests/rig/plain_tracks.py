@@ -20,7 +20,7 @@ from fltea.stream.tracking import CHECKED_S, rules_of
 from plain_sensor import Vector
 
 
-class Place(NamedTuple):
+class SampleTimes(NamedTuple):
     """Number, epoch and times of a sample, as its records state them."""
 
     seq: int
@@ -28,13 +28,13 @@ class Place(NamedTuple):
     device_us: int
     host_ns: int
 
-    def before(self, samples: int, h: float) -> "Place":
+    def before(self, samples: int, h: float) -> "SampleTimes":
         """Return number, epoch and times of the sample that came `samples` samples earlier.
 
         `h`: sampling period [s].
         """
         device_us = self.device_us - round(samples * h * 1e6)
-        return Place(self.seq - samples, self.epoch, device_us, self.host_ns - round(samples * h * 1e9))
+        return SampleTimes(self.seq - samples, self.epoch, device_us, self.host_ns - round(samples * h * 1e9))
 
 
 class SensorTracks:
@@ -67,11 +67,11 @@ class SensorTracks:
             said[axis]["moving"] = bool(found.moving[0, k])
         return said
 
-    def happened(self, place: Place, device: str | None) -> Iterator[Step | Motion]:
-        """Yield the records of steps and motion that were detected at the sample `place`."""
+    def happened(self, times: SampleTimes, device: str | None) -> Iterator[Step | Motion]:
+        """Yield the records of steps and motion that were detected at the sample `times`."""
         names = tuple(self._axes)
         for one in self._happened:
-            began = place.before(max(one.ago - 1, 0), self._h)
+            began = times.before(max(one.ago - 1, 0), self._h)
             if one.kind == EventKind.STEP:
                 axis, size = names[one.axis], (one.size, one.size_std)
                 yield Step(*began, axis, self.unit, *size, found_after=one.ago, device=device)

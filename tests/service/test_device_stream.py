@@ -5,6 +5,7 @@ import io
 
 import pytest
 from blocks import of, records_of
+from device_stream_support import SMALL, Source, raw
 from fltea.records.records import Fit
 from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
@@ -13,7 +14,6 @@ from fltea.sinks.ndjson import NdjsonSink
 from fltea.sinks.record_json import record_json
 from host_support import closed, hello
 from memory_sink import Memory
-from walk_support import SMALL, Source, raw
 
 
 @pytest.mark.parametrize("size", [7, 300])

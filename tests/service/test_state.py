@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from blocks import of, of_samples, records_of
+from device_stream_support import Source, small_config
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, FlteaEstimate, Stats
@@ -18,7 +19,6 @@ from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 from fltea.stream.pipeline import Pipeline
 from host_support import fltea_here, hello, wait_until
-from walk_support import Source, small_config
 
 PERIOD_NS = 10**7
 S = 10**9

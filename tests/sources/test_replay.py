@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import in_samples, of, of_samples, place_all, place_events, records_of, samples_of
+from blocks import in_samples, of, of_samples, records_of, samples_of, track_all, track_events
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, Sample
@@ -79,7 +79,7 @@ def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
     assert found[-1].device_us == (n - 1) * 100_000 - 2**32
     place = Decoder(lambda: 0, 0)
     place.on_hello(Hello("", 0, rate_hz, ""))
-    placed = place_all(place, found)
+    placed = track_all(place, found)
     assert [p.seq for p in placed if p] == list(range(n))
     assert place.counts.lost == 0
 
@@ -95,7 +95,7 @@ def csv_file(tmp_path: Path, times_s: list[float]) -> Path:
 
 
 def walked(source: ReplaySource) -> tuple[SampleStats, list[str]]:
-    place, found = place_events(source.events())
+    place, found = track_events(source.events())
     return place, [piece.new_epoch for piece in found if piece.new_epoch]
 
 

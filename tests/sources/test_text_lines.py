@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import of, place_events
+from blocks import of, track_events
 from fltea.records.errors import UsageError
 from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
@@ -57,7 +57,7 @@ def test_order_numbers_the_samples_and_a_bad_line_is_a_lost_one() -> None:
     assert (trouble.kind, trouble.fatal) == ("bad_lines", False)
     assert "2 lines hold no sample" in trouble.message
     assert "'3x'" in trouble.message
-    place = place_events(events)[0]
+    place = track_events(events)[0]
     assert (place.delivered, place.lost) == (3, 1)
     stats = text.link_stats()
     assert (stats.frames, stats.bad_frames) == (3, {"text": 1, "number": 1})
@@ -71,7 +71,7 @@ def test_times_number_the_samples_and_find_the_rate() -> None:
     lines = [b"%d,%d\n" % (5000 + k * 4, k % 7) for k in range(600) if k not in (150, 151)]
     events = list(opened(TIMES).feed(b"t_ms,gx\n" + b"".join(lines), 0))
     assert of(Hello, events)[0].rate_hz == pytest.approx(250.0)
-    place = place_events(events)[0]
+    place = track_events(events)[0]
     assert (place.delivered, place.lost, place.gaps) == (598, 2, 1)
 
 
@@ -83,15 +83,15 @@ def test_the_rate_is_found_whatever_the_grain_of_the_times(rate_hz: float) -> No
     events = [*text.feed(b"t gx\n" + b"".join(lines[:120]), 0), *text.feed(b"".join(lines[120:]), S)]
     events += text.finish(S)
     assert of(Hello, events)[0].rate_hz == pytest.approx(rate_hz, rel=0.01)
-    assert place_events(events)[0].delivered == 1000
-    assert place_events(events)[0].lost == 0
+    assert track_events(events)[0].delivered == 1000
+    assert track_events(events)[0].lost == 0
     assert troubles(events) == []
 
 
 def test_one_time_twice_is_one_sample() -> None:
     text = opened(TIMES)
     events = list(text.feed(b"t_ms,gx\n" + b"".join(b"%d,1\n" % (k // 2 * 10) for k in range(600)), 0))
-    assert place_events(events)[0].delivered == 300
+    assert track_events(events)[0].delivered == 300
     assert text.link_stats().bad_frames == {"duplicate_time": 300}
 
 
@@ -106,7 +106,7 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
     with_rate = opened(How(columns=["gx"], time_column="t_ms", rate_hz=100.0, units="dps"))
     events = [*with_rate.feed(b"t_ms,gx\n" + lines, 0), *with_rate.finish(0)]
     assert troubles(events) == ["row_times"]
-    assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (200, 0)
+    assert (track_events(events)[0].delivered, track_events(events)[0].lost) == (200, 0)
 
 
 def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
@@ -126,7 +126,7 @@ def test_samples_lost_on_the_way_are_told_and_not_guessed() -> None:
     trouble = the_trouble(events)
     assert trouble.kind == "arrival_jump"
     assert "about 80 were lost" in trouble.message
-    assert place_events(events)[0].lost == 0
+    assert track_events(events)[0].lost == 0
 
 
 def test_a_buffer_explains_samples_that_come_late_and_then_all_at_once() -> None:
@@ -151,7 +151,7 @@ def test_another_rate_than_the_given_one_is_told_once() -> None:
 def test_after_a_long_pause_the_numbers_begin_again() -> None:
     text = opened(RATE)
     events = [*text.feed(b"gx\n1\n2\n", 0), *text.feed(b"3\n4\n", 400 * S)]
-    place = place_events(events)[0]
+    place = track_events(events)[0]
     assert (place.delivered, place.before_hello) == (4, 0)
 
 
@@ -277,7 +277,7 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
     events += text.lost(Failed("unplugged", "gone", 2))
     text.open(3, within_line=True)
     events += text.feed(b"77\n3\n4\n", 4)
-    place = place_events(events)[0]
+    place = track_events(events)[0]
     assert (place.delivered, place.before_hello) == (4, 0)
     assert len({hello.boot_id for hello in of(Hello, events)}) == 2
     assert text.link_stats().reconnects == 1
@@ -290,6 +290,6 @@ def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
     )
     lines = "".join(f"{10 * k},{k % 7}\n" for k in range(3000))
     events = list(text.feed(b"t,gx\n" + lines.encode(), 7)) + list(text.finish(8))
-    assert (place_events(events)[0].delivered, place_events(events)[0].lost) == (3000, 0)
+    assert (track_events(events)[0].delivered, track_events(events)[0].lost) == (3000, 0)
     longest_us = max(int((np.diff(block.device_us) % TIME_WRAP_US).sum()) for block in of(RawBlock, events))
     assert longest_us < TIME_WRAP_US // 2

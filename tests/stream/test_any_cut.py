@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, one_by_one, records_of
+from device_stream_support import SMALL
 from estimating_board import ESTIMATOR, Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
@@ -16,7 +17,6 @@ from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiers import slow
-from walk_support import SMALL
 from wire_story import HAPPENINGS, Moment, Story, StorySource, stories, torn
 
 RUNAWAY = {

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 from blocks import as_block, ndjson, of, records_of
+from device_stream_support import NO_FILTERS, Source
 from fltea.records.block import Block
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Stats
@@ -14,9 +15,8 @@ from fltea.records.stats import SampleStats
 from fltea.settings.config import load_config
 from fltea.stream.pipeline import Pipeline
 from host_support import hello
-from plain_walk import PlainWalk
+from plain_device_stream import PlainDeviceStream
 from same_records import assert_same
-from walk_support import NO_FILTERS, Source
 
 N = 1000
 FIRST_SECOND = 105
@@ -51,7 +51,7 @@ def with_hellos(said_hz: float, some: list[RawSample], boot_id: int = 7) -> Iter
 
 def walked(events: list[Event]) -> list[AnyRecord]:
     source, chosen = Source(), load_config(None, NO_FILTERS)
-    pipeline, plain = Pipeline(source, chosen), PlainWalk(source, chosen)
+    pipeline, plain = Pipeline(source, chosen), PlainDeviceStream(source, chosen)
     found: list[AnyRecord | Block] = []
     expected: list[AnyRecord] = []
     for event in events:

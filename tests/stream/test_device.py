@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from blocks import ndjson
+from device_stream_support import SMALL, Source, raw, reads
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import AnyRecord
@@ -13,7 +14,6 @@ from fltea.settings.config import load_config
 from fltea.stream.pipeline import HANDLERS, Pipeline, Stop
 from host_support import hello
 from tiers import slow
-from walk_support import SMALL, Source, raw, reads
 
 N = 1000
 SETTINGS: list[dict[str, Any]] = [
@@ -28,7 +28,7 @@ SETTINGS: list[dict[str, Any]] = [
 ]
 
 
-def walk(events: Iterable[Event], changes: dict[str, Any], *, watched: bool = True) -> list[bytes]:
+def run_pipeline(events: Iterable[Event], changes: dict[str, Any], *, watched: bool = True) -> list[bytes]:
     pipeline = Pipeline(Source(), load_config(None, SMALL | changes), watched=watched)
     found: list[AnyRecord | Block] = [item for event in events for item in pipeline.feed(event)]
     return ndjson([*found, *pipeline.finish()])
@@ -37,29 +37,34 @@ def walk(events: Iterable[Event], changes: dict[str, Any], *, watched: bool = Tr
 @pytest.mark.parametrize("watched", [True, slow(False)])
 @pytest.mark.parametrize("changes", SETTINGS)
 def test_reads_of_any_size_say_what_single_samples_say(changes: dict[str, Any], watched: bool) -> None:
-    single = walk(reads([1] * N), changes, watched=watched)
-    assert walk(reads([130, 150, 20, 100, 256, 257, 87]), changes, watched=watched) == single
-    assert walk(reads([1, 2, 1, 3] * (N // 7) + [6]), changes, watched=watched) == single
-    assert walk(reads([N]), changes, watched=watched) == single
+    single = run_pipeline(reads([1] * N), changes, watched=watched)
+    assert run_pipeline(reads([130, 150, 20, 100, 256, 257, 87]), changes, watched=watched) == single
+    assert run_pipeline(reads([1, 2, 1, 3] * (N // 7) + [6]), changes, watched=watched) == single
+    assert run_pipeline(reads([N]), changes, watched=watched) == single
 
 
 @pytest.mark.parametrize("said", [{"gyro_lsb_per_dps": 65.5}, {"accel_lsb_per_g": 0.0}, {"rate_hz": 101.0}])
 def test_a_hello_with_other_numbers_counts_for_the_samples_behind_it(said: dict[str, Any]) -> None:
     other = hello(host_ns=6_390_000_000, **said)
     single, whole = list(reads([1] * 900)), list(reads([639, 261]))
-    assert walk([*single[:640], other, *single[640:]], {}) == walk([*whole[:2], other, whole[2]], {})
-    assert walk(single, {}) != walk([*single[:640], other, *single[640:]], {}) or "rate_hz" in said
+    assert run_pipeline([*single[:640], other, *single[640:]], {}) == run_pipeline(
+        [*whole[:2], other, whole[2]], {}
+    )
+    assert (
+        run_pipeline(single, {}) != run_pipeline([*single[:640], other, *single[640:]], {})
+        or "rate_hz" in said
+    )
 
 
 def test_columns_of_any_type_and_order_are_taken() -> None:
     events = list(reads([2] * 600))
-    plain = walk(events, {})
+    plain = run_pipeline(events, {})
     for k in range(300, 420):
         block = events[k]
         assert isinstance(block, RawBlock)
         wide = np.asfortranarray(block.gyro) if k % 3 == 0 else block.gyro.astype(np.int16)
         events[k] = block._replace(gyro=wide)
-    assert walk(events, {}) == plain
+    assert run_pipeline(events, {}) == plain
 
 
 def test_an_accelerometer_may_be_left_out_for_a_while() -> None:
@@ -68,7 +73,9 @@ def test_an_accelerometer_may_be_left_out_for_a_while() -> None:
         block = events[k]
         assert isinstance(block, RawBlock)
         events[k] = block._replace(accel=None)
-    records = walk(events, {"channels": ["gyro_z", "accel_x"], "accel.startup": 35, "accel.window": 50})
+    records = run_pipeline(
+        events, {"channels": ["gyro_z", "accel_x"], "accel.startup": 35, "accel.window": 50}
+    )
     of_both = [b'"accel_x"' in line for line in records if b'"class":"estimate"' in line]
     assert len(of_both) == 2 * 600 - 20  # minus the start-up window of the gyroscope
     assert of_both.count(False) == 2 * 120 + 35 - 20
@@ -106,7 +113,7 @@ def test_fits_of_an_epoch_count_its_own_samples() -> None:
             else [event.rows(k, k + 1) for k in range(len(event.sequence))]
         )
     ]
-    records = walk(events, {"live.period_s": 0.7})
-    assert walk(single, {"live.period_s": 0.7}) == records
+    records = run_pipeline(events, {"live.period_s": 0.7})
+    assert run_pipeline(single, {"live.period_s": 0.7}) == records
     numbers = [line.split(b'"seq":')[1].split(b",")[0] for line in records if b'"class":"fit"' in line]
     assert numbers == [b"569", b"639", b"69", b"139", b"209", b"279", b"299"]

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
+from device_stream_support import raw, run_pipeline
 from fltea.estimator.offset_walk import Followed
 from fltea.estimator.tracker import Remembered, TrackerModel
 from fltea.records.events import LinkDown
@@ -22,7 +23,6 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from quick_fit import QuickAxes
 from tiers import slow
-from walk_support import raw, walk
 
 T = TypeVar("T")
 
@@ -72,10 +72,10 @@ def test_fits_count_from_the_same_sample_however_long_they_take_and_the_blocks_a
         patch.setattr(live, "LiveAxes", Noticing)
         patch.setattr(learning, "ENOUGH", 0)
         block = raw(k for k in range(1300) if k not in lost)
-        items, pipeline = walk([hello(), block])
+        items, pipeline = run_pipeline([hello(), block])
         whole = ndjson([*records_of(items), *pipeline.finish()])
         fit_worker = Unhurried(pauses_s)
-        items, pipeline = walk([hello(), *in_blocks(block, places)], fit_worker=fit_worker)
+        items, pipeline = run_pipeline([hello(), *in_blocks(block, places)], fit_worker=fit_worker)
         assert ndjson([*records_of(items), *pipeline.finish()]) == whole
         assert fit_worker.close()
 
@@ -94,7 +94,7 @@ def test_what_the_tracker_goes_by_is_made_with_the_looks_and_outlives_the_epoch(
     monkeypatch.setattr(learning, "ENOUGH", 0)
     monkeypatch.setattr(learning, "system_of", system_of)
     fit_worker = Unhurried([0.0])
-    _, pipeline = walk([hello(), raw(range(700))], fit_worker=fit_worker)
+    _, pipeline = run_pipeline([hello(), raw(range(700))], fit_worker=fit_worker)
     count = len(made)
     assert count
     for event in (LinkDown(1), hello(), raw(range(800, 810))):
@@ -122,7 +122,9 @@ def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples
 
     def records(samples: int) -> list[bytes]:
         monkeypatch.setattr(live, "REFILTERED", samples)
-        items, pipeline = walk([hello(), raw(range(1300))], fit_worker=(fit_worker := Unhurried([0.0])))
+        items, pipeline = run_pipeline(
+            [hello(), raw(range(1300))], fit_worker=(fit_worker := Unhurried([0.0]))
+        )
         assert fit_worker.close()
         return ndjson([*records_of(items), *pipeline.finish()])
 
@@ -138,7 +140,7 @@ def test_what_is_remembered_is_filtered_with_the_looks_and_only_the_last_samples
 def test_a_fault_of_a_look_is_one_of_the_walk() -> None:
     fit_worker = Unhurried([0.0], KeyError("nothing of the kind"))
     with pytest.raises(KeyError, match="nothing of the kind"):
-        walk([hello(), raw(range(200))], fit_worker=fit_worker)
+        run_pipeline([hello(), raw(range(200))], fit_worker=fit_worker)
     assert fit_worker.close()
 
 
@@ -172,9 +174,9 @@ def test_who_waits_for_what_nobody_has_begun_does_it_himself_and_nobody_again() 
 
 def test_two_devices_that_share_a_thread_say_what_each_says_alone() -> None:
     numbers = {"left": range(700), "right": range(90, 800)}
-    alone = {k: walk([hello(), raw(seen)])[0] for k, seen in numbers.items()}
+    alone = {k: run_pipeline([hello(), raw(seen)])[0] for k, seen in numbers.items()}
     fit_worker = Unhurried([2e-3, 0.0, 1e-4])
-    each = {k: walk([hello()], fit_worker=fit_worker) for k in numbers}
+    each = {k: run_pipeline([hello()], fit_worker=fit_worker) for k in numbers}
     for begin in range(0, 800, 37):
         for k, seen in numbers.items():
             if part := seen[begin : begin + 37]:
@@ -207,7 +209,7 @@ def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:
     def run(*, saves: bool) -> list[bytes]:
         items: list[object] = []
         fit_worker = Unhurried([2e-3])
-        _, pipeline = walk([hello()], fit_worker=fit_worker)
+        _, pipeline = run_pipeline([hello()], fit_worker=fit_worker)
         for begin in range(0, 400, 20):
             items += pipeline.feed(raw(range(begin, begin + 20)))
             if saves:
@@ -219,23 +221,23 @@ def test_a_snapshot_in_the_middle_of_a_look_changes_nothing() -> None:
 
 
 def test_what_is_noticed_is_looked_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    usual, _ = walk([hello(), raw(range(1300))], live__period_s=5)
+    usual, _ = run_pipeline([hello(), raw(range(1300))], live__period_s=5)
     assert [f.seq for f in of(Fit, usual)] == [499, 999]
     monkeypatch.setattr(fit_times, "LOOK_GROWTH", 1)
     monkeypatch.setattr(fit_times, "SEARCH_GROWTH", 1)
-    usual, _ = walk([hello(), raw(range(1300))])
+    usual, _ = run_pipeline([hello(), raw(range(1300))])
     assert [f.seq for f in of(Fit, usual)] == [99, 199, 399, 799]
     monkeypatch.setattr(Noticing, "noticed", property(lambda self: self.samples // 550, lambda *_: None))
     monkeypatch.setattr(live, "LiveAxes", Noticing)
-    noticed, _ = walk([hello(), raw(range(1300))])
+    noticed, _ = run_pipeline([hello(), raw(range(1300))])
     assert [f.seq for f in of(Fit, noticed)] == [99, 199, 399, 599, 799, 1099]
 
 
 def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_at_once() -> None:
     other = replace(hello(), boot_id=9, device_id="ff")
-    items, _ = walk([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 350))])
+    items, _ = run_pipeline([hello(), raw(range(102)), LinkDown(1), other, raw(range(200, 350))])
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(2, 100)]
-    items, _ = walk([hello(), raw(range(102)), raw(range(200, 210))])
+    items, _ = run_pipeline([hello(), raw(range(102)), raw(range(200, 210))])
     assert [(f.epoch, f.samples) for f in of(Fit, items)] == [(1, 100)]
 
 
@@ -250,7 +252,7 @@ def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -
         gone = {k for at, before, after in lost for k in range(100 * at - before, 100 * at + after)}
         block = raw(k for k in range(1300) if k not in gone)
         details, full, unseen = (
-            walk([hello(), block], prompt=prompt, watched=watched)[0]
+            run_pipeline([hello(), block], prompt=prompt, watched=watched)[0]
             for prompt, watched in ((True, True), (False, True), (False, False))
         )
         assert ndjson(records_of(details)) == ndjson(records_of(full))

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from blocks import in_blocks, ndjson, of
+from device_stream_support import run_pipeline
 from fltea.records.block import Block
 from fltea.records.events import RawBlock
 from fltea.records.records import AnyRecord, Fit, Motion, Step
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import live
 from host_support import hello
-from walk_support import walk
 
 STEP, TURN, STOP, TILT, END = 5000, 5700, 6100, 6500, 7000
 SIGMA, SIZE = 2.0, 4.0
@@ -46,7 +46,7 @@ def details(items: Sequence[AnyRecord | Block]) -> list[Step | Motion]:
 
 
 def test_a_step_and_motion_are_told_with_time_and_size() -> None:
-    items, pipeline = walk([hello(), record()], live__period_s=5)
+    items, pipeline = run_pipeline([hello(), record()], live__period_s=5)
     step, turns, stops, tilts, lies = details(items)
     assert isinstance(step, Step)
     assert (step.axis, step.unit) == ("gyro_y", "deg/s")
@@ -79,7 +79,7 @@ def test_a_step_and_motion_are_told_with_time_and_size() -> None:
 
 
 def test_the_bias_is_known_again_after_all_of_it() -> None:
-    items, _ = walk([hello(), record()], live__period_s=5)
+    items, _ = run_pipeline([hello(), record()], live__period_s=5)
     bias, std, moving = (
         np.concatenate([getattr(block.tracked[0], name) for block in of(Block, items)])
         for name in ("bias", "bias_std", "moving")
@@ -96,12 +96,12 @@ def test_the_bias_is_known_again_after_all_of_it() -> None:
 def test_they_stand_behind_the_same_samples_in_any_cut(settings: dict[str, object]) -> None:
     changes = {"live__period_s": 5, "estimator__startup": 300} | settings
     block = record()
-    whole = ndjson(walk([hello(), block], **changes)[0])
+    whole = ndjson(run_pipeline([hello(), block], **changes)[0])
     assert any(b'"class":"motion"' in line for line in whole)
     cuts = [*range(0, END, 37), STEP + 20, TURN + 31, TURN + 32]
-    assert ndjson(walk([hello(), *in_blocks(block, cuts)], **changes)[0]) == whole
+    assert ndjson(run_pipeline([hello(), *in_blocks(block, cuts)], **changes)[0]) == whole
 
 
 def test_without_an_accelerometer_a_tilt_is_not_seen() -> None:
-    items, _ = walk([hello(), record(accel=False)], live__period_s=5)
+    items, _ = run_pipeline([hello(), record(accel=False)], live__period_s=5)
     assert [one.by for one in details(items) if isinstance(one, Motion)] == ["gyro_z", "gyro_z"]

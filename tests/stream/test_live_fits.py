@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import pytest
 from blocks import cuts, in_blocks, ndjson, of, records_of
+from device_stream_support import raw, run_pipeline
 from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown
@@ -20,7 +21,6 @@ from host_support import hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from walk_support import raw, walk
 
 
 def left_out(fit: Fit) -> int:
@@ -28,7 +28,7 @@ def left_out(fit: Fit) -> int:
 
 
 def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_counts_half_a_second_later() -> None:
-    items, _ = walk([hello(), raw(range(350))])
+    items, _ = run_pipeline([hello(), raw(range(350))])
     assert [(f.seq, f.samples, f.device_us, f.host_ns) for f in of(Fit, items)] == [
         (k, k + 1, k * 10_000, k * 10_000_000) for k in (99, 199, 299)
     ]
@@ -43,56 +43,56 @@ def test_a_fit_knows_all_until_the_last_sample_of_a_second_and_counts_half_a_sec
 
 @pytest.mark.parametrize(("period_s", "seqs"), [(0.5, [49, 99, 149]), (1.2, [119])])
 def test_the_period_is_a_setting(period_s: float, seqs: list[int]) -> None:
-    items, pipeline = walk([hello(), raw(range(180))], live__period_s=period_s)
+    items, pipeline = run_pipeline([hello(), raw(range(180))], live__period_s=period_s)
     assert [f.seq for f in of(Fit, items)] == seqs
     assert pipeline.stats().fit_period_s == period_s
 
 
 def test_it_can_be_switched_off() -> None:
-    items, pipeline = walk([hello(), raw(range(350))], live__on=False)
+    items, pipeline = run_pipeline([hello(), raw(range(350))], live__on=False)
     assert not of(Fit, items)
     assert [type(item) for item in pipeline.finish()] == [Stats]
     assert pipeline.stats().fit_period_s is None
 
 
 def test_fits_do_not_depend_on_how_many_samples_are_written() -> None:
-    whole, _ = walk([hello(), raw(range(350))])
-    thin, _ = walk([hello(), raw(range(350))], output__every=70)
+    whole, _ = run_pipeline([hello(), raw(range(350))])
+    thin, _ = run_pipeline([hello(), raw(range(350))], output__every=70)
     assert of(Fit, thin) == of(Fit, whole)
 
 
 @pytest.mark.parametrize("who", ["device", "both"])
 def test_the_axes_of_a_board_that_estimates_are_fitted_here(who: str) -> None:
-    items, _ = walk(events(Board().run(noise(360))), estimator__estimate_on=who)
+    items, _ = run_pipeline(events(Board().run(noise(360))), estimator__estimate_on=who)
     assert [f.samples for f in of(Fit, items)] == [100, 200, 300]
 
 
 def test_named_axes_of_both_sensors_are_fitted() -> None:
-    items, _ = walk([hello(), raw(range(160))], channels=["gyro_z", "accel_x"])
+    items, _ = run_pipeline([hello(), raw(range(160))], channels=["gyro_z", "accel_x"])
     (fit,) = of(Fit, items)
     assert {axis: one.unit for axis, one in fit.axes.items()} == {"gyro_z": "deg/s", "accel_x": "m/s^2"}
 
 
 def test_with_many_devices_the_default_period_is_longer() -> None:
     for devices, period_s, seqs in ((12, 1.0, [99, 199, 299]), (30, 2.5, [249])):
-        items, pipeline = walk([hello(), raw(range(380))], fit_worker=FitWorker(devices))
+        items, pipeline = run_pipeline([hello(), raw(range(380))], fit_worker=FitWorker(devices))
         assert pipeline.stats().fit_period_s == period_s
         assert [f.seq for f in of(Fit, items)] == seqs
-    items, _ = walk([hello(), raw(range(350))], fit_worker=FitWorker(50), live__period_s=1)
+    items, _ = run_pipeline([hello(), raw(range(350))], fit_worker=FitWorker(50), live__period_s=1)
     assert [f.seq for f in of(Fit, items)] == [99, 199, 299]
 
 
 def test_many_devices_have_turns_so_that_their_fits_do_not_come_together() -> None:
     found = []
     for number in range(6):
-        items, _ = walk([hello(), raw(range(800))], fit_worker=FitWorker(24), number=number)
+        items, _ = run_pipeline([hello(), raw(range(800))], fit_worker=FitWorker(24), number=number)
         seqs = [f.seq for f in of(Fit, items)]
         assert seqs[1] - seqs[0] == 200, "and each as often as before"
         found.append(seqs[0])
     assert found[0] == 199
     ends = [*sorted(found), found[0] + 200]
     assert min(b - a for a, b in itertools.pairwise(ends)) >= 18
-    items, _ = walk([hello(), raw(range(350))], fit_worker=FitWorker(2), number=1)
+    items, _ = run_pipeline([hello(), raw(range(350))], fit_worker=FitWorker(2), number=1)
     assert [f.seq for f in of(Fit, items)] == [99, 199, 299], "few need none"
 
 
@@ -178,7 +178,7 @@ def test_something_that_is_noticed_is_looked_at_within_the_second() -> None:
 
 
 def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
-    items, pipeline = walk([hello(), raw(range(1290))])
+    items, pipeline = run_pipeline([hello(), raw(range(1290))])
     drawn = [f.seq for f in of(Fit, items) if f.axes["gyro_x"].spectrum is not None]
     assert drawn == [99, 1099]
     last, stats = pipeline.finish()
@@ -190,7 +190,7 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
-    items, pipeline = walk([hello(), raw(range(100))])
+    items, pipeline = run_pipeline([hello(), raw(range(100))])
     assert not of(Fit, items)  # the fits of two axes are still to come
     assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
@@ -198,32 +198,32 @@ def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
 def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
     """This holds even if a fit of all samples, at the significance level for repeated tests, was just
     published."""
-    items, pipeline = walk([hello(), raw(range(100))], prompt=False)
+    items, pipeline = run_pipeline([hello(), raw(range(100))], prompt=False)
     before, last, _ = pipeline.finish()
     items.append(before)
     assert isinstance(last, Fit)
     assert last.axes["gyro_x"].text.endswith("at the end")
     assert [type(item) for item in pipeline.finish()] == [Stats]
     assert not any(fit.axes["gyro_x"].text.endswith("at the end") for fit in of(Fit, items))
-    _, pipeline = walk([hello(), raw(range(150))])
+    _, pipeline = run_pipeline([hello(), raw(range(150))])
     last, _ = pipeline.finish()
     assert isinstance(last, Fit)
     assert not last.axes["gyro_x"].text.endswith("at the end")
 
 
 def test_without_a_sample_there_is_no_last_fit() -> None:
-    _, pipeline = walk([hello()])
+    _, pipeline = run_pipeline([hello()])
     assert [type(item) for item in pipeline.finish()] == [Stats]
 
 
 def test_lost_samples_are_told_and_a_fit_that_was_due_among_them_comes_after_them() -> None:
-    items, _ = walk([hello(), raw([*range(95), *range(105, 260)])])
+    items, _ = run_pipeline([hello(), raw([*range(95), *range(105, 260)])])
     assert [(f.seq, f.samples, left_out(f)) for f in of(Fit, items)] == [(105, 96, 10), (199, 190, 10)]
 
 
 def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> None:
     again = replace(hello(), boot_id=9)
-    items, _ = walk([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 560))])
+    items, _ = run_pipeline([hello(), raw(range(150)), raw(range(250, 400)), again, raw(range(400, 560))])
     epochs = of(Epoch, items)
     assert [e.reason for e in epochs] == ["start", "gap", "restart"]
     assert [(f.epoch, f.seq, f.samples, left_out(f)) for f in of(Fit, items)] == [
@@ -238,12 +238,12 @@ def test_the_sums_go_on_over_a_long_gap_and_a_restart_of_the_same_sensor() -> No
 )
 def test_another_sensor_begins_again(changes: dict[str, object]) -> None:
     other: Hello = replace(hello(), boot_id=9, **changes)
-    items, _ = walk([hello(), raw(range(150)), LinkDown(1), other, raw(range(200, 360))])
+    items, _ = run_pipeline([hello(), raw(range(150)), LinkDown(1), other, raw(range(200, 360))])
     assert [(f.epoch, f.samples, left_out(f)) for f in of(Fit, items)] == [(1, 100, 0), (2, 100, 0)]
 
 
 def test_a_break_in_a_recording_breaks_the_stretch() -> None:
-    items, _ = walk([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 310))])
+    items, _ = run_pipeline([hello(), raw(range(150)), Break("discontinuity", 0), raw(range(150, 310))])
     assert [(f.samples, left_out(f)) for f in of(Fit, items)] == [(100, 0), (250, live.BREAK)]
 
 
@@ -252,7 +252,7 @@ def test_a_break_in_a_recording_breaks_the_stretch() -> None:
 
 @pytest.mark.parametrize("who", ["host", "device"])
 def test_estimates_say_what_the_newest_fit_before_their_sample_says(who: str) -> None:
-    items, _ = walk(events(Board().run(noise(460))), estimator__estimate_on=who)
+    items, _ = run_pipeline(events(Board().run(noise(460))), estimator__estimate_on=who)
     newest: Fit | None = None
     seen = set()
     for record in records_of(items):
@@ -272,7 +272,7 @@ def test_estimates_say_what_the_newest_fit_before_their_sample_says(who: str) ->
 
 
 def test_estimates_say_nothing_of_it_where_there_is_none() -> None:
-    items, _ = walk([hello(), raw(range(350))], live__on=False)
+    items, _ = run_pipeline([hello(), raw(range(350))], live__on=False)
     found = of(Estimate, records_of(items))
     assert len(found) == 330
     assert all(one.null_p is one.whiteness is None for r in found for one in r.axes.values())
@@ -282,7 +282,7 @@ def test_estimates_say_nothing_of_it_where_there_is_none() -> None:
 
 
 def saved() -> DeviceState:
-    _, pipeline = walk([hello(), raw(range(150))])
+    _, pipeline = run_pipeline([hello(), raw(range(150))])
     state = pipeline.save()
     assert state is not None
     assert state.gyro_fit is not None
@@ -291,14 +291,14 @@ def saved() -> DeviceState:
 
 
 def test_a_saved_fit_goes_on_with_a_break_for_the_time_between() -> None:
-    items, _ = walk([hello(), raw(range(400, 550))], saved())
+    items, _ = run_pipeline([hello(), raw(range(400, 550))], saved())
     assert [item.reason for item in of(Epoch, items)] == ["resumed"]
     (fit,) = of(Fit, items)
     assert (fit.samples, left_out(fit)) == (250, 250)
 
 
 def test_a_saved_fit_that_is_not_sound_is_refused_with_all_the_rest() -> None:
-    items, _ = walk([hello(), raw(range(400, 550))], replace(saved(), gyro_fit=b"nonsense"))
+    items, _ = run_pipeline([hello(), raw(range(400, 550))], replace(saved(), gyro_fit=b"nonsense"))
     (error,) = of(Error, items)
     assert error.kind == "state_unused"
     assert "no sums of a live fit" in error.message
@@ -308,7 +308,7 @@ def test_a_saved_fit_that_is_not_sound_is_refused_with_all_the_rest() -> None:
 def test_filters_that_are_refused_take_the_saved_fit_with_them() -> None:
     state = saved()
     assert state.gyro is not None
-    items, _ = walk(
+    items, _ = run_pipeline(
         [hello(), raw(range(400, 550))], replace(state, gyro=replace(state.gyro, engine=b"nonsense"))
     )
     assert [item.kind for item in of(Error, items)] == ["state_unused"]
@@ -316,7 +316,7 @@ def test_filters_that_are_refused_take_the_saved_fit_with_them() -> None:
 
 
 def test_another_memory_begins_again() -> None:
-    items, _ = walk([hello(), raw(range(400, 550))], saved(), live__memory="10min")
+    items, _ = run_pipeline([hello(), raw(range(400, 550))], saved(), live__memory="10min")
     (error,) = of(Error, items)
     assert "live.memory" in error.message
     assert of(Fit, items)[0].samples == 100
@@ -333,7 +333,7 @@ def test_true_fits_are_the_same_in_any_cut(places: list[int], lost: set[int]) ->
         block = raw(k for k in range(400) if k not in lost)
 
         def all_of(blocks: Iterable[Event]) -> list[bytes]:
-            items, pipeline = walk([hello(), *blocks], channels=["gyro_x"], live__period_s=1.5)
+            items, pipeline = run_pipeline([hello(), *blocks], channels=["gyro_x"], live__period_s=1.5)
             return ndjson([*of(Fit, items), *pipeline.finish()])
 
         whole = all_of([block])

@@ -6,6 +6,7 @@ import fltea
 import numpy as np
 import pytest
 from blocks import in_blocks, ndjson, of
+from device_stream_support import run_pipeline
 from fltea.records.arrays import Array
 from fltea.records.block import Block
 from fltea.records.events import RawBlock
@@ -14,7 +15,6 @@ from fltea.spectrum.live_axes import LONGEST_MOTION_S, LiveAxes
 from fltea.spectrum.octaves import Octaves
 from fltea.stream import live
 from host_support import hello
-from walk_support import walk
 
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000
@@ -56,7 +56,7 @@ def columns(items: list[AnyRecord | Block], name: str) -> Array:
 
 @pytest.mark.parametrize("kind", MOTIONS)
 def test_what_is_learnt_at_rest_is_known_after_motion(kind: str) -> None:
-    items, pipeline = walk([hello(), record(kind)], live__period_s=5)
+    items, pipeline = run_pipeline([hello(), record(kind)], live__period_s=5)
     moving, bias, std = (columns(items, name)[:, 0] for name in ("moving", "bias", "bias_std"))
     assert moving[REST:MOVES].mean() > 0.93  # motion is detected after a chunk or two
     assert not moving[:REST].any()
@@ -72,11 +72,11 @@ def test_what_is_learnt_at_rest_is_known_after_motion(kind: str) -> None:
 
 def test_motion_is_left_out_in_the_same_way_in_any_cut_and_after_any_snapshot() -> None:
     block = record("by hand").rows(REST - 1000, MOVES + 500)
-    whole, pipeline = walk([hello(), block], live__period_s=7)
+    whole, pipeline = run_pipeline([hello(), block], live__period_s=7)
     saved = pipeline.save()
     assert saved is not None
     for cuts in ((1, 2, 900, 1031, 1700, 2999, 3100), range(0, 3500, 97)):
-        items, other = walk([hello(), *in_blocks(block, cuts)], live__period_s=7)
+        items, other = run_pipeline([hello(), *in_blocks(block, cuts)], live__period_s=7)
         assert ndjson(of(Fit, items)) == ndjson(of(Fit, whole))
         for name in ("bias", "bias_std", "moving"):
             np.testing.assert_array_equal(columns(items, name), columns(whole, name))

@@ -7,6 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import as_block, of, records_of
+from device_stream_support import Source, small_config
 from engine_cases import ESTIMATES, reference_run
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import UsageError
@@ -15,7 +16,6 @@ from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Gap, Hello,
 from fltea.records.stats import DeviceStatus
 from fltea.sources.replay import ReplaySource
 from fltea.stream.pipeline import Pipeline
-from walk_support import Source, small_config
 
 PERIOD_NS = 10**7
 PRINTED = {"estimator__guard": "off", "estimator__variant": "triple"}

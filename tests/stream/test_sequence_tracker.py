@@ -5,7 +5,7 @@ from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 import pytest
-from blocks import Placed, cuts, place_all, place_one
+from blocks import Tracked, cuts, track_all, track_one
 from fltea.records.events import Break, LinkDown, RawSample
 from fltea.stream.decode import Decoder
 from host_support import hello
@@ -44,8 +44,8 @@ def heard(max_gap: int = ANY_GAP, **changes: object) -> Decoder:
     return decoder
 
 
-def deliver(decoder: Decoder, device: Device, indices: list[int]) -> list[Placed | None]:
-    return place_all(decoder, [device.sample(k) for k in indices])
+def deliver(decoder: Decoder, device: Device, indices: list[int]) -> list[Tracked | None]:
+    return track_all(decoder, [device.sample(k) for k in indices])
 
 
 devices = st.builds(
@@ -62,7 +62,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     decoder = heard()
     first_us = device.true_us(0, jitters[0])
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
-        placed = place_one(decoder, device.sample(k, jitter_us))
+        placed = track_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
         # the unwrapped values begin with those of the first sample, and then never wrap
         assert placed.seq - device.first_sequence == k
@@ -192,7 +192,7 @@ def test_what_begins_an_epoch_and_what_is_lost_before(
             decoder.on_hello(hello(**one))
         else:
             device, k = one if isinstance(one, tuple) else (Device(), one)
-            placed.append(place_one(decoder, device.sample(k)))
+            placed.append(track_one(decoder, device.sample(k)))
     used = [one for one in placed if one is not None]
     assert " ".join(one.new_epoch for one in used if one.new_epoch) == epochs
     assert f"{used[-1].seq} after {used[-1].missing}" == last
@@ -201,23 +201,23 @@ def test_what_begins_an_epoch_and_what_is_lost_before(
     assert decoder.counts.before_hello == len(placed) - len(used)
 
 
-def after_lost_reset(k_before: int, k_after: int) -> tuple[Decoder, RawSample, Placed | None]:
+def after_lost_reset(k_before: int, k_after: int) -> tuple[Decoder, RawSample, Tracked | None]:
     """Return samples around a reset whose HELLO is lost: counters restart, the host's clock runs on."""
     decoder = heard(max_gap=100)
     deliver(decoder, Device(), [k_before - 1, k_before])
     now_ns = (k_before + 30) * PERIOD_US * 1000
     raw = Device().sample(k_after)._replace(host_ns=now_ns)
-    return decoder, raw, place_one(decoder, raw)
+    return decoder, raw, track_one(decoder, raw)
 
 
 @pytest.mark.parametrize(("boot_id", "reason"), [(7, "discontinuity"), (8, "restart")])
 def test_reset_whose_hello_was_lost(boot_id: int, reason: str):
     decoder, raw, placed = after_lost_reset(50_000, 5)
     assert placed is None
-    assert place_one(decoder, raw) is None
+    assert track_one(decoder, raw) is None
     assert decoder.counts.before_hello == 2
     assert decoder.on_hello(hello(boot_id=boot_id))
-    again = place_one(decoder, Device().sample(7)._replace(host_ns=raw.host_ns))
+    again = track_one(decoder, Device().sample(7)._replace(host_ns=raw.host_ns))
     assert again is not None
     assert (again.new_epoch, again.seq, again.device_us) == (reason, 7, 70_000)
     assert (decoder.counts.delivered, decoder.counts.lost) == (3, 0)
@@ -241,13 +241,13 @@ def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
 def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, step: int, off_us: int):
     """A difference above 2 % and one period is always rejected, for any number of wraps."""
     decoder = heard(max_gap=50)
-    place_one(decoder, device.sample(0))
+    track_one(decoder, device.sample(0))
     raw = device.sample(step)
     time_us = (raw.device_us - device.first_us + off_us) % 2**32
     possible = range(raw.sequence - device.first_sequence, 2**32 // PERIOD_US + 65536, 65536)
     nearest_us = min(abs(time_us - n * PERIOD_US) - 0.02 * n * PERIOD_US for n in possible if n > 0)
     assume(abs(nearest_us - PERIOD_US) > 1)
-    placed = place_one(decoder, raw._replace(device_us=(raw.device_us + off_us) % 2**32))
+    placed = track_one(decoder, raw._replace(device_us=(raw.device_us + off_us) % 2**32))
     host_agrees = abs(time_us - step * PERIOD_US) <= MAX_HOST_DISAGREEMENT_US
     assert (placed is not None) == (nearest_us < PERIOD_US and host_agrees)
 
@@ -326,14 +326,14 @@ def test_blocks_of_any_cut_are_placed_as_one_by_one(
             places = data.draw(cuts(len(waiting)))
             begin = 0
             for end in [*sorted({cut for cut in places if 0 < cut < len(waiting)}), len(waiting)]:
-                got.extend(place_all(decoder, waiting[begin:end]))
+                got.extend(track_all(decoder, waiting[begin:end]))
                 begin = end
             waiting.clear()
 
     for item in device_stream(device, some):
         if isinstance(item, RawSample):
             waiting.append(item)
-            wanted.append(place_one(single, item))
+            wanted.append(track_one(single, item))
             continue
         deliver_waiting()
         boot, starts = boot + (item == "boot"), starts + (item == "sensor")

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from blocks import of, records_of
+from device_stream_support import raw, run_pipeline
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Alternating, Mean, Order, Part, Relaxation, White
@@ -20,7 +21,6 @@ from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tracking import SensorTracks
 from host_support import hello
 from numpy.typing import NDArray
-from walk_support import raw, walk
 
 H = 0.01
 LSB_DPS = 1 / 16.4
@@ -51,7 +51,7 @@ def accepted(
 
 
 def test_each_sample_has_its_bias_from_the_sixteenth_on() -> None:
-    items, _ = walk([hello(), raw(range(1300))], live__on=False)
+    items, _ = run_pipeline([hello(), raw(range(1300))], live__on=False)
     bias, std = column(items, "bias"), column(items, "bias_std")
     assert np.isnan(bias[:15]).all()
     assert np.isfinite(bias[16:]).all()
@@ -69,7 +69,7 @@ def test_whatever_a_fit_finds_is_tracked_or_leaves_what_was(part: Part) -> None:
 
 
 def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:
-    items, pipeline = walk([hello(), pushed(700, 900, 4000)])
+    items, pipeline = run_pipeline([hello(), pushed(700, 900, 4000)])
     moving, bias, std = (column(items, name)[:, 0] for name in ("moving", "bias", "bias_std"))
     assert moving[700:900].all()
     assert not moving[:700].any()
@@ -92,7 +92,7 @@ def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:
 
 
 def test_a_given_bias_is_the_offset() -> None:
-    items, _ = walk([hello(), raw(range(1300))], estimator__bias=[3 * LSB_DPS, -40 * LSB_DPS, 0.0])
+    items, _ = run_pipeline([hello(), raw(range(1300))], estimator__bias=[3 * LSB_DPS, -40 * LSB_DPS, 0.0])
     state, bias = column(items, "state"), column(items, "bias")
     assert np.allclose(bias[20:] - state[20:], np.array([3, -40, 0]) * LSB_DPS)
 
@@ -108,9 +108,9 @@ def test_a_saved_tracker_goes_on_to_the_bit() -> None:
 
 
 def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
-    whole, _ = walk([hello(), raw(range(1300))], prompt=False, live__on=False)
-    _, pipeline = walk([hello(), raw(range(700))], prompt=False, live__on=False)
-    rest, _ = walk([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
+    whole, _ = run_pipeline([hello(), raw(range(1300))], prompt=False, live__on=False)
+    _, pipeline = run_pipeline([hello(), raw(range(700))], prompt=False, live__on=False)
+    rest, _ = run_pipeline([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
     expected, found = column(whole, "bias")[700:], column(rest, "bias")
     # The tracker bridges the time between snapshot and restart by zero or one sample.
     assert np.allclose(found, expected, atol=0.05 * column(whole, "bias_std")[700:].max())
@@ -212,7 +212,7 @@ def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPa
 
 
 def test_without_a_live_fit_the_walks_go_on() -> None:
-    items, pipeline = walk([hello(), raw(range(1300))], live__on=False)
+    items, pipeline = run_pipeline([hello(), raw(range(1300))], live__on=False)
     stats = pipeline.stats()
     assert isinstance(stats, Stats)
     tracker = stats.axes["gyro_x"].tracker
@@ -222,7 +222,7 @@ def test_without_a_live_fit_the_walks_go_on() -> None:
 
 
 def test_corrected_rates_are_samples_less_their_biases() -> None:
-    items, _ = walk([hello(), pushed(700, 900, 4000)], output__corrected=True, output__every=3)
+    items, _ = run_pipeline([hello(), pushed(700, 900, 4000)], output__corrected=True, output__every=3)
     records = records_of(items)
     found = of(Corrected, records)
     samples = {one.seq: one for one in of(Sample, records)}
@@ -241,5 +241,5 @@ def test_corrected_rates_are_samples_less_their_biases() -> None:
 
 
 def test_without_being_asked_for_there_are_no_corrected_rates() -> None:
-    items, _ = walk([hello(), raw(range(300))])
+    items, _ = run_pipeline([hello(), raw(range(300))])
     assert not of(Corrected, records_of(items))

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from blocks import ndjson, of, records_of
+from device_stream_support import raw, run_pipeline
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.filter_model import FilterModel
 from fltea.records.block import Block
@@ -22,7 +23,6 @@ from fltea.stream.tuning import handed_over
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
-from walk_support import raw, walk
 
 from tools.validation.evaluate.cases import Case, H, samples
 
@@ -88,9 +88,9 @@ def test_what_has_moved_by_less_than_a_tenth_of_its_interval_stays(s2: float, R:
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
     """The filters equal those of a bank that the test itself tunes."""
-    items, pipeline = walk([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
+    items, pipeline = run_pipeline([hello(), raw(range(830))], estimator__variant=variant, **TUNED)
     found = {r.seq: r.axes for r in of(Estimate, records_of(items))}
-    by_hand = walk([hello()], estimator__variant=variant)[1]._config.estimator
+    by_hand = run_pipeline([hello()], estimator__variant=variant)[1]._config.estimator
     bank = Bank(("gyro_x", "gyro_y", "gyro_z"), by_hand, 0.01, 1 / 16.4)
     y = raw(range(830)).gyro / 16.4
     bank.run(y[:20])
@@ -124,7 +124,7 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
 def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_are_white(
     tuning: str,
 ) -> None:
-    items, pipeline = walk([hello(), raw(range(900))], estimator__tuning=tuning)
+    items, pipeline = run_pipeline([hello(), raw(range(900))], estimator__tuning=tuning)
     columns = [one.estimates[0] for one in items if isinstance(one, Block) and one.estimates]
     accepted = np.concatenate([one.settled for one in columns])
     assert not accepted[:199].any()
@@ -165,21 +165,21 @@ def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"
 
 
 def test_by_default_the_filters_are_as_at_the_start() -> None:
-    _, pipeline = walk([hello(), raw(range(800))], estimator__tuning="startup")
+    _, pipeline = run_pipeline([hello(), raw(range(800))], estimator__tuning="startup")
     for one in pipeline.stats().axes.values():
         assert (one.Q_in_use, one.tuned) == (0.15, False)
 
 
 def test_without_a_fit_nothing_is_tuned() -> None:
-    _, pipeline = walk([hello(), raw(range(400))], live__on=False, **TUNED)
+    _, pipeline = run_pipeline([hello(), raw(range(400))], live__on=False, **TUNED)
     assert not any(one.tuned for one in pipeline.stats().axes.values())
 
 
 def test_a_saved_walk_goes_on_tuned() -> None:
-    _, pipeline = walk([hello(), raw(range(800))], **TUNED)
+    _, pipeline = run_pipeline([hello(), raw(range(800))], **TUNED)
     before = pipeline.stats().axes
     assert any(one.tuned for one in before.values())
-    _, after = walk([hello(), raw(range(820, 830))], pipeline.save(), **TUNED)
+    _, after = run_pipeline([hello(), raw(range(820, 830))], pipeline.save(), **TUNED)
     for axis, one in after.stats().axes.items():
         then = before[axis]
         assert (one.Q_in_use, one.R_in_use, one.tuned) == (then.Q_in_use, then.R_in_use, then.tuned)
@@ -194,7 +194,7 @@ def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", LiveAxes)
         (run, a), (replay, _), (alone, b) = (
-            walk([hello(), block], prompt=prompt, watched=watched, **TUNED)
+            run_pipeline([hello(), block], prompt=prompt, watched=watched, **TUNED)
             for prompt, watched in ((True, True), (False, True), (False, False))
         )
     assert len(of(Fit, run)) > 80

@@ -3,18 +3,18 @@
 from itertools import pairwise
 
 from blocks import cuts, in_blocks, ndjson, of
+from device_stream_support import raw, run_pipeline
 from fltea.records.records import Stats
 from fltea.stream.fit_worker import FitWorker
 from host_support import hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from walk_support import raw, walk
 
 SECOND_NS, PERIOD_NS = 10**9, 10**7
 
 
 def times_ns(devices: int, number: int) -> list[int]:
-    items, _ = walk([hello(), raw(range(450))], fit_worker=FitWorker(devices), number=number)
+    items, _ = run_pipeline([hello(), raw(range(450))], fit_worker=FitWorker(devices), number=number)
     return [one.host_ns for one in of(Stats, items)]
 
 
@@ -35,6 +35,6 @@ def test_of_few_devices_all_come_with_the_second() -> None:
 @settings(max_examples=25, deadline=None)
 def test_they_do_not_depend_on_how_samples_were_put_together(places: list[int], number: int) -> None:
     block = raw(range(450))
-    whole, _ = walk([hello(), block], fit_worker=FitWorker(31), number=number)
-    cut, _ = walk([hello(), *in_blocks(block, places)], fit_worker=FitWorker(31), number=number)
+    whole, _ = run_pipeline([hello(), block], fit_worker=FitWorker(31), number=number)
+    cut, _ = run_pipeline([hello(), *in_blocks(block, places)], fit_worker=FitWorker(31), number=number)
     assert ndjson(cut) == ndjson(whole)

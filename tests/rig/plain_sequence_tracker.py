@@ -1,6 +1,6 @@
 """Track a sample's sequence number and device time without wrap-around, and the samples lost before it.
 
-The rules are those of protocol/README.md. `plain_walk` explains the steps before and after.
+The rules are those of protocol/README.md. `plain_device_stream` has the steps before and after.
 """
 
 from typing import NamedTuple
@@ -24,7 +24,7 @@ LONGEST_GAP = 1_000_000
 """Largest number of samples that a gap may bridge, whatever `link.max_gap` says."""
 
 
-class Placed(NamedTuple):
+class Tracked(NamedTuple):
     """Number and device time of a sample, number of samples lost before it, and why it begins an epoch."""
 
     seq: int
@@ -83,8 +83,8 @@ class RateWatch:
         return found
 
 
-class Place:
-    """Finds the sequence position of samples, and counts what became of all that came
+class PlainSequenceTracker:
+    """Numbers samples without wraps, and counts what became of all that came
     (protocol/README.md)."""
 
     def __init__(self, config: Config) -> None:
@@ -135,8 +135,8 @@ class Place:
         if self._reason in (None, "sensor_restart"):
             self._reason = reason
 
-    def place(self, raw: RawSample) -> Placed | None:
-        """Return the sequence position of a sample; None for a sample that cannot be used."""
+    def track(self, raw: RawSample) -> Tracked | None:
+        """Return number and device time of a sample; None for a sample that cannot be used."""
         last, hello, reason = self._last, self.hello, self._reason
         if self.contradicts:
             self.rate_differs += 1
@@ -149,9 +149,9 @@ class Place:
                 self._compare(raw)
             return None
         if last is None or reason not in (None, "sensor_restart"):  # earlier samples have no effect any more
-            return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason))
+            return self._used(raw, Tracked(raw.sequence, raw.device_us, 0, reason))
         if raw.host_ns - last.host_ns > LONGEST_SILENCE_NS:
-            return self._used(raw, Placed(raw.sequence, raw.device_us, 0, reason or "silence"))
+            return self._used(raw, Tracked(raw.sequence, raw.device_us, 0, reason or "silence"))
 
         elapsed_us = (raw.device_us - last.device_us) % 2**32
         if elapsed_us == 0 and raw.sequence == last.sequence:
@@ -170,14 +170,14 @@ class Place:
         self.gaps += missing > 0
         if reason is None and missing > min(in_samples(self._max_gap, hello.rate_hz, 1), LONGEST_GAP):
             reason = "gap"
-        return self._used(raw, Placed(self._seq + steps, self._device_us + elapsed_us, missing, reason))
+        return self._used(raw, Tracked(self._seq + steps, self._device_us + elapsed_us, missing, reason))
 
-    def _used(self, raw: RawSample, placed: Placed) -> Placed:
+    def _used(self, raw: RawSample, tracked: Tracked) -> Tracked:
         self.delivered += 1
         self._last, self._reason = raw, None
-        self._seq, self._device_us = placed.seq, placed.device_us
+        self._seq, self._device_us = tracked.seq, tracked.device_us
         self._compare(raw)
-        return placed
+        return tracked
 
     def _compare(self, raw: RawSample) -> str | None:
         found = self._watch.add(raw.sequence, raw.device_us, 1e6 / self._rate_hz)

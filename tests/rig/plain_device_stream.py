@@ -1,15 +1,15 @@
 """Process samples as the host does, in plain Python, one sample at a time, from top to bottom.
 
-This module is the oracle of `fltea.stream.pipeline`, and shows the steps of the pipeline. `PlainWalk.feed`
-takes a sample, and then
+This module is the oracle of `fltea.stream.pipeline`, and shows the steps of the pipeline.
+`PlainDeviceStream.feed` takes a sample, and then
 
-1. `plain_place.SequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples;
+1. `PlainSequenceTracker` gives it its number and its device time, unwrapped, and counts lost samples;
 2. `one_by_one.Timebase` gives it its host time, from a straight line fitted to the earliest arrivals of ten
 minutes;
 3. `in_units` converts its counts into deg/s, m/s² and °C, by the scales of the newest HELLO;
 4. `plain_tracks.SensorTracks` estimates the bias of each axis, and detects motion of the sensor;
 5. `plain_sensor.Sensor` computes bias and R from the first samples, and filters all later ones;
-6. `PlainWalk` yields the resulting records, in order, and statistics once a second.
+6. `PlainDeviceStream` yields the resulting records, in order, and statistics once a second.
 
 The oracle has no live fits, and no boards that estimate.
 """
@@ -42,10 +42,9 @@ from fltea.records.stats import DeviceStatus, SampleStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from one_by_one import Timebase
-from plain_place import LONGEST_SILENCE_NS, Place, steps_between
 from plain_sensor import Loss, Sensor, Vector
-from plain_tracks import Place as Stated
-from plain_tracks import SensorTracks, with_tracks
+from plain_sequence_tracker import LONGEST_SILENCE_NS, PlainSequenceTracker, steps_between
+from plain_tracks import SampleTimes, SensorTracks, with_tracks
 
 SECOND_NS = 10**9
 MINUTE_NS = 60 * SECOND_NS
@@ -83,7 +82,7 @@ class Saved(NamedTuple):
     tracks: dict[str, SensorTracks]
 
 
-class PlainWalk:
+class PlainDeviceStream:
     """Turns the events of one source into records.
 
     `stats_s`: time between two statistics [s]. `watched`: whether the records are read live; otherwise
@@ -102,7 +101,7 @@ class PlainWalk:
         self._source, self._config, self._saved, self._watched = source, config, saved, watched
         self._stats_ns = stats_s * SECOND_NS
         self._stats_due_ns: int | None = None
-        self._place = Place(config)
+        self._sequence = PlainSequenceTracker(config)
         self._timebase: Timebase | None = None
         self._epoch = self._now_ns = 0
         # fixed for each epoch, so that a date set later does not change the epoch's times
@@ -123,13 +122,13 @@ class PlainWalk:
             return
         yield from self._on_time(host_ns_of(event))
         match event:
-            case Hello() if self._place.on_hello(event):
+            case Hello() if self._sequence.on_hello(event):
                 yield msgspec.structs.replace(event, host_ns=self._unix_ns, device=self._config.name)
             case LinkDown():
-                self._place.on_link_down()
+                self._sequence.on_link_down()
                 self._board = None
             case Break(reason):
-                self._place.on_break(reason)
+                self._sequence.on_break(reason)
             case DeviceStatus():
                 self._board = event
             case Trouble(kind, message):
@@ -151,10 +150,10 @@ class PlainWalk:
         self._stats_due_ns = (self._now_ns // self._stats_ns + 1) * self._stats_ns
 
     def _on_sample(self, raw: RawSample) -> Iterator[AnyRecord]:
-        placed, hello = self._place.place(raw), self._place.hello
-        if placed is None or hello is None:
+        tracked, hello = self._sequence.track(raw), self._sequence.hello
+        if tracked is None or hello is None:
             return
-        seq, device_us, missing, reason = placed
+        seq, device_us, missing, reason = tracked
         gyro_dps, accel_ms2, temperature_c = in_units(raw, hello)
         resumed_after_s = None
         if reason is not None:
@@ -171,7 +170,7 @@ class PlainWalk:
         if missing:  # published in the epoch that lacks the samples, even if it ends here
             of_epoch = self._epoch - (reason is not None)
             yield Gap(seq - missing, missing, of_epoch, host_ns, device=device)
-        place = Stated(seq, self._epoch, device_us, host_ns)
+        times = SampleTimes(seq, self._epoch, device_us, host_ns)
         if reason is not None:
             info = {sensor.unit: sensor.info() for sensor in self._sensors}
             of_both = info.get(GYRO_UNIT), info.get(ACCEL_UNIT)
@@ -193,14 +192,14 @@ class PlainWalk:
         self._newest = raw
         is_due = seq % self._config.output.every == 0
         if is_due:
-            yield Sample(*place, gyro_dps, accel_ms2, temperature_c, raw.flags, device=device)
-        yield from self._estimate(place, gyro_dps, accel_ms2, is_due=is_due)
-        if self._place.news:
-            self._place.news = False
+            yield Sample(*times, gyro_dps, accel_ms2, temperature_c, raw.flags, device=device)
+        yield from self._estimate(times, gyro_dps, accel_ms2, is_due=is_due)
+        if self._sequence.news:
+            self._sequence.news = False
             yield self._error("rate_differs", "rate_differs")
 
     def _estimate(
-        self, place: Stated, gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
+        self, times: SampleTimes, gyro_dps: Vector, accel_ms2: Vector | None, *, is_due: bool
     ) -> Iterator[AnyRecord]:
         """Run trackers and filters on a sample.
 
@@ -218,7 +217,7 @@ class PlainWalk:
                 continue
             tracks = self._tracks[sensor.unit]
             tracked = tracks.take(values, accel_ms2 if sensor.unit == GYRO_UNIT else None)
-            happened += tracks.happened(place, self._config.name)
+            happened += tracks.happened(times, self._config.name)
             filled = sensor.startup_remaining == 1
             found, lost_of_sensor = sensor.take(values)
             variant = variant or (sensor.config.variant if found else "")
@@ -226,7 +225,7 @@ class PlainWalk:
             lost += lost_of_sensor
             full += [sensor] if filled else []
         if axes and is_due:
-            yield Estimate(*place, variant, axes, device=self._config.name)
+            yield Estimate(*times, variant, axes, device=self._config.name)
         yield from self._lost(sorted(lost))
         yield from happened
         for axis in (axis for sensor in full for axis in sensor.constant_axes):
@@ -295,7 +294,7 @@ class PlainWalk:
 
     def stats(self) -> Stats:
         """Return the statistics so far."""
-        place, timebase = self._place, self._timebase
+        sequence, timebase = self._sequence, self._timebase
         tracker = {axis: stats for one in self._tracks.values() for axis, stats in one.stats()}
         return Stats(
             epoch=self._epoch,
@@ -305,12 +304,12 @@ class PlainWalk:
             startup_remaining=max((one.startup_remaining for one in self._sensors), default=0),
             link=self._source.link_stats(),
             sample_counts=SampleStats(
-                place.delivered,
-                place.lost,
-                place.gaps,
-                place.duplicates,
-                place.before_hello,
-                place.rate_differs,
+                sequence.delivered,
+                sequence.lost,
+                sequence.gaps,
+                sequence.duplicates,
+                sequence.before_hello,
+                sequence.rate_differs,
             ),
             axes={
                 axis: msgspec.structs.replace(stats, tracker=tracker[axis])
@@ -328,7 +327,7 @@ class PlainWalk:
         """
         if self._saved is not None:  # an earlier run's snapshot, which has not been used yet
             return self._saved
-        hello, newest = self._place.hello, self._newest
+        hello, newest = self._sequence.hello, self._newest
         if hello is None or newest is None or not self._sensors:
             return None
         if any(one.baseline is None or one.constant_axes for one in self._sensors):

@@ -56,7 +56,7 @@ def reads(sizes: Iterable[int]) -> Iterator[Event]:
         begin += size
 
 
-def walk(
+def run_pipeline(
     found: Iterable[Event],
     state: DeviceState | None = None,
     *,

@@ -7,6 +7,7 @@ import msgspec
 import pytest
 from acted_device import ACTS, Act, Birth, Device, acts, births
 from blocks import of, records_of
+from device_stream_support import NO_FILTERS, PLAIN, SMALL, Source
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import AnyRecord, AxisEstimate, Epoch, Estimate, Motion, Stats, Step
@@ -14,10 +15,9 @@ from fltea.settings.config import Config, load_config
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_walk import PlainWalk
+from plain_device_stream import PlainDeviceStream
 from same_records import assert_same
 from tiers import slow, slow_but
-from walk_support import NO_FILTERS, PLAIN, SMALL, Source
 
 WINDOW = SMALL["estimator.window"]
 
@@ -25,7 +25,7 @@ WINDOW = SMALL["estimator.window"]
 def both(
     source: Source, events: Iterable[Event], chosen: Config, **how: Any
 ) -> tuple[list[AnyRecord], list[AnyRecord]]:
-    pipeline, plain = Pipeline(source, chosen, **how), PlainWalk(source, chosen, **how)
+    pipeline, plain = Pipeline(source, chosen, **how), PlainDeviceStream(source, chosen, **how)
     found: list[AnyRecord | Block] = []
     expected: list[AnyRecord] = []
     for event in events:
@@ -35,7 +35,7 @@ def both(
 
 
 @pytest.mark.parametrize("examples", [30, slow(400)])
-def test_place_time_units_and_counts_are_those_of_the_plain_walk(examples: int) -> None:
+def test_number_time_units_and_counts_are_those_of_the_oracle(examples: int) -> None:
     @given(births, acts(32, 60), st.integers(1, 3))
     @settings(max_examples=examples)
     def holds(birth: Birth, some: list[Act], stats_s: int) -> None:
@@ -82,7 +82,7 @@ SETTINGS: list[dict[str, Any]] = [
 
 
 @pytest.mark.parametrize("examples", [30, slow(400)])
-def test_estimates_are_those_of_the_plain_walk(examples: int) -> None:
+def test_estimates_are_those_of_the_oracle(examples: int) -> None:
     @given(births, acts(16, 60), st.sampled_from(SETTINGS))
     @settings(max_examples=examples)
     def holds(birth: Birth, some: list[Act], changes: dict[str, Any]) -> None:
@@ -108,7 +108,7 @@ EVENTFUL = [
 
 
 @pytest.mark.parametrize("changes", [{}, {"channels": ["gyro_y", "gyro_z", "accel_x", "accel_z"]}])
-def test_a_step_a_knock_and_a_turn_are_those_of_the_plain_walk(changes: dict[str, Any]) -> None:
+def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(changes: dict[str, Any]) -> None:
     source = Source(unix_offset_ns=10**18)
     events = Device(source, Birth(65_000, 2**32 - 10**7)).does(EVENTFUL)
     found, expected = both(source, events, load_config(None, PLAIN | changes))
@@ -143,7 +143,7 @@ def with_snapshot(
 
     `reset`: the device was reset, so that only the time tells how many samples were lost.
     """
-    first, plain = Pipeline(source, chosen), PlainWalk(source, chosen)
+    first, plain = Pipeline(source, chosen), PlainDeviceStream(source, chosen)
     pipeline = first
     found = Resumed([], [], [])
     came = 0
@@ -158,7 +158,10 @@ def with_snapshot(
                     list(first.feed(one)), list(plain.feed(one))
                 state, saved = first.save(), plain.save()
                 assert (state is None) == (saved is None)
-                pipeline, plain = Pipeline(source, chosen, state=state), PlainWalk(source, chosen, saved)
+                pipeline, plain = (
+                    Pipeline(source, chosen, state=state),
+                    PlainDeviceStream(source, chosen, saved),
+                )
                 now_ns = int(event.host_ns[min(after, n - 1)])
                 boot_id = (device.hello.boot_id or 0) + reset
                 greeting = msgspec.structs.replace(device.hello, host_ns=now_ns, boot_id=boot_id)
@@ -212,7 +215,7 @@ def check_snapshot(
 
 
 @pytest.mark.parametrize("examples", [30, slow(400)])
-def test_a_snapshot_at_any_sample_goes_on_as_the_plain_walk_and_as_if_nothing_had_been(examples: int) -> None:
+def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_been(examples: int) -> None:
     """Estimates continue, and so do biases with all of the tracker's state; the clock fit starts over."""
     common = []
 
