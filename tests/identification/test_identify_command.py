@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from bag_support import even, write_bag
-from fltea.cli.identify import parse_notch
+from fltea.cli.identify_options import parse_notch
 from fltea.identification.model_file import read_models
 from fltea.records.errors import UsageError
 from host_support import fltea, fltea_here

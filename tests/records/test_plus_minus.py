@@ -19,7 +19,7 @@ OTHERS = {
     "records/plus_minus.py": (4, "the place where it is made"),
     "archive/info.py": (1, RANGE),
     "cli/app.py": (1, RANGE),
-    "cli/identify.py": (7, f"a band of frequencies; {TARGET}"),
+    "cli/identify_options.py": (7, f"a band of frequencies; {TARGET}"),
     "fleet/page.js": (1, "1.96 σ, as in the code before it"),
     "identification/comparison.py": (3, "half of a 95 % interval"),
     "identification/data_sheet.py": (2, RANGE),

@@ -2,11 +2,13 @@
 
 import signal
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fltea.cli.option_groups import takes_groups
 from fltea.cli.output import escaped, say
 from fltea.cli.setting_flags import ConfigFile, takes_settings
 from fltea.cli.standard_output import silence_stdout
@@ -19,7 +21,8 @@ from fltea.settings.outputs import is_loopback, listen_address
 if TYPE_CHECKING:
     from tornado.ioloop import IOLoop
 
-    from fltea.fleet.program import Fleet
+    from fltea.fleet.program import Fleet, Plan
+    from fltea.settings.mqtt import MqttConfig
 
 SETTLED_S = 1.0
 """Time without a message after which the broker is taken to have sent all retained messages [s]."""
@@ -28,38 +31,68 @@ FIRST_S = 10.0
 """Longest wait for the broker's answer with --json [s]."""
 
 
-@takes_settings([], only=("mqtt.",))
-def fleet(
-    settings: dict[str, Any],
-    mqtt: Annotated[
-        str | None,
-        typer.Option("--mqtt", metavar="BROKER", help="HOST, HOST:PORT, `mqtt://…` or `mqtts://…` (TLS)."),
-    ] = None,
+@dataclass(frozen=True)
+class PageOptions:
+    """Where the page is, and who may see it."""
+
     listen: Annotated[
         str,
         typer.Option(
             metavar="[HOST:]PORT", help="Address of the page; without a host for this machine only."
         ),
-    ] = "5007",
+    ] = "5007"
     password_file: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE",
             help="File with one line, USER:PASSWORD, that the page asks for; not readable by others.",
         ),
-    ] = None,
+    ] = None
     no_password: Annotated[
         bool,
         typer.Option("--no-password", help="Let everybody in, also from other machines."),
-    ] = False,
+    ] = False
     name: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME", help="A further host name that browsers may use, such as a proxy's."),
-    ] = None,
+    ] = None
+
+    def address(self) -> tuple[str, int]:
+        """Return host and port.
+
+        Raises:
+            UsageError: the text is no address.
+        """
+        try:
+            return listen_address(self.listen)
+        except ValueError as error:
+            raise UsageError(f"--listen {self.listen}: {error}.") from error
+
+    def password(self, host: str) -> str | None:
+        """Return USER:PASSWORD that the page on `host` asks for; None: it asks for none.
+
+        Raises:
+            UsageError: the file cannot be used, or the page would be open to others by mistake.
+        """
+        if self.password_file is not None:
+            return ":".join(read_login("--password-file", self.password_file))
+        if not self.no_password and not is_loopback(host):
+            raise UsageError(
+                f"--listen {self.listen}: others could see the page without a password. Give "
+                "--password-file FILE (and put a proxy with TLS in front), or --no-password if everybody may "
+                "see it."
+            )
+        return None
+
+
+@dataclass(frozen=True)
+class HistoryOptions:
+    """Where the history is kept, and for how long."""
+
     history: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Keep the history in this SQLite file; default: in memory."),
-    ] = None,
+    ] = None
     postgres: Annotated[
         str | None,
         typer.Option(
@@ -67,33 +100,58 @@ def fleet(
             help="Keep the history in PostgreSQL: `postgresql://USER@HOST/DATABASE`; the password comes from "
             "PGPASSWORD or ~/.pgpass.",
         ),
-    ] = None,
+    ] = None
     history_every: Annotated[
         str,
         typer.Option(
             metavar="TIME", help="Time between fits of an axis that are kept; changes of verdict always are."
         ),
-    ] = "10min",
-    keep: Annotated[
-        str, typer.Option(metavar="TIME", help="How long history and sensors are kept.")
-    ] = "720h",
+    ] = "10min"
+    keep: Annotated[str, typer.Option(metavar="TIME", help="How long history and sensors are kept.")] = "720h"
+
+
+@dataclass(frozen=True)
+class SensorOptions:
+    """When a sensor is silent, when all are compared, and how many there may be."""
+
     silent_after: Annotated[
         str, typer.Option(metavar="TIME", help="A sensor that sends nothing for this time is silent.")
-    ] = "90s",
+    ] = "90s"
     look_every: Annotated[
         str, typer.Option(metavar="TIME", help="Time between comparisons of all sensors.")
-    ] = "5s",
+    ] = "5s"
     most: Annotated[
         int, typer.Option("--max-sensors", help="Most sensors that are kept; further ones are counted.")
-    ] = 20_000,
+    ] = 20_000
+
+
+@dataclass(frozen=True)
+class PrintOptions:
+    """What is printed instead of a page."""
+
     json: Annotated[
         bool,
         typer.Option("--json", help="Print the fleet as one line of JSON, without a page, and end."),
-    ] = False,
+    ] = False
     every: Annotated[
         str | None,
         typer.Option(metavar="TIME", help="With --json: print a line once in this time instead of ending."),
+    ] = None
+
+
+@takes_settings([], only=("mqtt.",))
+@takes_groups
+def fleet(
+    settings: dict[str, Any],
+    *,
+    mqtt: Annotated[
+        str | None,
+        typer.Option("--mqtt", metavar="BROKER", help="HOST, HOST:PORT, `mqtt://…` or `mqtts://…` (TLS)."),
     ] = None,
+    page: PageOptions,
+    kept: HistoryOptions,
+    sensors: SensorOptions,
+    printed: PrintOptions,
     export: Annotated[
         Path | None,
         typer.Option(
@@ -116,54 +174,56 @@ def fleet(
         fltea fleet --history fleet.db --export history.parquet
     """
     if export is not None:
-        if mqtt is not None or json or every is not None:
+        if mqtt is not None or printed.json or printed.every is not None:
             raise UsageError(
                 "--export reads a history and asks no broker: leave --mqtt, --json and --every out."
             )
-        _export(history, postgres, export)
+        _export(kept.history, kept.postgres, export)
         return
+    plan = _plan(_broker(settings, mqtt, config), kept, sensors)
+    every_s = None if printed.every is None else _seconds("--every", printed.every)
+    if kept.postgres is not None and kept.history is not None:
+        raise UsageError("give --history or --postgres, not both.")
+    if every_s is not None and not printed.json:
+        raise UsageError("--every needs --json.")
+    from fltea.fleet.program import Fleet
+
+    if printed.json:
+        _print(Fleet(plan, say), every_s)
+        return
+    host, port = page.address()
+    password = page.password(host)
+    _serve(Fleet(plan, say), host, port, page.name or [], password)
+
+
+def _broker(settings: dict[str, Any], mqtt: str | None, config: Path | None) -> "MqttConfig":
     from fltea.settings.config import load_config
 
     broker = {} if mqtt is None else {"mqtt.broker": mqtt}
     chosen = load_config(config, settings | broker).mqtt
     if chosen.broker is None:
         raise UsageError("no broker is named: give --mqtt HOST, or broker in the table [mqtt] of --config.")
+    return chosen
+
+
+def _plan(broker: "MqttConfig", kept: HistoryOptions, sensors: SensorOptions) -> "Plan":
     load("paho.mqtt.client", "paho", "fleet", "fltea fleet needs")
     load("tornado.web", "tornado", "fleet", "fltea fleet needs")
     load("prometheus_client", "prometheus_client", "fleet", "fltea fleet needs")
-    from fltea.fleet.program import Fleet, Plan
+    from fltea.fleet.program import Plan
 
-    if most < 1:
+    if sensors.most < 1:
         raise UsageError("--max-sensors: give 1 or more.")
-    plan = Plan(
-        chosen,
-        history,
-        postgres,
-        _seconds("--history-every", history_every),
-        _seconds("--keep", keep),
-        _seconds("--silent-after", silent_after),
-        _seconds("--look-every", look_every),
-        most,
+    return Plan(
+        broker,
+        kept.history,
+        kept.postgres,
+        _seconds("--history-every", kept.history_every),
+        _seconds("--keep", kept.keep),
+        _seconds("--silent-after", sensors.silent_after),
+        _seconds("--look-every", sensors.look_every),
+        sensors.most,
     )
-    every_s = None if every is None else _seconds("--every", every)
-    if postgres is not None and history is not None:
-        raise UsageError("give --history or --postgres, not both.")
-    if every_s is not None and not json:
-        raise UsageError("--every needs --json.")
-    if json:
-        _print(Fleet(plan, say), every_s)
-        return
-    try:
-        host, port = listen_address(listen)
-    except ValueError as error:
-        raise UsageError(f"--listen {listen}: {error}.") from error
-    password = None if password_file is None else ":".join(read_login("--password-file", password_file))
-    if password is None and not no_password and not is_loopback(host):
-        raise UsageError(
-            f"--listen {listen}: others could see the page without a password. Give --password-file FILE "
-            "(and put a proxy with TLS in front), or --no-password if everybody may see it."
-        )
-    _serve(Fleet(plan, say), host, port, name or [], password)
 
 
 def _serve(running: "Fleet", host: str, port: int, names: list[str], password: str | None) -> None:

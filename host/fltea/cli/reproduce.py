@@ -1,11 +1,13 @@
 """The commands `fltea reproduce` and `fltea bench`."""
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from fltea.cli.option_groups import takes_groups
 from fltea.cli.output import AsJson, escaped, print_result, progress_bar, say
 from fltea.cli.setting_flags import takes_settings
 from fltea.records.errors import UsageError
@@ -14,22 +16,24 @@ from fltea.settings.config import load_config
 if TYPE_CHECKING:
     from fltea.lab.reproduce.request import Request
     from fltea.lab.reproduce.runs import Options
+    from fltea.lab.reproduce.scenarios import SawTooth
 
 DEFAULT_SEEDS = 1000
 READINGS_SEEDS = 32
 
 
-@takes_settings(["replay.columns", "replay.units", "replay.rate_hz"], only=())
-def reproduce(
-    settings: dict[str, Any],
+@dataclass(frozen=True)
+class WantedOptions:
+    """Tables and figures, and the runs of each."""
+
     table: Annotated[
         list[str] | None,
         typer.Option("--table", "-t", metavar="N", help="A table, 1 to 5, or 6.2; repeatable."),
-    ] = None,
+    ] = None
     figure: Annotated[
         list[str] | None,
         typer.Option("--figure", metavar="N", help="A figure, 2 to 10, 12 to 20, or 6.2; repeatable."),
-    ] = None,
+    ] = None
     seeds: Annotated[
         int | None,
         typer.Option(
@@ -38,44 +42,74 @@ def reproduce(
             help=f"Runs of each experiment. [default: {DEFAULT_SEEDS}; with --readings {READINGS_SEEDS}]",
             show_default=False,
         ),
-    ] = None,
+    ] = None
+
+
+@dataclass(frozen=True)
+class FilterOptions:
+    """Which form of the paper's algorithm runs."""
+
     variant: Annotated[
         Literal["triple", "joint"], typer.Option(help="`triple` is the paper's algorithm.")
-    ] = "triple",
+    ] = "triple"
     guard: Annotated[
         Literal["off", "faithful", "consistent"],
         typer.Option(help="`off` is the printed algorithm, which can diverge."),
-    ] = "off",
+    ] = "off"
     memory: Annotated[
         Literal["direct", "compressed"],
         typer.Option(
             help="`direct` is exact; `compressed` is faster, and the same to six digits for orders up to 4."
         ),
-    ] = "direct",
+    ] = "direct"
+
+    def options(self) -> "Options":
+        """Return them for the engine."""
+        from fltea.lab.reproduce.runs import Options
+
+        return Options(self.variant, self.guard, self.memory)
+
+
+@dataclass(frozen=True)
+class DataOptions:
+    """Folder of results, and the data of the experiments."""
+
     out: Annotated[
         Path | None,
         typer.Option(
             metavar="DIR",
             help="Folder for PNGs, tables.md, and a CSV a table; with figures by default fltea-reproduce.",
         ),
-    ] = None,
+    ] = None
     recording: Annotated[
         Path | None,
         typer.Option(
             metavar="FILE", help="Recording of a resting gyroscope for table 5 and figures 12 to 20."
         ),
-    ] = None,
-    amplitude: Annotated[float, typer.Option(help="Amplitude of the saw-tooth in examples 1 and 2.")] = 1.0,
-    period: Annotated[float, typer.Option(metavar="S", help="Period of the saw-tooth in seconds.")] = 1.0,
+    ] = None
+    amplitude: Annotated[float, typer.Option(help="Amplitude of the saw-tooth in examples 1 and 2.")] = 1.0
+    period: Annotated[float, typer.Option(metavar="S", help="Period of the saw-tooth in seconds.")] = 1.0
     unipolar: Annotated[
         bool, typer.Option("--unipolar", help="The saw-tooth rises from 0, not from -amplitude.")
-    ] = False,
+    ] = False
+
+    def sawtooth(self) -> "SawTooth":
+        """Return the saw-tooth of examples 1 and 2."""
+        from fltea.lab.reproduce.scenarios import SawTooth
+
+        return SawTooth(self.amplitude, self.period, self.unipolar)
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """What is computed instead of the paper's tables and figures."""
+
     score: Annotated[
         bool,
         typer.Option(
             "--score", help="Score the guards instead, on the examples and on every kind of bad input."
         ),
-    ] = False,
+    ] = False
     readings: Annotated[
         bool,
         typer.Option(
@@ -83,7 +117,17 @@ def reproduce(
             help="Show instead how each choice that the paper leaves open changes tables 2 to 4; it takes a "
             f"minute for {READINGS_SEEDS} seeds.",
         ),
-    ] = False,
+    ] = False
+
+
+@takes_settings(["replay.columns", "replay.units", "replay.rate_hz"], only=())
+@takes_groups
+def reproduce(
+    settings: dict[str, Any],
+    wanted: WantedOptions,
+    filters: FilterOptions,
+    data: DataOptions,
+    study: StudyOptions,
     as_json: AsJson = False,
 ) -> None:
     """Run the paper's experiments again: tables next to the paper's numbers, figures as PNG.
@@ -114,38 +158,43 @@ def reproduce(
 
         fltea reproduce --table 5 --figure 13 --recording rest.npz --out figures
     """
-    from fltea.lab.reproduce.request import Request, select
-    from fltea.lab.reproduce.runs import Options
-    from fltea.lab.reproduce.scenarios import SawTooth
-
-    if score:
-        if table or figure or out or recording or readings:
+    is_chosen = wanted.table or wanted.figure
+    if study.score:
+        if is_chosen or data.out or data.recording or study.readings:
             raise UsageError(
                 "--score has its own cases; it goes with --seeds, --variant, --memory and --json."
             )
-        _score(seeds or DEFAULT_SEEDS, Options(variant, guard, memory), as_json)
-        return
-    sawtooth, options = SawTooth(amplitude, period, unipolar), Options(variant, guard, memory)
-    if readings:
-        if table or figure or out or recording or (sawtooth, options) != (SawTooth(), Options()):
+        _score(wanted.seeds or DEFAULT_SEEDS, filters.options(), as_json)
+    elif study.readings:
+        if is_chosen or (filters, data) != (FilterOptions(), DataOptions()):
             raise UsageError("--readings has its own cases; it goes with --seeds and --json.")
-        _readings(seeds or READINGS_SEEDS, as_json)
-        return
-    tables, figures, everything = select(table or [], figure or [])
-    if recording is None and settings:
+        _readings(wanted.seeds or READINGS_SEEDS, as_json)
+    else:
+        _report(_request(settings, wanted, filters, data), as_json)
+
+
+def _request(
+    settings: dict[str, Any],
+    wanted: WantedOptions,
+    filters: FilterOptions,
+    data: DataOptions,
+) -> "Request":
+    from fltea.lab.reproduce.request import Request, select
+
+    tables, figures, everything = select(wanted.table or [], wanted.figure or [])
+    if data.recording is None and settings:
         raise UsageError("--columns, --units and --rate describe a recording; name it with --recording.")
-    request = Request(
+    return Request(
         tables=tables,
         figures=figures,
-        seeds=seeds or DEFAULT_SEEDS,
-        options=options,
-        sawtooth=sawtooth,
-        recording=recording,
+        seeds=wanted.seeds or DEFAULT_SEEDS,
+        options=filters.options(),
+        sawtooth=data.sawtooth(),
+        recording=data.recording,
         how=load_config(None, settings).replay.how,
-        out=out,
+        out=data.out,
         everything=everything,
     )
-    _report(request, as_json)
 
 
 def _report(request: "Request", as_json: bool) -> None:
