@@ -53,4 +53,6 @@ def flags_in_use(group: Any, *names: str) -> list[str]:
 
 def _flag(name: str, annotation: Any) -> str:
     option = next(one for one in get_args(annotation) if isinstance(one, OptionInfo))
-    return next(iter(option.param_decls or ()), "--" + name.replace("_", "-"))
+    # Typer keeps the first name of an annotated option as its default, which an annotated option cannot have.
+    names = (option.default, *(option.param_decls or ()))
+    return next((text for text in names if isinstance(text, str)), "--" + name.replace("_", "-"))

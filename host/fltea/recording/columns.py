@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fltea.recording.contradictions import check_clock, check_gravity
-from fltea.recording.dialects import Facts, dialect_of
+from fltea.recording.dialects import Dialect, Facts, dialect_of
 from fltea.recording.evidence import Choice
 from fltea.recording.files import Note
 from fltea.recording.reading import Answer
@@ -129,9 +129,7 @@ def choose(
         UsageError: a column is missing or ambiguous, or two pieces of evidence contradict each other.
     """
     wanted = wanted_of(how)
-    dialect = dialect_of(names or (), facts, tag=tag, fields=width)
-    if dialect is not None and dialect.unread:
-        raise UsageError(f"{where}: is of {dialect.name}: {dialect.unread}")
+    dialect = _dialect(where, names, width, facts, tag)
     labels, names = _labels(where, names, width, wanted)
     found = Choice(where, labels, names, list(units or ()), wanted, how, facts, dialect)
     gyro, axes = found.gyro()
@@ -170,6 +168,13 @@ def choose(
         tuple(found.answers),
         tuple(found.notes),
     )
+
+
+def _dialect(where: str, names: Sequence[str] | None, width: int, facts: Facts, tag: str) -> Dialect | None:
+    dialect = dialect_of(names or (), facts, tag=tag, fields=width)
+    if dialect is not None and dialect.unread:
+        raise UsageError(f"{where}: is of {dialect.name}: {dialect.unread}")
+    return dialect
 
 
 def check_sensors(where: str, chosen: Chosen, how: How, facts: Facts) -> None:

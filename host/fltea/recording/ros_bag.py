@@ -36,56 +36,84 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
         UsageError: there is no such bag, Imu topic or angular velocity, an option in `how` is impossible, or
             the bag exceeds the limits.
     """
-    counts: dict[Topic, int] = {}
-    layouts: dict[Topic, Layout | None] = {}
-    notes: list[Note] = []
-    chosen: Topic | None = None
-    gathered: Gathered | None = None
-    quota = _quota(path, limits)
+    topics = _Topics(path, how, _quota(path, limits))
     for item in _batches(path, limits):
-        if isinstance(item, Note):
-            notes.append(item)
-            continue
-        topic = item.topic
-        is_named, sensor = _named(topic, how)
-        counts[topic] = counts.get(topic, 0) + item.count
-        if item.data and topic not in layouts:
-            try:
-                layouts[topic] = _layout(path, item, sensor, quota)
-            except TooManyFields as error:
-                layouts[topic] = None
-                notes.append(Note("bag_messages", f"{path}: topic {visible(topic.name)}: {error}."))
-        layout = layouts.get(topic)
-        if layout is None or not item.count or not is_named:
-            continue
-        known = None if chosen is None else layouts[chosen]
-        if known is None or (layout.is_known and not known.is_known):
-            chosen, gathered = topic, Gathered(path, topic, layout, sensor, how, quota)
-        if gathered is not None and chosen is not None and topic.name == chosen.name:
-            gathered.add(item, layout)
+        topics.take(item)
+    chosen, gathered = topics.chosen, topics.gathered
+    likely = _alike(topics.layouts)
     if chosen is None or gathered is None:
-        likely = _alike(layouts)
         # the option names a sensor in the only topic of a gyroscope
         if how.topic is not None and len(likely) == 1:
             return open_bag(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
-        raise _none(path, counts, layouts, how.topic, notes)
-    several = _alike(layouts)
-    if how.topic is None and len(several) > 1:
-        what = f"which of its {len(several)} Imu topics is meant"
-        list_of_them = _listed({topic: count for topic, count in counts.items() if topic.name in several})
-        raise not_stated(str(path), [Missing(what, "--topic ?")], table=list_of_them)
+        raise topics.none(how.topic)
+    if how.topic is None and len(likely) > 1:
+        what = f"which of its {len(likely)} Imu topics is meant"
+        several = {topic: count for topic, count in topics.counts.items() if topic.name in likely}
+        raise not_stated(str(path), [Missing(what, "--topic ?")], table=_listed(several))
     sensor = _named(chosen, how)[1]
     if sensor is not None and (has := gathered.lacks()):
-        raise _none(path, counts, layouts, sensor, notes, f", nor of a sensor that is called so: {has}")
-    stored = gathered.stored(sorted(several - {chosen.name}), _few(notes))
+        raise topics.none(sensor, f", nor of a sensor that is called so: {has}")
+    stored = gathered.stored(sorted(likely - {chosen.name}), _few(topics.notes))
+    reading = (_answer(chosen, sensor, how), *stored.reading)
+    return stored._replace(about=_about(chosen, topics.counts), topic=chosen.name, reading=reading)
+
+
+class _Topics:
+    """The topics of a bag: how many messages each has, what they hold, and the samples of the chosen one."""
+
+    def __init__(self, path: Path, how: How, quota: Quota) -> None:
+        self._path, self._how, self._quota = path, how, quota
+        self.counts: dict[Topic, int] = {}
+        self.layouts: dict[Topic, Layout | None] = {}
+        self.notes: list[Note] = []
+        self.chosen: Topic | None = None
+        self.gathered: Gathered | None = None
+
+    def take(self, item: Batch | Note) -> None:
+        """Count a batch of messages, and gather its samples if it is of the chosen topic."""
+        if isinstance(item, Note):
+            self.notes.append(item)
+            return
+        topic = item.topic
+        is_named, sensor = _named(topic, self._how)
+        self.counts[topic] = self.counts.get(topic, 0) + item.count
+        if item.data and topic not in self.layouts:
+            self.layouts[topic] = self._layout(item, sensor)
+        layout = self.layouts.get(topic)
+        if layout is None or not item.count or not is_named:
+            return
+        known = None if self.chosen is None else self.layouts[self.chosen]
+        if known is None or (layout.is_known and not known.is_known):
+            self.chosen = topic
+            self.gathered = Gathered(self._path, topic, layout, sensor, self._how, self._quota)
+        if self.gathered is not None and self.chosen is not None and topic.name == self.chosen.name:
+            self.gathered.add(item, layout)
+
+    def _layout(self, batch: Batch, sensor: str | None) -> Layout | None:
+        topic = batch.topic
+        try:
+            return topic.layout(batch.data, sensor, self._quota)
+        except TooManyFields as error:
+            text = f"{self._path}: topic {visible(topic.name)}: {error}."
+            self.notes.append(Note("bag_messages", text))
+            return None
+        except UsageError as error:
+            raise UsageError(f"{self._path}: topic {visible(topic.name)}: {error}") from error
+
+    def none(self, name: str | None, has: str = "") -> UsageError:
+        """Return the error for a bag without a topic of a gyroscope that is called `name`."""
+        return _none(self._path, self.counts, self.layouts, name, self.notes, has)
+
+
+def _answer(chosen: Topic, sensor: str | None, how: How) -> Answer:
+    """Return what decided which topic, or which sensor in it, is read."""
     name = visible(chosen.name) + ("" if sensor is None else f", {visible(sensor)}")
     by: tuple[Evidence, str] = (
         ("stated", "no other has a gyroscope")
         if how.topic is None
         else ("given", "--topic" if sensor is None else "--sensor")
     )
-    reading = (Answer("sensor", f"topic {name}", *by), *stored.reading)
-    return stored._replace(about=_about(chosen, counts), topic=chosen.name, reading=reading)
+    return Answer("sensor", f"topic {name}", *by)
 
 
 def _quota(path: Path, limits: Limits) -> Quota:
@@ -95,13 +123,6 @@ def _quota(path: Path, limits: Limits) -> Quota:
         return Quota(path, limits, sum(file.stat().st_size for file in files))
     except OSError:  # opening the file reports the error
         return Quota(path, limits, 0)
-
-
-def _layout(path: Path, batch: Batch, sensor: str | None, quota: Quota) -> Layout | None:
-    try:
-        return batch.topic.layout(batch.data, sensor, quota)
-    except UsageError as error:
-        raise UsageError(f"{path}: topic {visible(batch.topic.name)}: {error}") from error
 
 
 def _named(topic: Topic, how: How) -> tuple[bool, str | None]:

@@ -8,6 +8,7 @@ A recording and a live sensor are examined in the same way; only the significanc
 """
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, NamedTuple, TypeVar, cast
 
 import msgspec
@@ -103,6 +104,11 @@ class Looks:
         self._found[name] = found.fits, then
         return found
 
+    def null_test(self, name: str, p: Periodogram) -> tuple[float, float]:
+        """Return the null test's likelihood ratio on these ordinates, and its p-value."""
+        ratio = self.null_ratio(name, p)
+        return ratio, p_value(ratio, p.ordinates)
+
     def null_ratio(self, name: str, p: Periodogram) -> float:
         """Return the null test's likelihood ratio on these ordinates."""
         data = binned(p)
@@ -136,8 +142,7 @@ def examine(
     the test of stationarity; empty: no test. `drift`: the drift that was subtracted from `whole`. `peaks`:
     peaks found elsewhere with a finer resolution; None: search for them in `whole`. `before`: the ordinates
     before a comb among these peaks was removed; None: no comb was removed. `median`: the median filter
-    detected in the samples. `level`: significance level of each test. `looks`: results of earlier refits,
-    where the searches begin.
+    detected in the samples. `level`: significance level of each test. `looks`: earlier refits' results.
 
     Raises:
         ValueError: too few ordinates are left, or all ordinates are zero.
@@ -145,62 +150,36 @@ def examine(
     if not float(whole.power.max()) > 0:
         raise ValueError("the samples repeat themselves exactly: there is no noise in them")
     looks = looks or Looks()
-    ordinates = whole.ordinates
     seen = _seen(whole, duration_s, peaks, median, FALSE_PEAK * level / LEVEL, looks)
-    peaks, found, rest = seen.peaks, seen.bands, seen.rest
     slow_hz = drift_hz(duration_s, samples)
-    clean_from_hz = max(from_hz, slow_hz)
-    above_lines_hz = _above_slow_lines(peaks, clean_from_hz)
-    slow_line = above_lines_hz > clean_from_hz
-    try:
-        clean, kept = _clean(rest, above_lines_hz, found)
-        clean_from_hz = above_lines_hz
-    except ValueError:
-        clean, kept = _clean(rest, clean_from_hz, found)
-    peaks, found = peaks[:kept], found[:kept]
-    candidates = looks.candidates("clean", clean, samples)
-    peaks = _unexplained(peaks, whole, candidates)
-    p_clean = p_value(candidates.ratio_white, clean.ordinates)
-    everything = whole if before is None else before
-    ratio = looks.null_ratio("all", everything)
-    p_all = without = p_value(ratio, everything.ordinates)
-    if peaks or seen.combs:
-        left = rest.without(from_hz, found)
-        without = p_value(looks.null_ratio("without peaks", left), left.ordinates)
-
-    def change() -> Change | None:
-        # With a strong sharp resonance, neighbouring blocks are alike, and parts of the record differ for
-        # that reason alone.
-        compared = [one for one in cells if _share_of_peaks(whole, one, seen.of_comb + found) < LARGEST_SHARE]
-        return find_change(compared, clean.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
-
-    to_hz = float(clean.lam[-1]) / (2 * np.pi * clean.h)
+    clean = _clean(seen, max(from_hz, slow_hz))
+    candidates = looks.candidates("clean", clean.ordinates, samples)
+    found = _unexplained(clean.peaks, whole, candidates)
+    ratio, p_all = _, p_without = looks.null_test("all", whole if before is None else before)
+    if found or seen.combs:
+        _, p_without = looks.null_test("without peaks", seen.rest.without(from_hz, clean.bands))
+    slow = None if clean.slow_line else _slow(seen.rest, from_hz, slow_hz, clean.bands)
+    change = partial(_change, cells, whole, seen.of_comb + clean.bands, level, from_hz, notch)
     evidence = Evidence(
         duration_s=duration_s,
         samples=samples,
         rate_hz=1 / whole.h,
         p_all=p_all,
-        p_without_peaks=without,
-        p_clean=p_clean,
-        peaks=seen.combs + peaks,
+        p_without_peaks=p_without,
+        p_clean=p_value(candidates.ratio_white, clean.ordinates.ordinates),
+        peaks=seen.combs + found,
         candidates=candidates,
-        reading=read(candidates, clean_from_hz, peaks, apart(level)),
-        from_hz=clean_from_hz,
-        to_hz=to_hz,
-        slow=slow_power(
-            slow_hz,
-            None if slow_line else _slow(rest, from_hz, slow_hz, found),
-            _highest(candidates),
-            whole.h,
-            None if slow_line else drift,
-        ),
-        change=looks.looked("change", ordinates, change),
-        clean=clean,
+        reading=read(candidates, clean.from_hz, found, apart(level)),
+        from_hz=clean.from_hz,
+        to_hz=clean.to_hz,
+        slow=slow_power(slow_hz, slow, _highest(candidates), whole.h, None if clean.slow_line else drift),
+        change=looks.looked("change", whole.ordinates, change),
+        clean=clean.ordinates,
         level=level,
         median=median,
     )
-    band = Band(clean_from_hz, to_hz, notch + seen.of_comb + seen.of_median + found, round(clean.ordinates))
-    return Spectral(evidence, ratio, round(ordinates), band)
+    band = clean.band(notch + seen.of_comb + seen.of_median)
+    return Spectral(evidence, ratio, round(whole.ordinates), band)
 
 
 def null_ratio(p: Periodogram) -> float:
@@ -322,6 +301,18 @@ def _highest(f: CandidateModels) -> Callable[[Array], Array]:
     return spectrum
 
 
+def _change(
+    cells: Iterable[BandCells], whole: Periodogram, peaks: Bands, level: float, from_hz: float, notch: Bands
+) -> Change | None:
+    """Return the change during the record, if there is one. Bands full of `peaks` are not tested.
+
+    With a strong sharp resonance, neighbouring blocks are alike, and parts of the record differ for that
+    reason alone.
+    """
+    compared = [band for band in cells if _share_of_peaks(whole, band, peaks) < LARGEST_SHARE]
+    return find_change(compared, whole.h, FALSE_CHANGE * level / LEVEL, from_hz, notch)
+
+
 def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
     """Return the share of a band's power that lies in peaks."""
     if not peaks:
@@ -336,8 +327,45 @@ def _share_of_peaks(whole: Periodogram, band: BandCells, peaks: Bands) -> float:
     return 1 - float(whole.power[inside].sum()) / total
 
 
-def _clean(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
-    """Return the clean ordinates, and how many of the bands `found` are left out.
+class _Clean(NamedTuple):
+    """The clean ordinates, and what was left out of them."""
+
+    ordinates: Periodogram
+    from_hz: float
+    """Where they begin."""
+    peaks: tuple[Peak, ...]
+    bands: Bands
+    """One band for each of `peaks`."""
+    slow_line: bool
+    """Whether a slow line, or its leakage, hides the lowest frequencies."""
+
+    @property
+    def to_hz(self) -> float:
+        """Highest frequency."""
+        return float(self.ordinates.lam[-1]) / (2 * np.pi * self.ordinates.h)
+
+    def band(self, left_out: Bands) -> Band:
+        """Return the band of these ordinates, out of which also `left_out` is left."""
+        return Band(self.from_hz, self.to_hz, left_out + self.bands, round(self.ordinates.ordinates))
+
+
+def _clean(seen: _Seen, lowest_hz: float) -> _Clean:
+    """Return the ordinates above `lowest_hz` without peaks.
+
+    They begin above the leakage of slow lines, if that leaves enough ordinates.
+    """
+    from_hz = _above_slow_lines(seen.peaks, lowest_hz)
+    slow_line = from_hz > lowest_hz
+    try:
+        ordinates, kept = _outside(seen.rest, from_hz, seen.bands)
+    except ValueError:
+        from_hz = lowest_hz
+        ordinates, kept = _outside(seen.rest, from_hz, seen.bands)
+    return _Clean(ordinates, from_hz, seen.peaks[:kept], seen.bands[:kept], slow_line)
+
+
+def _outside(whole: Periodogram, from_hz: float, found: Bands) -> tuple[Periodogram, int]:
+    """Return the ordinates above `from_hz` outside of bands, and how many of the bands `found` are left out.
 
     Raises:
         ValueError: too few ordinates are left even with the fewest bands left out.
