@@ -9,11 +9,22 @@ from prometheus_client.registry import Collector
 from fltea.records.block import Block, Values
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.fit import AxisFit
 from fltea.records.ports import LATENCY_BOUNDS_MS, OutputView
-from fltea.records.records import DeviceEstimates, Estimate, Fit, Hello, Sample, Stats
+from fltea.records.records import (
+    AxisEstimate,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    Estimate,
+    Fit,
+    Hello,
+    Sample,
+    Stats,
+)
+from fltea.records.stats import AxisStats, DeviceEstimatorStats, DeviceStatus, LinkStats, OutputStats
 from fltea.records.version import __version__
-from fltea.sinks.metrics import tables
-from fltea.sinks.metrics.tables import AXIS, DEVICE, Labelled, families, filled
+from fltea.sinks.figures.figure import ROOTS
+from fltea.sinks.metrics.tables import AXIS, DEVICE, Labelled, counter, families, filled, of_kind
 from fltea.wire import layout as wire
 
 FRESH_NS = 5 * 10**9
@@ -22,6 +33,9 @@ FRESH_NS = 5 * 10**9
 LAST = Values(slice(-1, None))
 _BOUNDS_S = [repr(bound * 1e-3) for bound in LATENCY_BOUNDS_MS] + ["+Inf"]
 
+
+MOTIONS = (counter("motions", "Times that the sensor has begun to move."),)
+"""The one count that no record has: the records `motion` are counted here."""
 
 FACTS = "source", "device_id", "sensor", "firmware_version", "sampling_mode"
 """What a device states about itself, as labels of one metric."""
@@ -85,31 +99,33 @@ class Families(Collector):
         devices = list(self._newest.copy().items())  # a copy, since the sink may be adding a device
         yield _devices([(name, d.hello) for name, d in devices if d.hello])
         stats = [((name,), d.stats) for name, d in devices if d.stats]
-        yield from families("link_", DEVICE, tables.LINK, [(names, s.link) for names, s in stats])
-        yield from families("", DEVICE, tables.STATS, stats)
-        yield from families("axis_", AXIS, tables.AXIS_STATS, _axes(stats))
-        yield from families("", DEVICE, tables.MOTIONS, [((name,), d) for name, d in devices if d.stats])
-        yield from families(
-            "board_", DEVICE, tables.BOARD, [(names, s.board) for names, s in stats if s.board]
-        )
+        yield from _figures(LinkStats, DEVICE, [(names, s.link) for names, s in stats])
+        yield from _figures(Stats, DEVICE, stats)
+        yield from _figures(AxisStats, AXIS, _axes(stats))
+        yield from families("", DEVICE, MOTIONS, [((name,), d) for name, d in devices if d.stats])
+        yield from _figures(DeviceStatus, DEVICE, [(names, s.board) for names, s in stats if s.board])
         of_device = [(names, s.device_estimator) for names, s in stats if s.device_estimator]
-        yield from families("device_", DEVICE, tables.DEVICE_ESTIMATOR, of_device)
-        yield from families(
-            "", DEVICE, tables.SAMPLE, [((name,), s) for name, d in devices if (s := d.newest_sample())]
-        )
+        yield from _figures(DeviceEstimatorStats, DEVICE, of_device)
+        samples = [((name,), s) for name, d in devices if (s := d.newest_sample())]
+        yield from _figures(Sample, DEVICE, samples)
         oldest_ns = host_ns() - FRESH_NS
         fresh = [((name,), d.newest_estimate()) for name, d in devices if d.estimate_ns >= oldest_ns]
-        yield from families("axis_", AXIS, tables.ESTIMATE, _axes(fresh))
+        yield from _figures(AxisEstimate, AXIS, _axes(fresh))
         own = [((name,), d.device_estimate) for name, d in devices if d.device_estimate_ns >= oldest_ns]
-        yield from families("device_axis_", AXIS, tables.DEVICE_ESTIMATE, _axes(own))
+        yield from _figures(DeviceAxisEstimate, AXIS, _axes(own))
         device_fits = [((name, axis), fit) for name, d in devices for axis, fit in d.device_fits.items()]
-        yield from families("device_fit_", AXIS, tables.DEVICE_FIT, device_fits)
+        yield from _figures(DeviceAxisFit, AXIS, device_fits)
         fits = [((name,), d.fit) for name, d in devices if d.fit]
-        yield from families("fit_", AXIS, tables.AXIS_FIT, _axes(fits))
-        yield from families("fit_", DEVICE, tables.FIT, fits)
+        yield from _figures(AxisFit, AXIS, _axes(fits))
+        yield from _figures(Fit, DEVICE, fits)
         errors = CounterMetricFamily("fltea_errors", "Errors reported, by kind.", labels=("device", "kind"))
         yield filled(errors, list(self._errors.copy().items()))
         yield from _outputs([(device or "", sink_queue) for device, sink_queue in self._sink_queues()])
+
+
+def _figures(kind: type, labels: tuple[str, ...], records: Labelled) -> Iterator[Metric]:
+    """Yield the metrics of all figures of a record, or of a part of a record."""
+    yield from families(ROOTS[kind].metrics, labels, of_kind(kind), records)
 
 
 def _axes(records: Labelled) -> Labelled:
@@ -128,12 +144,8 @@ def _devices(hellos: Sequence[tuple[str, Hello]]) -> Metric:
 
 
 def _outputs(sink_queues: Sequence[tuple[str, OutputView]]) -> Iterator[Metric]:
-    yield from families(
-        "output_",
-        ("output", "device"),
-        tables.OUTPUTS,
-        [((sink_queue.name, device), sink_queue.stats()) for device, sink_queue in sink_queues],
-    )
+    found = [((sink_queue.name, device), sink_queue.stats()) for device, sink_queue in sink_queues]
+    yield from _figures(OutputStats, ("output", "device"), found)
     latency = HistogramMetricFamily(
         "fltea_output_latency_seconds",
         "Time from a sample's arrival to its output.",

@@ -5,17 +5,12 @@ device and all its sensors, each with a topic and a template that extracts its v
 """
 
 import re
-from typing import Final
 
 from fltea.records.records import Hello
 from fltea.records.stats import AxisStats
 from fltea.records.version import __version__
-
-_AXIS: Final = "value_json.axes.%s"
-_MOVES: Final = """{% set moved = namespace(now=false) %}{% for axis in value_json.axes.values() %}\
-{% if axis.tracker and axis.tracker.moving %}{% set moved.now = true %}{% endif %}{% endfor %}\
-{{ 'ON' if moved.now else 'OFF' }}"""
-_BIAS: Final = "{%% set tracker = value_json.axes.%s.tracker %%}{{ tracker.%s if tracker else None }}"
+from fltea.sinks.figures.figure import OF_AXIS, ROOTS, Entity, Figure, is_optional
+from fltea.sinks.figures.table import FIGURES
 
 
 def discovery_topic(prefix: str, level: str) -> str:
@@ -42,26 +37,16 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
         device["serial_number"] = hello.device_id
     if hello.firmware_version:
         device["sw_version"] = hello.firmware_version
-    components = {"lost": _sensor("samples lost", f"{topics}/stats", "{{ value_json.sample_counts.lost }}")}
-    components["lost"] |= {"state_class": "total_increasing", "entity_category": "diagnostic"}
-    moves = _sensor("moves", f"{topics}/stats", _MOVES)
-    components["moves"] = moves | {"platform": "binary_sensor", "device_class": "motion"}
+    entities = [(figure, figure.home_assistant) for figure in FIGURES]
+    components = {}
+    for figure, entity in entities:
+        if isinstance(entity, Entity) and not _is_by_axis(figure, entity):
+            components[entity.key] = _component(topics, figure, entity)
     for axis, stats in axes.items():
-        fit, one = f"{topics}/fit", _AXIS % axis
-        components[f"{axis}_noise"] = _sensor(f"{axis} noise", fit, f"{{{{ {one}.verdict }}}}")
-        for name, title, unit in (("alpha", "α", None), ("f", "f", "s^-α")):
-            sensor = _sensor(f"{axis} {title}", fit, f"{{{{ {one}.{name}.value }}}}", unit)
-            sensor |= {
-                "state_class": "measurement",
-                "json_attributes_topic": fit,
-                "json_attributes_template": f"{{{{ {one}.{name} | tojson }}}}",
-            }
-            components[f"{axis}_{name}"] = sensor
-        for name, title in (("bias", "bias"), ("bias_std", "bias σ")):
-            sensor = _sensor(f"{axis} {title}", f"{topics}/stats", _BIAS % (axis, name), stats.unit)
-            components[f"{axis}_{name}"] = sensor | {"state_class": "measurement"}
-        steps = _sensor(f"{axis} steps of the bias", f"{topics}/stats", _BIAS % (axis, "steps"))
-        components[f"{axis}_steps"] = steps | {"state_class": "total_increasing"}
+        for figure, entity in entities:
+            if isinstance(entity, Entity) and _is_by_axis(figure, entity):
+                component = _component(topics, figure, entity, axis, stats.unit)
+                components[f"{axis}_{entity.key}"] = component
     for key, component in components.items():
         component["unique_id"] = f"{_object_id(level)}_{key}"
     return {
@@ -73,9 +58,45 @@ def discovery(topics: str, level: str, hello: Hello, axes: dict[str, AxisStats])
     }
 
 
-def _sensor(name: str, topic: str, template: str, unit: str | None = None) -> dict[str, str]:
-    sensor = {"platform": "sensor", "name": name, "state_topic": topic, "value_template": template}
-    return sensor if unit is None else sensor | {"unit_of_measurement": unit}
+def _is_by_axis(figure: Figure, entity: Entity) -> bool:
+    """Return whether each axis has the entity; an entity with a template of its own is the device's."""
+    return ROOTS[figure.kind].by_axis and not entity.template
+
+
+def _component(
+    topics: str, figure: Figure, entity: Entity, axis: str = "", unit_of_axis: str = ""
+) -> dict[str, str]:
+    """Return the configuration of one entity, of the device or of `axis`."""
+    root = ROOTS[figure.kind]
+    topic = f"{topics}/{root.record.__struct_config__.tag}"
+    base = ".".join(part for part in ("value_json", root.path, axis) if part)
+    component = {
+        "platform": entity.platform,
+        "name": f"{axis} {entity.title}".lstrip(),
+        "state_topic": topic,
+        "value_template": entity.template or _template(base, figure),
+    }
+    unit = unit_of_axis if entity.unit == OF_AXIS else entity.unit
+    options = {
+        "unit_of_measurement": unit,
+        "state_class": entity.state_class,
+        "entity_category": entity.category,
+        "device_class": entity.device_class,
+    }
+    component |= {key: value for key, value in options.items() if value is not None}
+    parent, _, leaf = figure.field.rpartition(".")
+    if leaf == "value":  # of an interval, whose ends become attributes
+        component["json_attributes_topic"] = topic
+        component["json_attributes_template"] = f"{{{{ {base}.{parent} | tojson }}}}"
+    return component
+
+
+def _template(base: str, figure: Figure) -> str:
+    """Return the template that extracts a figure's value; "None" where the part that has it is absent."""
+    parent, _, leaf = figure.field.rpartition(".")
+    if not parent or not is_optional(figure.kind, parent):
+        return f"{{{{ {base}.{figure.field} }}}}"
+    return f"{{% set {parent} = {base}.{parent} %}}{{{{ {parent}.{leaf} if {parent} else None }}}}"
 
 
 def _object_id(level: str) -> str:

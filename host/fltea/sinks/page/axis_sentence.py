@@ -1,9 +1,9 @@
 """Describe an axis in one sentence, for the page and for the table in a terminal."""
 
-from fltea.records.plus_minus import angle_within, plus_minus
+from fltea.records.plus_minus import angle_within
 from fltea.records.records import AXES, AxisEstimate, Stats
 from fltea.records.units import MOST_DEG
-from fltea.sinks.changes import MOVES
+from fltea.sinks.axis_words import bias_words, unit_of
 from fltea.sinks.page.answer import Answer, answer, sentence
 from fltea.sinks.page.data_sheet import density
 from fltea.sinks.page.fits import Curves, Fits
@@ -34,20 +34,7 @@ def _level(fits: Fits, stats: Stats | None, name: str) -> str:
     return ", ".join(part for part in (known, ahead) if part)
 
 
-def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
-    """Return the present bias, and whether the sensor moves; empty if it is not known."""
-    if estimate is None or estimate.bias is None:
-        return ""
-    moving = f", {MOVES}" if estimate.moving else ""
-    return f"bias {plus_minus(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
-
-
 def heading(stats: Stats | None, axis: str) -> dict[int, float]:
     """Return the heading's standard deviation [deg] by the seconds after a rest; empty without a model."""
     found = stats.axes.get(axis) if stats else None
     return found.tracker.heading_std if found and found.tracker else {}
-
-
-def unit_of(axis: str) -> str:
-    """Return the unit of an axis's samples."""
-    return "deg/s" if axis in AXES else "m/s²"

@@ -4,7 +4,7 @@ from typing import Any
 
 from fltea.documents import curves as charts
 from fltea.documents.chart import Curve, log_log
-from fltea.records.plus_minus import NORMAL_95, angle_within, plus_minus
+from fltea.records.plus_minus import NORMAL_95, angle_within
 from fltea.records.records import (
     AXES,
     Epoch,
@@ -14,18 +14,20 @@ from fltea.records.records import (
     Stats,
     Step,
 )
-from fltea.records.stats import TrackerStats
 from fltea.records.units import MOST_DEG
 from fltea.records.visible import visible, visible_lines
+from fltea.sinks.axis_words import unit_of
 from fltea.sinks.changes import sentence as changed
+from fltea.sinks.figures.figure import Cells, Seen
+from fltea.sinks.figures.table import rows
 from fltea.sinks.page import facts_of_device
-from fltea.sinks.page.axis_sentence import answer_of, axis_sentence, bias_words, heading, unit_of
+from fltea.sinks.page.axis_sentence import answer_of, axis_sentence, heading
 from fltea.sinks.page.data_sheet import coefficients
 from fltea.sinks.page.fits import Curves
 from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import WINDOWS
-from fltea.sinks.words import Level, counted, duration, guard_words, quantity
+from fltea.sinks.words import Level, duration, guard_words
 
 STALL_NS = 1_500_000_000
 SHOWN_EVENTS = 12
@@ -152,50 +154,10 @@ def axis(history: DeviceHistory, name: str, window: int) -> dict[str, Any]:
     }
 
 
-def _running(history: DeviceHistory, name: str) -> list[list[str]]:
+def _running(history: DeviceHistory, name: str) -> list[Cells]:
     """Return what the filters that run sample by sample state about an axis, by label."""
-    unit, estimate = unit_of(name), history.newest.get(name)
-    stats = history.stats.axes.get(name) if history.stats else None
-    e = estimate.fltea if estimate is not None and estimate.fltea.valid else None
-    bias, R = (None, None) if stats is None else (stats.bias, stats.R_in_use)
-    tracker = stats.tracker if stats else None
-    state = "–" if estimate is None else f"{plus_minus(estimate.state, estimate.state_std)} {unit}"
-    not_described = stats is not None and stats.describes_noise is False
-    return [
-        ["bias", bias_words(estimate, unit).removeprefix("bias ") or "–"],
-        ["state", state],
-        ["model of the bias", tracker.model if tracker else "–"],
-        ["its innovations, NIS", quantity(tracker.nis if tracker else None, "", 3)],
-        *_of_tracker(tracker),
-        ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"],
-        ["α, 95 %", plus_minus(e.alpha, e.alpha_std) if e else "–"],
-        ["f, 95 %", f"{plus_minus(e.f, e.f_std)} s^-α" if e else "–"],
-        *(
-            [["these do not describe the noise", "no order, another, or coloured innovations"]]
-            * not_described
-        ),
-        ["state x̂ (paper)", quantity(e.state if e else None, unit, 4)],
-        ["offset removed", quantity(bias, unit, 4)],
-        ["R", quantity(R, f"({unit})²", 3, significant=True)],
-        ["innovations, lag 1", quantity(stats.innovation_lag1 if stats else None, "", 3)],
-        ["innovations, NIS", quantity(stats.innovation_nis if stats else None, "", 3)],
-        ["started again", str(stats.restarts) if stats else "–"],
-    ]
-
-
-def _of_tracker(tracker: TrackerStats | None) -> list[list[str]]:
-    """Return for how long the bias holds, whether that was true, and how often the bias stepped."""
-    if tracker is None:
-        return []
-    checked = [
-        [f"the mean of the next {t_s} s less it, over σ", f"{one.rms:.2f} ({one.pieces:,} pieces)"]
-        for t_s, one in tracker.checked.items()
-    ]
-    return [
-        ["it is the mean expected over", f"{tracker.bias_for_s:g} s"],
-        *checked,
-        ["steps of the bias", f"{tracker.steps:,}"],
-    ]
+    seen = Seen(history.stats, history.hello, name, history.newest.get(name))
+    return [[label, value] for label, value, *_ in rows("axis", seen)]
 
 
 def changes(history: DeviceHistory, name: str) -> list[tuple[str, int, str]]:
@@ -263,38 +225,9 @@ def infos(epoch: Epoch) -> list[EstimatorInfo]:
     return [info for info in (epoch.estimator, epoch.accel_estimator) if info is not None]
 
 
-def link(stats: Stats | None) -> list[list[str]]:
+def link(stats: Stats | None) -> list[Cells]:
     """Return the health of the link from the device to here: label, value, level."""
-    if stats is None:
-        return []
-    samples, wire, board = stats.sample_counts, stats.link, stats.board
-    bad = {reason: n for reason, n in wire.bad_frames.items() if reason != "partial"}
-    rows = [
-        ["rate", quantity(stats.rate_hz, "Hz", 3), "plain"],
-        ["device clock", "–" if stats.clock_ppm is None else f"{stats.clock_ppm:+.1f} ppm", "plain"],
-        ["samples", f"{samples.delivered:,}", "plain"],
-        counted("lost samples", samples.lost),
-        counted("gaps", samples.gaps),
-        counted("duplicates", samples.duplicates),
-        counted("reconnects", wire.reconnects),
-        counted("CRC errors", bad.pop("crc", 0)),
-        counted("other bad frames", sum(bad.values()), ", ".join(f"{r} {n}" for r, n in bad.items())),
-        counted("frames of another version", wire.unknown_type + wire.refused),
-        counted("bytes thrown away", wire.overflow_bytes),
-    ]
-    if board is not None:
-        rows += [
-            counted("I²C errors", board.i2c_errors),
-            counted("I²C bus freed", board.bus_recoveries),
-            counted("sensor set up again", board.sensor_reinits),
-            counted("overruns", board.overruns),
-            counted("frames dropped by the device", board.dropped_frames),
-            ["last reset by", board.reset_cause.replace("_", " "), "plain"],
-        ]
-    for name, output in stats.outputs.items():
-        waiting = f"{output.queued:,} waiting" if output.queued > 100 else ""
-        rows.append(counted(f"dropped by output {name}", output.dropped, waiting))
-    return rows
+    return list(rows("link", Seen(stats))) if stats is not None else []
 
 
 def device(hello: Hello | None, temperature_c: float | None) -> list[list[str]]:

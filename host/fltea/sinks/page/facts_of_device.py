@@ -5,15 +5,16 @@ from typing import Any
 from fltea.records.plus_minus import plus_minus
 from fltea.records.records import AXES, DeviceAxisEstimate
 from fltea.records.why_not import not_comparable
+from fltea.sinks.figures.figure import Cells, Seen
+from fltea.sinks.figures.of_device import estimates_rate
+from fltea.sinks.figures.table import rows
 from fltea.sinks.page.answer import figure_of
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.words import (
     apart,
-    counted,
     figure,
     guard_words,
     in_deviations,
-    quantity,
     signed,
 )
 
@@ -39,29 +40,12 @@ def whose(history: DeviceHistory, estimate_on: str) -> str:
     return f" (the host's estimates, and the device's own{_rate(history)})" if estimate_on == "both" else ""
 
 
-def own(history: DeviceHistory) -> list[list[str]]:
+def own(history: DeviceHistory) -> list[Cells]:
     """Return the state of the device's estimator: label, value, level. Empty if it has stated nothing."""
     stats = history.stats
     if stats is None or stats.device_estimator is None:
         return []
-    s, board = stats.device_estimator, stats.board
-    share = board.cpu_share_percent if board else None
-    step_us = board.longest_step_us if board else None
-    samples = "every sample" if s.every == 1 else f"every {s.every:,} samples"
-    remaining = f"{s.startup_remaining:,} samples" if s.startup_remaining else "none"
-    return [
-        ["CPU share", quantity(share, "%", 1), "plain"],
-        ["longest turn of its loop", _milliseconds(step_us), "plain"],
-        ["longest step of an axis", _milliseconds(s.longest_axis_us), "plain"],
-        ["estimates", samples + _rate(history), "plain"],
-        ["start-up remaining", remaining, "wait" if s.startup_remaining else "plain"],
-        ["samples that wait", f"{s.queue:,}", "plain"],
-        counted("skipped samples", s.skipped, "it had fallen behind" if s.skipped else ""),
-        counted("lost estimates", s.lost),
-        ["estimates of no sample", f"{s.unplaced:,}", "plain"],
-        counted("refused fits", s.fits_refused),
-        ["began", f"{s.begun:,} times since its boot" if s.begun != 1 else "once since its boot", "plain"],
-    ]
+    return list(rows("own", Seen(stats, history.hello)))
 
 
 def compared(history: DeviceHistory, axis: str, window: int) -> dict[str, Any] | None:
@@ -139,14 +123,6 @@ def _difference(value: float | None, unit: str) -> str:
     return "–" if value is None else f"{apart(value)} {unit}"
 
 
-def _milliseconds(us: int | None) -> str:
-    return "–" if us is None else f"{us / 1000:.2f} ms"
-
-
 def _rate(history: DeviceHistory) -> str:
     """Return how many estimates a second the device sends, if that is known."""
-    stats, hello = history.stats, history.hello
-    own = stats.device_estimator if stats else None
-    return (
-        "" if own is None or hello is None or not own.every else f", {hello.rate_hz / own.every:g} a second"
-    )
+    return estimates_rate(history.stats, history.hello)

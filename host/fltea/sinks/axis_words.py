@@ -1,0 +1,18 @@
+"""The words for an axis's unit and present bias, for the page and the terminal."""
+
+from fltea.records.plus_minus import plus_minus
+from fltea.records.records import AXES, AxisEstimate
+from fltea.sinks.changes import MOVES
+
+
+def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
+    """Return the present bias, and whether the sensor moves; empty if it is not known."""
+    if estimate is None or estimate.bias is None:
+        return ""
+    moving = f", {MOVES}" if estimate.moving else ""
+    return f"bias {plus_minus(estimate.bias, estimate.bias_std)} {unit}{moving}".replace("-", "\u2212")
+
+
+def unit_of(axis: str) -> str:
+    """Return the unit of an axis's samples."""
+    return "deg/s" if axis in AXES else "m/s²"

@@ -1,0 +1,403 @@
+"""Figures of an axis while samples come: its bias, the tracker of the bias, and the paper's filters."""
+
+from collections.abc import Iterator
+from functools import partial
+
+from fltea.records.plus_minus import plus_minus
+from fltea.records.records import AxisEstimate, FlteaEstimate
+from fltea.records.stats import AxisStats
+from fltea.sinks.axis_words import bias_words, unit_of
+from fltea.sinks.figures.figure import (
+    OF_AXIS,
+    Cells,
+    Entity,
+    Figure,
+    Hidden,
+    Row,
+    Rows,
+    Seen,
+    Shown,
+    counter,
+    gauge,
+    thousands,
+)
+from fltea.sinks.figures.hidden import (
+    ESTIMATE,
+    FIT,
+    NARROW,
+    NO_ENTITY,
+    NO_METRIC,
+    NO_PANEL,
+    ONLY_METRIC,
+    PER_SAMPLE,
+)
+from fltea.sinks.words import quantity
+
+PANEL = Shown("a panel")
+ROW = Shown("the row of the value that it belongs to")
+SENTENCE = Shown("the sentence of the axis")
+TABLE = Shown("the table of FLTEA")
+OF_STATS = Hidden("Home Assistant takes it from `stats`, which comes once a second")
+
+_axis, _estimate = partial(Figure, AxisStats), partial(Figure, AxisEstimate)
+
+LAG1 = "Correlation of an innovation with the one before; near 0 if the model fits."
+NIS = "Mean square of the innovations over their predicted variance; near 1 if the model fits."
+MOVES = """{% set moved = namespace(now=false) %}{% for axis in value_json.axes.values() %}\
+{% if axis.tracker and axis.tracker.moving %}{% set moved.now = true %}{% endif %}{% endfor %}\
+{{ 'ON' if moved.now else 'OFF' }}"""
+
+
+def _three(value: float) -> str:
+    return quantity(value, "", 3)
+
+
+def _bias(seen: Seen) -> Iterator[Cells]:
+    yield ["bias", bias_words(seen.estimate, unit_of(seen.axis)).removeprefix("bias ") or "–"]
+
+
+def _state(seen: Seen) -> Iterator[Cells]:
+    e = seen.estimate
+    yield ["state", f"{plus_minus(e.state, e.state_std)} {unit_of(seen.axis)}" if e else "–"]
+
+
+def _checked(seen: Seen) -> Iterator[Cells]:
+    axis: AxisStats | None = seen.record(AxisStats)
+    for t_s, one in (axis.tracker.checked if axis and axis.tracker else {}).items():
+        yield [f"the mean of the next {t_s} s less it, over σ", f"{one.rms:.2f} ({one.pieces:,} pieces)"]
+
+
+def _valid(seen: Seen) -> FlteaEstimate | None:
+    return seen.estimate.fltea if seen.estimate is not None and seen.estimate.fltea.valid else None
+
+
+def _settled(seen: Seen) -> Iterator[Cells]:
+    e = _valid(seen)
+    yield ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"]
+
+
+def _alpha(seen: Seen) -> Iterator[Cells]:
+    e = _valid(seen)
+    yield ["α, 95 %", plus_minus(e.alpha, e.alpha_std) if e else "–"]
+
+
+def _f(seen: Seen) -> Iterator[Cells]:
+    e = _valid(seen)
+    yield ["f, 95 %", f"{plus_minus(e.f, e.f_std)} s^-α" if e else "–"]
+
+
+def _fltea_state(seen: Seen) -> Iterator[Cells]:
+    e = _valid(seen)
+    yield ["state x̂ (paper)", quantity(e.state if e else None, unit_of(seen.axis), 4)]
+
+
+def _describes(seen: Seen) -> Iterator[Cells]:
+    axis: AxisStats | None = seen.record(AxisStats)
+    if axis is not None and axis.describes_noise is False:
+        yield ["these do not describe the noise", "no order, another, or coloured innovations"]
+
+
+def _offset(seen: Seen) -> Iterator[Cells]:
+    axis: AxisStats | None = seen.record(AxisStats)
+    yield ["offset removed", quantity(axis.bias if axis else None, unit_of(seen.axis), 4)]
+
+
+def _R(seen: Seen) -> Iterator[Cells]:
+    axis: AxisStats | None = seen.record(AxisStats)
+    R = axis.R_in_use if axis else None
+    yield ["R", quantity(R, f"({unit_of(seen.axis)})²", 3, significant=True)]
+
+
+FIGURES = (
+    _estimate(
+        "bias",
+        gauge(
+            "bias", "What to subtract from a sample: offset and state of the noise, in the unit of the axis."
+        ),
+        page=Rows("axis", _bias),
+        terminal=SENTENCE,
+        home_assistant=OF_STATS,
+        grafana=PANEL,
+    ),
+    _estimate(
+        "bias_std",
+        gauge("bias_std", "Standard deviation of the bias."),
+        page=ROW,
+        terminal=SENTENCE,
+        home_assistant=OF_STATS,
+        grafana=PANEL,
+    ),
+    _estimate(
+        "state",
+        gauge("state", "State of the noise, without the offset."),
+        page=Rows("axis", _state),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _estimate(
+        "state_std",
+        gauge("state_std", "Standard deviation of the state."),
+        page=ROW,
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _estimate(
+        "moving",
+        gauge("moving", "1: the sensor is moving, so the bias is predicted; 0: it is at rest."),
+        page=ROW,
+        terminal=SENTENCE,
+        home_assistant=OF_STATS,
+        grafana=NO_PANEL,
+    ),
+    _axis(
+        "tracker.bias",
+        ESTIMATE,
+        page=ESTIMATE,
+        terminal=ESTIMATE,
+        home_assistant=Entity("bias", "bias", OF_AXIS, state_class="measurement"),
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "tracker.bias_std",
+        ESTIMATE,
+        page=ESTIMATE,
+        terminal=ESTIMATE,
+        home_assistant=Entity("bias_std", "bias σ", OF_AXIS, state_class="measurement"),
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "tracker.moving",
+        ESTIMATE,
+        page=ESTIMATE,
+        terminal=ESTIMATE,
+        home_assistant=Entity(
+            "moves", "moves", platform="binary_sensor", device_class="motion", template=MOVES
+        ),
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "tracker.model",
+        NO_METRIC,
+        page=Row("axis", "model of the bias", absent="–"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "tracker.nis",
+        gauge("tracker_nis", NIS),
+        page=Row("axis", "its innovations, NIS", _three, absent="–"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _axis("tracker.lag1", gauge("tracker_lag1", LAG1), **ONLY_METRIC),
+    _axis(
+        "tracker.holds",
+        gauge(
+            "tracker_holds",
+            "1: the tracker's last 1,000 innovations are white; 0: its model does not describe the noise.",
+        ),
+        **ONLY_METRIC,
+    ),
+    _axis(
+        "tracker.restarts",
+        counter("tracker_restarts", "Times that the tracker of the bias began again."),
+        **ONLY_METRIC,
+    ),
+    _axis(
+        "tracker.heading_std",
+        gauge(
+            "heading_std_degrees",
+            "Standard deviation of the heading so many seconds after the last sample at rest.",
+            key="after_s",
+        ),
+        page=Shown("the heading after the rest so far, and its curve"),
+        terminal=Shown("the heading after a rest"),
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _axis("tracker.moved", counter("moved_samples", "Samples in motion."), **ONLY_METRIC),
+    _axis(
+        "tracker.bias_for_s",
+        gauge("bias_for_seconds", "The bias is the mean that is expected over so many seconds."),
+        page=Row("axis", "it is the mean expected over", lambda t_s: f"{t_s:g} s"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _axis(
+        "tracker.checked.rms",
+        gauge(
+            "bias_error_ratio",
+            "Mean of the next so many seconds less the bias, root mean square over its deviation; 1 if it "
+            "holds.",
+            key="for_s",
+        ),
+        page=Rows("axis", _checked),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _axis(
+        "tracker.checked.pieces",
+        gauge("bias_error_pieces", "Pieces of so many seconds that this ratio is of.", key="for_s"),
+        page=ROW,
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _axis(
+        "tracker.steps",
+        counter("steps", "Steps of its bias."),
+        page=Row("axis", "steps of the bias", thousands),
+        terminal=NARROW,
+        home_assistant=Entity("steps", "steps of the bias", state_class="total_increasing"),
+        grafana=PANEL,
+    ),
+    _estimate(
+        "fltea.valid",
+        gauge("fltea_valid", "1: the estimate of the paper's filters holds; 0: it ran away, or was held."),
+        page=Shown("the line that says the state of the device, and the rows of the filters"),
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _estimate(
+        "fltea.settled",
+        gauge("fltea_settled", "1: their variances are known and their innovations white; 0: settling."),
+        page=Rows("axis", _settled),
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _estimate(
+        "fltea.alpha",
+        gauge("fltea_alpha", "Order of the noise by the paper's filters."),
+        page=Rows("axis", _alpha),
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _estimate(
+        "fltea.alpha_std",
+        gauge("fltea_alpha_std", "The order filter's own standard deviation."),
+        page=ROW,
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _estimate(
+        "fltea.f",
+        gauge("fltea_f", "Parameter f by the paper's filters, in s^-alpha."),
+        page=Rows("axis", _f),
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _estimate(
+        "fltea.f_std",
+        gauge("fltea_f_std", "The parameter filter's own standard deviation, in s^-alpha."),
+        page=ROW,
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _axis(
+        "describes_noise",
+        gauge(
+            "describes_noise",
+            "1: the innovations are white and the order is the fit's; 0: alpha and f say nothing of the "
+            "noise.",
+        ),
+        page=Rows("axis", _describes),
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _estimate(
+        "fltea.state",
+        PER_SAMPLE,
+        page=Rows("axis", _fltea_state),
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=NO_METRIC,
+    ),
+    _estimate(
+        "fltea.innovation",
+        PER_SAMPLE,
+        page=PER_SAMPLE,
+        terminal=TABLE,
+        home_assistant=NO_ENTITY,
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "bias",
+        ESTIMATE,
+        page=Rows("axis", _offset),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "R_in_use",
+        FIT,
+        page=Rows("axis", _R),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_METRIC,
+    ),
+    _axis(
+        "innovation_lag1",
+        gauge("innovation_lag1", LAG1),
+        page=Row("axis", "innovations, lag 1", _three, absent="–"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _axis(
+        "innovation_nis",
+        gauge("innovation_nis", NIS),
+        page=Row("axis", "innovations, NIS", _three, absent="–"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _axis(
+        "restarts",
+        counter("restarts", "Times that the axis began again in this epoch."),
+        page=Row("axis", "started again", absent="–"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _axis(
+        "interventions",
+        counter(
+            "interventions",
+            "Samples since the axis's last start in which the guard stepped in, by cause.",
+            key="reason",
+        ),
+        page=Shown("the list of what the guard did"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _estimate(
+        "null_p",
+        gauge("null_p", "How often white noise would look at least as unlike white as the samples."),
+        **ONLY_METRIC,
+    ),
+    _estimate(
+        "whiteness",
+        gauge(
+            "not_white",
+            "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no "
+            "order.",
+            convert=lambda word: float(word == "rejected"),
+        ),
+        **ONLY_METRIC,
+    ),
+)

@@ -1,0 +1,272 @@
+"""Figures of the link, the samples, the board and the outputs."""
+
+from collections.abc import Iterator
+from functools import partial
+
+from fltea.records.records import Sample, Stats
+from fltea.records.stats import DeviceStatus, LinkStats, OutputStats
+from fltea.sinks.figures.figure import (
+    Cells,
+    Entity,
+    Figure,
+    Hidden,
+    Row,
+    Rows,
+    Seen,
+    Shown,
+    counter,
+    gauge,
+    loss,
+    thousands,
+)
+from fltea.sinks.figures.hidden import NARROW, NO_ENTITY, NO_METRIC, NO_PANEL, ONLY_METRIC
+from fltea.sinks.words import counted, quantity
+
+HEALTH = Shown("the last lines of a device")
+PANEL = Shown("a panel")
+
+_stats, _sample = partial(Figure, Stats), partial(Figure, Sample)
+_link, _board = partial(Figure, LinkStats), partial(Figure, DeviceStatus)
+_output = partial(Figure, OutputStats)
+
+
+def _bad_frames(seen: Seen) -> Iterator[Cells]:
+    found: dict[str, int] | None = seen.record(LinkStats) and dict(seen.record(LinkStats).bad_frames)
+    if found is not None:
+        found.pop("partial", None)  # normal after the port is opened
+        yield counted("CRC errors", found.pop("crc", 0))
+        yield counted(
+            "other bad frames", sum(found.values()), ", ".join(f"{r} {n}" for r, n in found.items())
+        )
+
+
+def _other_version(seen: Seen) -> Iterator[Cells]:
+    if found := seen.record(LinkStats):
+        yield counted("frames of another version", found.unknown_type + found.refused)
+
+
+def _dropped(seen: Seen) -> Iterator[Cells]:
+    for name, output in (seen.record(OutputStats) or {}).items():
+        waiting = f"{output.queued:,} waiting" if output.queued > 100 else ""
+        yield counted(f"dropped by output {name}", output.dropped, waiting)
+
+
+FIGURES = (
+    _stats(
+        "rate_hz",
+        gauge("sample_rate_hertz", "Sampling rate by the host's clock."),
+        page=Row("link", "rate", lambda hz: quantity(hz, "Hz", 3), absent="–"),
+        terminal=HEALTH,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "clock_ppm",
+        gauge("clock_drift_ratio", "How much faster than the host's the device's clock runs.", factor=1e-6),
+        page=Row("link", "device clock", lambda ppm: f"{ppm:+.1f} ppm", absent="–"),
+        terminal=HEALTH,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "sample_counts.delivered",
+        counter("samples_delivered", "Samples that went on to the estimator."),
+        page=Row("link", "samples", thousands),
+        terminal=HEALTH,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "sample_counts.lost",
+        counter("samples_lost", "Samples missing in gaps."),
+        page=loss("link", "lost samples"),
+        terminal=HEALTH,
+        home_assistant=Entity("lost", "samples lost", state_class="total_increasing", category="diagnostic"),
+        grafana=PANEL,
+    ),
+    _stats(
+        "sample_counts.gaps",
+        counter("gaps", "Gaps."),
+        page=loss("link", "gaps"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "sample_counts.duplicates",
+        counter("samples_duplicate", "Samples that came twice and were dropped."),
+        page=loss("link", "duplicates"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "sample_counts.before_hello",
+        counter("samples_before_hello", "Samples before the first HELLO, which cannot be used."),
+        **ONLY_METRIC,
+    ),
+    _stats(
+        "sample_counts.rate_differs",
+        counter(
+            "samples_rate_differs",
+            "Samples of a device whose clock contradicts its HELLO, which are not used.",
+        ),
+        **ONLY_METRIC,
+    ),
+    _stats(
+        "epoch",
+        counter("epochs", "Epochs begun."),
+        page=Hidden("the page takes it from the record `epoch`"),
+        terminal=HEALTH,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "startup_remaining",
+        gauge("startup_remaining_samples", "Samples until the start-up window is full."),
+        page=Hidden("the page counts the samples of the epoch itself"),
+        terminal=Shown("in place of the estimates, before the first"),
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _stats(
+        "host_ns",
+        gauge("stats_timestamp_seconds", "Unix time of the newest statistics.", factor=1e-9),
+        **ONLY_METRIC,
+    ),
+    _link(
+        "bytes",
+        counter("received_bytes", "Bytes received."),
+        **ONLY_METRIC,
+    ),
+    _link(
+        "frames",
+        counter("frames", "Good frames."),
+        **ONLY_METRIC,
+    ),
+    _link(
+        "reconnects",
+        counter("reconnects", "Times that the port was opened again."),
+        page=loss("link", "reconnects"),
+        terminal=HEALTH,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _link(
+        "bad_frames",
+        counter("bad_frames", "Damaged frames, by reason.", key="reason"),
+        page=Rows("link", _bad_frames),
+        terminal=HEALTH,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _link(
+        "unknown_type",
+        counter("unknown_frames", "Intact frames of an unknown type."),
+        page=Rows("link", _other_version),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _link(
+        "refused",
+        counter("refused_frames", "Frames of a device of another protocol version."),
+        page=Shown("the row of `unknown_type`"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _link(
+        "overflow_bytes",
+        counter("overflow_bytes", "Bytes thrown away: the program was too slow."),
+        page=loss("link", "bytes thrown away"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _board(
+        "i2c_errors",
+        counter("i2c_errors", "I2C transfers that failed, since the device's boot."),
+        page=loss("link", "I²C errors"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _board(
+        "bus_recoveries",
+        counter("bus_recoveries", "Times that a held bus was freed, since the device's boot."),
+        page=loss("link", "I²C bus freed"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _board(
+        "sensor_reinits",
+        counter("sensor_reinits", "Times that the sensor was set up again, since the device's boot."),
+        page=loss("link", "sensor set up again"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _board(
+        "overruns",
+        counter("overruns", "Sampling instants without a sample, since the device's boot."),
+        page=loss("link", "overruns"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _board(
+        "dropped_frames",
+        counter("dropped_frames", "Frames that the device could not send, since its boot."),
+        page=loss("link", "frames dropped by the device"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _board(
+        "reset_cause",
+        NO_METRIC,
+        page=Row("link", "last reset by", lambda cause: cause.replace("_", " ")),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_METRIC,
+    ),
+    _output(
+        "written",
+        counter("written", "Records that an output has written."),
+        **ONLY_METRIC,
+    ),
+    _output(
+        "dropped",
+        counter("dropped", "Records that an output lost: too slow, or broken."),
+        page=Rows("link", _dropped),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _output(
+        "queued",
+        gauge("queue_records", "Records that wait for an output."),
+        page=Shown("the row of `dropped`"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=NO_PANEL,
+    ),
+    _sample(
+        "temperature_c",
+        gauge("temperature_celsius", "Die temperature of the sensor."),
+        page=Shown("the list of what the device states"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+    _sample(
+        "host_ns",
+        gauge("sample_timestamp_seconds", "Unix time of the newest sample.", factor=1e-9),
+        page=Shown("the time of the newest sample"),
+        terminal=NARROW,
+        home_assistant=NO_ENTITY,
+        grafana=PANEL,
+    ),
+)

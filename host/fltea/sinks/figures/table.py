@@ -1,0 +1,89 @@
+"""All published figures, and the numbers of the records that are shown nowhere, each with its reason."""
+
+from collections.abc import Iterator
+
+from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.fit import AxisFit
+from fltea.records.records import (
+    AxisEstimate,
+    Corrected,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    Epoch,
+    Error,
+    Gap,
+    Hello,
+    Motion,
+    Placed,
+    Sample,
+    Stats,
+    Step,
+)
+from fltea.records.stats import AxisStats, DeviceEstimatorStats
+from fltea.sinks.figures import of_axis, of_device, of_fit, of_link
+from fltea.sinks.figures.figure import Cells, Figure, Row, Rows, Section, Seen, lookup
+
+FIGURES: tuple[Figure, ...] = (*of_link.FIGURES, *of_fit.FIGURES, *of_axis.FIGURES, *of_device.FIGURES)
+"""Each published figure. Rows of the page and entities of Home Assistant stand in this order."""
+
+EVENT = "it tells an event, and people see the event as a sentence"
+_OF_MODEL = "it is for those who compare the device's fit with this computer's, who read the record"
+_SAME_FIT = "the newest fit, which has its own record, says it"
+
+WITHOUT_FIGURES: dict[type, str] = {
+    Placed: "its fields say to which sample a record belongs",
+    Hello: "it states once what the device is; the page lists all of it, and `fltea_device_info` names it",
+    Corrected: "it is for programs, which integrate each sample",
+    Gap: EVENT,
+    Step: EVENT,
+    Motion: EVENT,
+    Epoch: EVENT,
+    Error: EVENT,
+}
+"""The records whose numbers are no figures, and why."""
+
+UNSHOWN: dict[tuple[type, str], str] = {
+    (Stats, "fit_period_s"): "it is a setting, which only says how often to expect a fit",
+    (Sample, "flags"): "it is a property of one sample, and one sample in a thousand says nothing",
+    (AxisStats, "Q_in_use"): "it is computed from the newest fit",
+    (AxisStats, "tuned"): "it is true from the first fit on that has an order",
+    (AxisStats, "tracker.K"): "a fit over the same samples has a value and a verdict; this one is for checks",
+    (DeviceEstimatorStats, "fit_every"): "it is a setting of the device",
+    (DeviceEstimatorStats, "longest_slice_us"): "longest_axis_seconds bounds it while the device keeps up",
+    (AxisEstimate, "alpha"): _SAME_FIT,
+    (AxisEstimate, "f"): _SAME_FIT,
+    (AxisEstimate, "innovation"): "it changes with every sample, so one value in a thousand says nothing",
+    (DeviceEstimates, "comparable"): "each axis says whether, and why not",
+    (DeviceAxisEstimate, "age"): "it is for the comparison with this computer's estimate",
+    (DeviceAxisEstimate, "fltea.alpha_std"): "this computer's, which it should equal, is shown",
+    (DeviceAxisEstimate, "fltea.f_std"): "this computer's, which it should equal, is shown",
+    (DeviceAxisEstimate, "fltea.state"): "its difference from this computer's is shown",
+    (DeviceAxisEstimate, "fltea.innovation"): "it changes with every sample",
+    (DeviceAxisEstimate, "fltea.settled"): "the words for why estimates are not comparable say it",
+    (DeviceAxisEstimate, "tracker_state"): "the device's bias, which includes it, is shown",
+    (DeviceAxisEstimate, "tracker_state_std"): "the deviation of the device's bias is shown",
+    (AxisFit, "low_pass"): "the text of the verdict says it",
+    (AxisFit, "high_pass"): "the text of the verdict says it",
+    **{
+        (DeviceAxisFit, field): _OF_MODEL
+        for field in (
+            "number", "age", "ordinates", "evaluations", "searched", "tuned", "ratio_white",
+            "ratio_relaxation", "f", "s2", "R", "alpha_of_bins",
+        )
+    },
+}  # fmt: skip
+"""Numbers that no place shows: the record, or part of a record, and the path from there; and the reason."""
+
+
+def rows(section: Section, seen: Seen) -> Iterator[Cells]:
+    """Yield the rows of a section of the page."""
+    for figure in FIGURES:
+        match figure.page:
+            case Row() as row if row.section == section:
+                value = lookup(seen.record(figure.kind), figure.field)
+                if value is not None:
+                    yield [row.label, row.text(value), row.level(value)]
+                elif row.absent is not None:
+                    yield [row.label, row.absent, "plain"]
+            case Rows() as own if own.section == section:
+                yield from own.make(seen)

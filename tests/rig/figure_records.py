@@ -1,0 +1,245 @@
+"""Records of one device in which every number is known, and what each place shows of such records."""
+
+import io
+import json
+import types
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import jinja2
+import msgspec
+from dashboard_support import BOARD, OWN, told
+from example_records import GOOD, STATS
+from fit_support import FRACTIONAL, with_curves
+from fltea.records.clock import host_ns
+from fltea.records.device_fit import DeviceAxisFit
+from fltea.records.fit import AxisFit, Until
+from fltea.records.ports import Latency
+from fltea.records.records import (
+    AnyRecord,
+    DeviceAxisEstimate,
+    DeviceEstimates,
+    DeviceFits,
+    Epoch,
+    Estimate,
+    EstimatorInfo,
+    Fit,
+    FlteaEstimate,
+    Sample,
+    Stats,
+)
+from fltea.records.stats import DeviceStatus, OutputStats
+from fltea.settings.estimator import EstimateOn
+from fltea.sinks.metrics.families import Families, Newest
+from fltea.sinks.mqtt.discovery import discovery
+from fltea.sinks.page import facts
+from fltea.sinks.page.history import DeviceHistory
+from fltea.sinks.page.state import PARTS, View
+from fltea.sinks.table import TableSink
+from host_support import hello
+from msgspec.structs import replace
+from prometheus_client import CollectorRegistry, generate_latest
+from rich.console import Console
+
+KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
+"""A key of each type, for a mapping that an example leaves empty."""
+
+
+def parts_of(hint: Any) -> Iterator[Any]:
+    """Yield the types that a hint consists of; of a mapping the types of its values."""
+    if get_origin(hint) in (types.UnionType, Union):
+        for one in get_args(hint):
+            yield from parts_of(one)
+    elif get_origin(hint) is dict:
+        yield from parts_of(get_args(hint)[1])
+    else:
+        yield hint
+
+
+def completed(struct: Any) -> Any:
+    """Return a record in which every number, object and mapping has a value; values that it has are kept."""
+    found = {}
+    for name, hint in get_type_hints(type(struct)).items():
+        value = getattr(struct, name)
+        if value is None or value == {}:
+            value = _example(hint)
+        if isinstance(value, dict):
+            value = {key: completed(one) if _is_struct(one) else one for key, one in value.items()}
+        found[name] = completed(value) if _is_struct(value) else value
+    return replace(struct, **found)
+
+
+def _is_struct(value: Any) -> bool:
+    return isinstance(value, msgspec.Struct)
+
+
+def _example(hint: Any) -> Any:
+    of = next(one for one in [*_members(hint)] if one is not types.NoneType)
+    if get_origin(of) is dict:
+        key, value = get_args(of)
+        return {KEYS[key.__name__]: _example(value)}
+    if get_origin(of) is Literal:
+        return get_args(of)[0]
+    if get_origin(of) is list:
+        return []
+    if issubclass(of, msgspec.Struct):
+        return of(**{name: _example(one) for name, one in get_type_hints(of).items()})
+    return {int: 7, float: 0.75, bool: True, str: "a"}[of]
+
+
+def _members(hint: Any) -> Sequence[Any]:
+    return get_args(hint) if get_origin(hint) in (types.UnionType, Union) else (hint,)
+
+
+OTHER_WORDS = {"not rejected": "rejected", "fractional": "white", "user": "watchdog", "white": "walks"}
+"""Another word for each word in the example."""
+
+
+def changed(value: Any, path: Sequence[str]) -> Any:
+    """Return a record in which the value of one path is another one; in a mapping the values of all keys."""
+    if isinstance(value, dict):
+        return {key: changed(one, path) for key, one in value.items()}
+    if path:
+        return replace(value, **{path[0]: changed(getattr(value, path[0]), path[1:])})
+    match value:
+        case bool():
+            return not value
+        case int():
+            return 3 * value + 1001
+        case float():
+            return 1.5 * value + 0.25
+        case str():
+            return OTHER_WORDS.get(value, f"not {value}")
+    raise TypeError(value)
+
+
+AXIS = "gyro_x"
+PLACE: dict[str, Any] = {"seq": 701, "epoch": 3, "device_us": 7_010_000, "host_ns": 7_250_000_000}
+HELLO = hello(device="due", sensor="MPU-9250", gyro_range_dps=2000.0, firmware_version="0.1.0")
+SETTINGS = EstimatorInfo("joint", "both", "compressed", "consistent", 9, 9, (0.0,), ())
+EPOCH = Epoch(3, "gap", 1, 8, 8, 7, SETTINGS, device="due")
+SAMPLE = Sample(**PLACE, gyro_dps=(0.5, 0.25, 0.125), temperature_c=21.5, device="due")
+DEVICE_ESTIMATOR = replace(OWN, restarts={AXIS: 2}, interventions={AXIS: {"order_box": 3}})
+EVERY_STATS: Stats = completed(
+    replace(
+        STATS,
+        axes={AXIS: STATS.axes[AXIS]},
+        board=DeviceStatus(11, 12, 14, 15, 16, "user", BOARD.cpu_share_percent, BOARD.longest_step_us),
+        outputs={"mqtt": OutputStats(10, 7, 300)},
+        device_estimator=replace(DEVICE_ESTIMATOR, startup_remaining=40),
+    )
+)
+EVERY_ESTIMATE: Estimate = completed(Estimate(**PLACE, variant="joint", axes={AXIS: GOOD}, device="due"))
+FRACTIONAL_FIT: AxisFit = completed(
+    replace(with_curves(FRACTIONAL), left_out={"lost": 12}, breaks={"gaps": 1, "steps": 2}, odds=0.75)
+)
+EVERY_FIT = Fit(**PLACE, samples=702, axes={AXIS: FRACTIONAL_FIT}, device="due")
+FILTERS = FlteaEstimate(0.4, 0.03, -2.0, 0.25, 0.12, -0.05, valid=True, settled=True)
+OF_DEVICE = replace(completed(DeviceAxisEstimate(fltea=FILTERS, age=7)), why_not=None, tracker_bias_std=0.01)
+EVERY_DEVICE_ESTIMATE = DeviceEstimates(
+    **PLACE, variant="joint", axes={AXIS: OF_DEVICE}, comparable=True, device="due"
+)
+DEVICE_FIT = DeviceAxisFit("fractional", 3, 701, 640, 99.0, 230, True, True, True, 40.0, 9.5)
+EVERY_DEVICE_FIT = DeviceFits(**PLACE, axes={AXIS: completed(DEVICE_FIT)}, device="due")
+Records = dict[type, AnyRecord]
+
+EVERYTHING: Records = {
+    type(record): record
+    for record in (
+        HELLO,
+        EPOCH,
+        EVERY_STATS,
+        SAMPLE,
+        EVERY_FIT,
+        EVERY_ESTIMATE,
+        EVERY_DEVICE_ESTIMATE,
+        EVERY_DEVICE_FIT,
+    )
+}
+"""A record of each kind that has figures, in the order in which a device's come."""
+
+UNDECIDED = {AXIS: replace(FRACTIONAL_FIT, verdict="undecided", until_s=Until(0.05, 440.0))}
+EXAMPLES = (EVERYTHING, {**EVERYTHING, Fit: replace(EVERY_FIT, axes=UNDECIDED)})
+"""Records with which each figure is shown wherever it is ever shown, after the first estimate."""
+
+
+def history(records: Records, who: EstimateOn = "both") -> DeviceHistory:
+    """Return what the page remembers of these records."""
+    return told(list(records.values()), who=who)
+
+
+DRAWN = ("now", "spectra", "curves")
+"""Parts of the page that draw what other parts say, and the one that the time of the request changes."""
+
+
+def page(records: Records) -> str:
+    """Return all parts of the live page except drawings, with one axis open."""
+    found = history(records)
+    view = View("due", AXIS, 0)
+    parts = {name: make(found, view) for name, make in PARTS.items() if name not in DRAWN}
+    return json.dumps([parts, facts.now(found, found.heard_ns or 0)])
+
+
+def terminal(records: Records) -> str:
+    """Return the table of a wide terminal."""
+    console = Console(file=io.StringIO(), width=200, color_system=None)
+    sink = TableSink(console)
+    for record in records.values():
+        sink.write(record)
+    sink.close()
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+class _Held(Newest):
+    sample: Sample | None = None
+
+    def newest_sample(self) -> Sample | None:
+        return self.sample
+
+
+class _Output:
+    name = "mqtt"
+
+    def __init__(self, found: OutputStats) -> None:
+        self._found, self.latency = found, Latency()
+
+    def stats(self) -> OutputStats:
+        return self._found
+
+
+def metrics(records: Records) -> str:
+    """Return Prometheus' text of these records."""
+    newest = _Held()
+    newest.hello, newest.stats, newest.fit = records[type(HELLO)], records[Stats], records[Fit]  # type: ignore[assignment]
+    newest.sample = records[Sample]  # type: ignore[assignment]
+    newest.estimate, newest.estimate_ns = records.get(Estimate), host_ns()  # type: ignore[assignment]
+    newest.device_estimate, newest.device_estimate_ns = records[DeviceEstimates], host_ns()  # type: ignore[assignment]
+    newest.device_fits = records[DeviceFits].axes  # type: ignore[union-attr,assignment]
+    outputs = [("due", _Output(one)) for one in records[Stats].outputs.values()]  # type: ignore[union-attr]
+    registry = CollectorRegistry()
+    registry.register(Families({"due": newest}, {}, lambda: outputs))
+    return generate_latest(registry).decode()
+
+
+def home_assistant(records: Records) -> str:
+    """Return the states and attributes that Home Assistant makes of the published records."""
+    stats = records[Stats]
+    payloads = {
+        f"fltea/due/{record.__struct_config__.tag}": json.loads(msgspec.json.encode(record))
+        for record in records.values()
+    }
+    config = discovery("fltea/due", "due", records[type(HELLO)], stats.axes)  # type: ignore[arg-type,union-attr]
+    found = {}
+    for key, one in config["components"].items():  # type: ignore[attr-defined]
+        for template, topic in (
+            ("value_template", "state_topic"),
+            ("json_attributes_template", "json_attributes_topic"),
+        ):
+            if template in one:
+                found[key, template] = _render(one[template], payloads[one[topic]])
+    return str(found)
+
+
+def _render(template: str, payload: Any) -> str:
+    return str(jinja2.Template(template).render(value_json=payload))
