@@ -7,9 +7,10 @@ import time
 from pathlib import Path
 
 import pytest
+from fltea.mqtt import link
 from fltea.records.records import Gap
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.mqtt import delivery, link
+from fltea.sinks.mqtt import delivery
 from fltea.sinks.mqtt.sink import MqttSink
 from host_support import Processes, wait_until
 from mosquitto_support import DAEMON, HELLO, STRANGER, WATCHER, Stage, last_status, make_authority, sample

@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 import pytest
 from blocks import as_items
 from example_records import GOOD, STATS
+from fltea.mqtt.connection import Acknowledged, Down, Session, Up
 from fltea.records import clock
 from fltea.records.records import AnyRecord, Estimate, Gap, Sample, Stats
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.mqtt import link, status
 from fltea.sinks.mqtt import sink as mqtt
-from fltea.sinks.mqtt.connection import Acknowledged, Down, Up
+from fltea.sinks.mqtt import status
 from fltea.sinks.mqtt.sink import MqttSink
 from host_support import hello
 
@@ -44,9 +44,9 @@ class FakeConnection:
 
     made: ClassVar[list["FakeConnection"]] = []
 
-    def __init__(self, broker: Any, client_id: str, will: tuple[str, bytes]) -> None:
+    def __init__(self, broker: Any, client_id: str, session: Session) -> None:
         self.events: deque[Any] = deque()
-        self.client_id, self.will = client_id, will
+        self.client_id, self.will = client_id, session.will
         self.sent: list[tuple[str, bytes, int, bool]] = []
         self.closed = self.full = False
         self.made.append(self)
@@ -124,7 +124,7 @@ def make_bench(monkeypatch: pytest.MonkeyPatch) -> MakeBench:
             one.happens(Up())
         return one
 
-    monkeypatch.setattr(link, "Connection", FakeConnection)
+    monkeypatch.setattr(mqtt, "Connection", FakeConnection)
     monkeypatch.setattr(status, "unix_offset_ns", lambda: 5)
     monkeypatch.setattr(mqtt, "FAREWELL_S", 0.02)
     return new

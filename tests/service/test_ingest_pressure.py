@@ -139,7 +139,7 @@ def test_an_output_that_holds_all_up_is_named(monkeypatch: pytest.MonkeyPatch) -
 def test_a_broker_holds_what_has_no_room_and_does_not_give_us_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("fltea.service.ingest.mqtt.KEEPALIVE_S", 2)
+    monkeypatch.setattr("fltea.mqtt.connection.KEEPALIVE_S", 2)
     broker = Broker(tmp_path, settings=("max_queued_messages 0",))
     inbox, troubles, count, size = Inbox(10, 100_000), list[str](), 4000, 2000
     frames = MqttFrames(

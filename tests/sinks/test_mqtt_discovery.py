@@ -12,9 +12,9 @@ import jinja2
 import pytest
 from example_records import STATS
 from fit_support import FRACTIONAL
+from fltea.mqtt.connection import Up
 from fltea.records.records import Fit
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.mqtt.connection import Up
 from fltea.sinks.mqtt.discovery import discovery_topic
 from hypothesis import example, given
 from hypothesis import strategies as st

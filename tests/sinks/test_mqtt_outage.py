@@ -1,8 +1,8 @@
 """The MQTT sink without a broker: which messages wait, which are lost, and when the sink tries again."""
 
 import pytest
+from fltea.mqtt.connection import Down, Up
 from fltea.sinks.mqtt import delivery
-from fltea.sinks.mqtt.connection import Down, Up
 from fltea.sinks.mqtt.delivery import BACKLOG, IN_FLIGHT
 from host_support import hello
 from hypothesis import given

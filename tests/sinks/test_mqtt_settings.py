@@ -4,10 +4,10 @@ import ssl
 from pathlib import Path
 
 import pytest
+from fltea.mqtt.broker import Broker
 from fltea.records.errors import UsageError
 from fltea.settings.config import load_config
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.sink import MqttSink
 from hypothesis import given
 from hypothesis import strategies as st

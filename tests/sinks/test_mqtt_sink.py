@@ -5,11 +5,11 @@ import json
 import pytest
 from example_records import MOVES, STEP
 from fit_support import FRACTIONAL
+from fltea.mqtt.connection import Down, Up
 from fltea.records import identities
 from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
 from fltea.sinks.mqtt import delivery
 from fltea.sinks.mqtt import sink as mqtt
-from fltea.sinks.mqtt.connection import Down, Up
 from fltea.sinks.mqtt.delivery import BACKLOG
 from fltea.sinks.mqtt.sink import LONGEST_NAME, device_level
 from fltea.sinks.record_json import record_json

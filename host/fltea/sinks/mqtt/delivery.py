@@ -9,9 +9,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from fltea.mqtt.connection import POLL_S, Acknowledged, Up
+from fltea.mqtt.link import Link
 from fltea.records.ports import Report
-from fltea.sinks.mqtt.connection import POLL_S, Acknowledged, Up
-from fltea.sinks.mqtt.link import Link
 
 BACKLOG = 1000
 """Most rare records that are kept while the broker is away; the oldest are dropped first."""

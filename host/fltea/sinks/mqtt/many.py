@@ -12,15 +12,15 @@ from collections.abc import Collection
 
 import msgspec
 
+from fltea.mqtt.broker import Broker
+from fltea.mqtt.connection import POLL_S, Up
+from fltea.mqtt.link import Link
 from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed, Item, Report, Sink
 from fltea.records.records import Record
 from fltea.records.repeat import OnceAMinute
 from fltea.settings.mqtt import MqttConfig
-from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import POLL_S, Up
-from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.sink import FAREWELL_S, MqttSink
 from fltea.sinks.mqtt.status import Status
@@ -61,8 +61,8 @@ class ManyMqttSink(Sink):
         self._status_topic = f"{settings.prefix}/{program}/ingest"
         will = (self._status_topic, self._status("offline", "connection_lost"))
         self._shared = SharedConnection(broker, f"fltea-{program}-{secrets.token_hex(4)}", will)
-        self._own = Link(broker, self._report_once, self._shared)
-        self._own.open()
+        self._own = Link(broker, self._report_once)
+        self._own.open(self._shared.connect())
         self._sinks: dict[str, MqttSink] = {}
         self._heard_ns: dict[str, int] = {}
         self._touched: set[str] = set()
@@ -124,7 +124,7 @@ class ManyMqttSink(Sink):
     def _look_after_own(self) -> None:
         """Publish the program's own status on each new connection."""
         if self._own.is_due():
-            self._own.open()
+            self._own.open(self._shared.connect())
         for event in self._own.events():
             if isinstance(event, Up):
                 self._own.end_outage()

@@ -6,15 +6,15 @@ has only one; the program has a status of its own instead.
 
 from collections import deque
 
-from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up, await_end
+from fltea.mqtt.broker import Broker
+from fltea.mqtt.connection import Acknowledged, Connection, Down, Event, Session, Up, await_end
 
 
 class View:
     """A device's part of the shared connection; used like a `Connection`."""
 
     def __init__(self, shared: "SharedConnection") -> None:
-        self.events: deque[Up | Acknowledged | Down] = deque()
+        self.events: deque[Event] = deque()
         self._shared = shared
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
@@ -45,7 +45,7 @@ class SharedConnection:
         view = View(self)
         self._views[view] = None
         if self._connection is None:
-            self._connection = Connection(self.broker, self._client_id, self._will)
+            self._connection = Connection(self.broker, self._client_id, Session(self._will))
         elif self.up:
             view.events.append(Up())
         return view

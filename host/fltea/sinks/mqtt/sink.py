@@ -3,7 +3,11 @@
 import re
 import secrets
 from collections import deque
+from dataclasses import dataclass
 
+from fltea.mqtt.broker import Broker
+from fltea.mqtt.connection import Connection, Session
+from fltea.mqtt.link import Link
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.identities import MOST, FewIdentities
@@ -11,10 +15,8 @@ from fltea.records.ports import Item, Report, Sink, Wanted
 from fltea.records.records import AnyRecord, DeviceEstimates, DeviceFits, Estimate, Fit, Hello, Record, Stats
 from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.json_lines import BlockLines
-from fltea.sinks.mqtt.broker import Broker
 from fltea.sinks.mqtt.delivery import BACKLOG, Delivery, Message
 from fltea.sinks.mqtt.discovery import discovery, discovery_topic
-from fltea.sinks.mqtt.link import Link
 from fltea.sinks.mqtt.shared import SharedConnection
 from fltea.sinks.mqtt.status import DeviceStatus, status_of
 from fltea.sinks.opening import Opening
@@ -33,6 +35,23 @@ KINDS = {
     "corrected": Wanted(corrected=True),
 }
 """What is printed for each kind of record that has one row per sample."""
+
+
+@dataclass(slots=True)
+class Published:
+    """What is published for one device until another takes its place.
+
+    `level`: the device's name in its topics. `fit`: newest fit, as JSON. `discovery`: configuration for Home
+    Assistant; `offered`: the HELLO and the units of the axes that it is made of.
+    """
+
+    hello: Hello
+    level: str
+    client_id: str
+    status: DeviceStatus
+    fit: bytes | None = None
+    discovery: Message | None = None
+    offered: tuple[Hello, dict[str, str]] | None = None
 
 
 class MqttSink(Sink):
@@ -54,20 +73,15 @@ class MqttSink(Sink):
         self, settings: MqttConfig, device: str, report: Report, shared: SharedConnection | None = None
     ) -> None:
         self._settings, self._device, self._report = settings, device, report
-        self._shared = shared is not None
+        self._shared = shared
         broker = Broker(settings) if shared is None else shared.broker
-        self._link = Link(broker, report, shared)
+        self._link = Link(broker, report)
         self._delivery = Delivery(self._link, report, self._introduce)
         self._lines = BlockLines()
         self._early: deque[AnyRecord] = deque()
-        self._hello: Hello | None = None
+        self._published: Published | None = None
         self._identities = FewIdentities()
         self._turned_away = False
-        self._level = self._client_id = ""
-        self._fit: bytes | None = None
-        self._discovery: Message | None = None
-        self._offered: tuple[Hello, dict[str, str]] | None = None
-        self._status: DeviceStatus | None = None
         self._seen: dict[str, int] = {}
         if shared is None:
             broker.report_plain(report)
@@ -86,7 +100,7 @@ class MqttSink(Sink):
             return
         elif isinstance(item, Hello):
             self._on_hello(item)
-        elif self._hello is None and not self._turned_away:
+        elif self._published is None and not self._turned_away:
             self._keep_early(item)
         elif isinstance(item, Estimate | DeviceEstimates):
             if self._is_due(_kind(item), item.seq, self._settings.estimate_every):
@@ -95,21 +109,21 @@ class MqttSink(Sink):
             if isinstance(item, Stats):
                 self._offer_discovery(item)
             self._stream(_kind(item), record_json(item), 1, again=not isinstance(item, Stats))
-        elif self._turned_away:
+        elif self._published is None:
             self._delivery.lost += 1
         elif isinstance(item, Fit):  # a state, so that later subscribers get the newest
-            self._fit = record_json(item)
-            self._publish_state("fit", self._fit)
+            self._published.fit = record_json(item)
+            self._publish_state("fit", self._published.fit)
         else:
             self._delivery.keep(Message(self._topic(_kind(item)), record_json(item), again=True))
             self._delivery.send_waiting()
 
     def _on_block(self, block: Block) -> None:
         """Publish the samples and estimates that are due."""
-        if self._hello is None and not self._turned_away:
+        published = self._published
+        if published is None and not self._turned_away:
             return
-        hello, status = self._hello, self._status
-        if hello is not None and status is not None and status.on_sample(hello, clock.host_ns()):
+        if published is not None and published.status.on_sample(published.hello, clock.host_ns()):
             self._publish_status()
         every = self._settings.sample_every
         for row in block.due_rows:
@@ -130,11 +144,12 @@ class MqttSink(Sink):
     def flush(self) -> None:
         """Maintain the connection and the status."""
         self._delivery.poll()
-        if self._hello is None or self._status is None:
+        published = self._published
+        if published is None:
             return
         if self._link.is_due():
-            self._connect()
-        if self._status.look(self._hello, clock.host_ns()):
+            self._connect(published)
+        if published.status.look(published.hello, clock.host_ns()):
             self._publish_status()
         self._delivery.send_waiting()
 
@@ -146,8 +161,8 @@ class MqttSink(Sink):
     def end(self) -> None:
         """Publish that the device is offline."""
         self._delivery.poll()
-        if self._hello is not None and self._status is not None:
-            self._status.change("offline", self._hello, clock.host_ns())
+        if self._published is not None:
+            self._published.status.change("offline", self._published.hello, clock.host_ns())
             self._publish_status()
 
     def leave(self, farewell_s: float = 0.0) -> None:
@@ -163,9 +178,10 @@ class MqttSink(Sink):
             self._turn_away(hello)
             return
         self._turned_away = False
-        if self._hello is None or self._level != self._level_of(hello):
+        if self._published is None or self._published.level != self._level_of(hello):
             self._begin(hello)
-        self._hello = hello
+        else:
+            self._published.hello = hello
         self._publish_state("hello", record_json(hello))
         while self._early:
             self.write(self._early.popleft())
@@ -173,25 +189,29 @@ class MqttSink(Sink):
     def _begin(self, hello: Hello) -> None:
         """Publish for this device from now on, with a will of its own."""
         self._retire()
-        self._hello, self._level = hello, self._level_of(hello)
-        self._client_id = f"fltea-{self._level}-{secrets.token_hex(4)}"
-        self._status = DeviceStatus(self._device, hello, clock.host_ns())
+        level = self._level_of(hello)
+        client_id = f"fltea-{level}-{secrets.token_hex(4)}"
+        status = DeviceStatus(self._device, hello, clock.host_ns())
+        self._published = Published(hello, level, client_id, status)
         self._delivery.begin()
-        self._connect()
+        self._connect(self._published)
 
-    def _connect(self) -> None:
-        assert self._hello is not None
-        will = status_of("offline", self._hello, self._device, None, "connection_lost")
-        self._link.open(self._client_id, (self._topic("status"), record_json(will)))
+    def _connect(self, published: Published) -> None:
+        if self._shared is not None:
+            self._link.open(self._shared.connect())
+            return
+        status = status_of("offline", published.hello, self._device, None, "connection_lost")
+        will = self._topic("status"), record_json(status)
+        self._link.open(Connection(self._link.broker, published.client_id, Session(will)))
 
     def _retire(self) -> None:
         """Publish that the device was replaced, and end its connection."""
-        if self._hello is None:
+        if self._published is None:
             return
-        status = status_of("offline", self._hello, self._device, clock.host_ns(), "replaced")
+        status = status_of("offline", self._published.hello, self._device, clock.host_ns(), "replaced")
         self._delivery.keep(Message(self._topic("status"), record_json(status), True, again=True))
         self._delivery.leave(0.0 if self._shared else FAREWELL_S)
-        self._hello = self._status = self._fit = self._discovery = None
+        self._published = None
 
     def _turn_away(self, hello: Hello) -> None:
         """Give a device no topics; its records count as lost until an acceptable device comes."""
@@ -222,43 +242,46 @@ class MqttSink(Sink):
 
     def _introduce(self) -> None:
         """Publish the states of the device on a new connection."""
-        self._publish_state("hello", record_json(self._hello))
-        if self._fit is not None:
-            self._publish_state("fit", self._fit)
-        if self._discovery is not None:
-            self._delivery.state(self._discovery)
+        published = self._published
+        if published is None:
+            return
+        self._publish_state("hello", record_json(published.hello))
+        if published.fit is not None:
+            self._publish_state("fit", published.fit)
+        if published.discovery is not None:
+            self._delivery.state(published.discovery)
         self._publish_status()
 
     def _offer_discovery(self, stats: Stats) -> None:
         """Publish the configuration for Home Assistant once the axes are known, and when they change."""
+        published, root = self._published, self._settings.discovery
         units = {axis: one.unit for axis, one in stats.axes.items()}
-        if self._settings.discovery is None or self._hello is None or not units:
+        if root is None or published is None or not units or published.offered == (published.hello, units):
             return
-        if self._discovery is not None and self._offered == (self._hello, units):
-            return
-        self._offered = self._hello, units
-        found = discovery(f"{self._settings.prefix}/{self._level}", self._level, self._hello, stats.axes)
-        topic = discovery_topic(self._settings.discovery, self._level)
-        message = Message(topic, record_json(found), retain=True)
-        if message != self._discovery:  # a HELLO may differ only in its times
-            self._discovery = message
+        published.offered = published.hello, units
+        level = published.level
+        found = discovery(f"{self._settings.prefix}/{level}", level, published.hello, stats.axes)
+        message = Message(discovery_topic(root, level), record_json(found), retain=True)
+        if message != published.discovery:  # a HELLO may differ only in its times
+            published.discovery = message
             self._delivery.state(message)
 
     def _publish_status(self) -> None:
-        if self._status is not None:
-            self._publish_state("status", record_json(self._status.take(clock.host_ns())))
+        if self._published is not None:
+            self._publish_state("status", record_json(self._published.status.take(clock.host_ns())))
 
     def _publish_state(self, kind: str, payload: bytes) -> None:
         self._delivery.state(Message(self._topic(kind), payload, retain=True))
 
     def _stream(self, kind: str, payload: bytes, qos: int, *, again: bool = True) -> None:
-        if self._turned_away:
+        if self._published is None:
             self._delivery.lost += 1
             return
         self._delivery.stream(Message(self._topic(kind), payload, again=again, qos=qos))
 
     def _topic(self, kind: str) -> str:
-        return f"{self._settings.prefix}/{self._level}/{kind}"
+        assert self._published is not None
+        return f"{self._settings.prefix}/{self._published.level}/{kind}"
 
 
 def _kind(record: Record) -> str:

@@ -7,6 +7,7 @@ contains them.
 import os
 import socket
 import ssl
+from collections.abc import Iterable
 
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
@@ -18,9 +19,6 @@ from fltea.settings.login_file import read_login
 from fltea.settings.mqtt import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
-KEEPALIVE_S = 15
-"""Interval of keep-alive messages; a broker that vanishes is noticed after at most twice this time [s]."""
-
 REFUSED_BY_NAME = (0x86, 0x87, 0x8C)
 """MQTT 5 reason codes for a bad user name or password, not authorized, and a bad authentication method."""
 
@@ -47,14 +45,14 @@ class Broker:
             text = "the password crosses the network in clear; use mqtts:// if the broker can."
             report("broker_plain", f"{self.address}: {text}")
 
-    def client(self, client_id: str, *, userdata: object = None, reconnects: bool = False) -> Client:
+    def client(self, client_id: str, userdata: object) -> Client:
         """Return a client with this login and these certificates, which is not connected yet."""
         client = Client(
             CallbackAPIVersion.VERSION2,
             client_id,
             userdata=userdata,
             protocol=MQTTProtocolVersion.MQTTv5,
-            reconnect_on_failure=reconnects,
+            reconnect_on_failure=False,
         )
         if self.user is not None:
             client.username_pw_set(self.user, self.password)
@@ -104,6 +102,13 @@ class Broker:
         return "broker_refused", (
             f"{where}: the broker refuses user or password ({name}). They come from mqtt.password_file, "
             f"or else from {USER} and {PASSWORD}; does the broker have both?"
+        )
+
+    def explain_unreadable(self, topics: Iterable[str]) -> Failure:
+        """Return which topics the broker does not let this user read."""
+        return "broker_refused", (
+            f"{self.address}: the broker does not let this user read {', '.join(topics)}: its access list "
+            "has to."
         )
 
     def explain_end(self, reason: ReasonCode, answered: bool) -> Failure:

@@ -1,12 +1,13 @@
-"""Keep a sink connected to its broker: open the connection, and open it again after an outage."""
+"""Keep a user of MQTT connected to its broker: open a connection, and open another one after an outage."""
 
+from collections import deque
 from collections.abc import Iterator
+from typing import Protocol
 
+from fltea.mqtt.broker import Broker
+from fltea.mqtt.connection import Acknowledged, Down, Event, Up, await_end
 from fltea.records import clock
 from fltea.records.ports import Report
-from fltea.sinks.mqtt.broker import Broker
-from fltea.sinks.mqtt.connection import Acknowledged, Connection, Down, Up, await_end
-from fltea.sinks.mqtt.shared import SharedConnection, View
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 """Times from a lost connection to the next attempt, by the number of failures in a row [s]."""
@@ -18,17 +19,30 @@ OPENING_NS = 45 * 10**9
 """Time after which a connection that has not opened is given up [ns]."""
 
 
+class Opened(Protocol):
+    """A connection, or a share of one."""
+
+    events: deque[Event]
+
+    def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
+        """Pass a message on, as `Connection.publish` does."""
+
+    def close(self) -> None:
+        """End the connection without waiting."""
+
+
 class Link:
     """Has one connection at a time. One thread calls all methods; the connection itself has another.
 
-    `shared`: a connection shared by many devices; None: the link has its own. `up`: whether the broker takes
-    messages now.
+    `report`: gets each kind of failure once in an outage. `up`: whether the broker takes messages now.
+    `longest_wait_s`: longest wait before another attempt [s].
     """
 
-    def __init__(self, broker: Broker, report: Report, shared: SharedConnection | None) -> None:
-        self.broker, self._report, self._shared = broker, report, shared
+    def __init__(self, broker: Broker, report: Report, longest_wait_s: float = BACKOFF_S[-1]) -> None:
+        self.broker, self._report = broker, report
+        self._backoff_s = [min(wait_s, longest_wait_s) for wait_s in BACKOFF_S]
         self.up = False
-        self._connection: Connection | View | None = None
+        self._connection: Opened | None = None
         self._opened_ns = self._retry_ns = 0
         self._failures = 0
         self._outage_since_ns: int | None = None
@@ -43,13 +57,10 @@ class Link:
         """Return whether a connection is to be opened now."""
         return self._connection is None and clock.host_ns() >= self._retry_ns
 
-    def open(self, client_id: str = "", will: tuple[str, bytes] = ("", b"")) -> None:
-        """Open a connection in the background. `client_id`, `will`: unused if it is shared."""
+    def open(self, connection: Opened) -> None:
+        """Use a connection that has just begun to open."""
         self._opened_ns = clock.host_ns()
-        if self._shared is not None:
-            self._connection = self._shared.connect()
-        else:
-            self._connection = Connection(self.broker, client_id, will)
+        self._connection = connection
 
     def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> int | None:
         """Pass a message on, as `Connection.publish` does."""
@@ -93,7 +104,7 @@ class Link:
         if self._outage_since_ns is None:
             self._outage_since_ns = now_ns
         self.close(0.0)
-        self._retry_ns = now_ns + int(BACKOFF_S[min(self._failures, len(BACKOFF_S) - 1)] * 1e9)
+        self._retry_ns = now_ns + int(self._backoff_s[min(self._failures, len(BACKOFF_S) - 1)] * 1e9)
         self._failures += 1
         if event.kind not in self._reported:
             self._reported.add(event.kind)

@@ -1,0 +1,1 @@
+"""Connections to MQTT brokers, for outputs, sources and the fleet alike."""

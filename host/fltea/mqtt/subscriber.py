@@ -1,0 +1,116 @@
+"""Receive the messages of some topics from an MQTT broker, and connect again after each outage."""
+
+import secrets
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from fltea.mqtt.broker import Broker
+from fltea.mqtt.connection import Connection, Down, Receiver, Session, Subscription, Up
+from fltea.mqtt.link import Link
+from fltea.records.ports import Report
+from fltea.settings.mqtt import MqttConfig
+
+RETRY_S = 0.1
+"""Time between two checks whether a new connection is due, during an outage [s]."""
+
+FAREWELL_S = 1.0
+"""Longest wait for the end of a connection that is closed [s]."""
+
+
+class Subscriber:
+    """Receives until it is closed; a thread of its own keeps it connected.
+
+    `name`: beginning of the client identifier. `session`: what each connection asks of the broker; if the
+    broker keeps messages, later connections resume them. `on_back`: function that is called, in the thread of
+    the subscriber, when the broker is back after an outage. `longest_wait_s`: longest wait before another
+    attempt [s].
+
+    `is_up`: set while messages can come. `connections`: number of connections that worked. `outages`: number
+    of these that were lost. Each kind of failure is reported once in an outage.
+
+    Raises:
+        UsageError: the settings or the password files cannot be used.
+    """
+
+    def __init__(
+        self,
+        settings: MqttConfig,
+        name: str,
+        receiver: Receiver,
+        report: Report,
+        on_back: Callable[[], None],
+        *,
+        session: Session = Session(),  # noqa: B008
+        longest_wait_s: float,
+    ) -> None:
+        self.broker = Broker(settings)
+        self._receiver, self._report, self._on_back, self._session = receiver, report, on_back, session
+        self.is_up = threading.Event()
+        self.connections = self.outages = 0
+        self._client_id = f"{name}-{secrets.token_hex(4)}"
+        self._link = Link(self.broker, report, longest_wait_s)
+        self._connection: Connection | None = None
+        self._wake, self._stop = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin to connect and to receive."""
+        self.broker.report_plain(self._report)
+        self._thread.start()
+
+    def publish(self, topic: str, payload: bytes, *, retain: bool) -> None:
+        """Publish a message with QoS 1; it is lost if the broker is away."""
+        if self._connection is not None and self.is_up.is_set():
+            self._connection.publish(topic, payload, 1, retain)
+
+    def subscribe(self, subscriptions: Sequence[Subscription]) -> None:
+        """Subscribe to more topics, for the present connection."""
+        if self._connection is not None and self.is_up.is_set():
+            self._connection.subscribe(subscriptions)
+
+    def unsubscribe(self, topics: list[str]) -> None:
+        """End subscriptions of the present connection."""
+        if self._connection is not None and self.is_up.is_set():
+            self._connection.unsubscribe(topics)
+
+    def close(self) -> None:
+        """Receive no more."""
+        self._stop.set()
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(2 * FAREWELL_S)
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            if self._link.is_due():
+                self._connect()
+            self._wake.wait(None if self.is_up.is_set() else RETRY_S)
+            self._wake.clear()
+            for event in self._link.events():
+                if isinstance(event, Up):
+                    self._on_up(event)
+                elif isinstance(event, Down):
+                    self._on_down()
+        self._link.close(time.monotonic() + FAREWELL_S)
+        self.is_up.clear()
+
+    def _connect(self) -> None:
+        self._connection = Connection(
+            self.broker, self._client_id, self._session, self._receiver, self._wake.set
+        )
+        self._link.open(self._connection)
+
+    def _on_up(self, event: Up) -> None:
+        was_away = self._link.end_outage() is not None
+        self._session = self._session._replace(resumed=self._session.kept_s > 0)
+        self.connections += 1
+        self.is_up.set()
+        if was_away:
+            self._on_back()
+        if event.unreadable:
+            self._report(*self.broker.explain_unreadable(event.unreadable))
+
+    def _on_down(self) -> None:
+        self.outages += self.is_up.is_set()
+        self.is_up.clear()
