@@ -3,16 +3,13 @@
 This module loads aiohttp, which fsspec needs for the web.
 """
 
-import re
-
 from aiohttp import ClientResponse
 
+from fltea.cluster.byte_range import requested_range
 from fltea.records.errors import FlteaError
 
 MOST_PAGE_BYTES = 64_000_000
 """Longest web page that lists a folder [bytes]; 64 MB hold a million names."""
-
-RANGE = re.compile(r"bytes=(\d+)-(\d+)")
 
 
 class BoundedResponse(ClientResponse):
@@ -25,8 +22,8 @@ class BoundedResponse(ClientResponse):
             FlteaError: the body is longer than allowed.
         """
         if self._body is None:
-            asked = RANGE.fullmatch(self.request_info.headers.get("Range", ""))
-            most = int(asked[2]) - int(asked[1]) + 1 if asked else MOST_PAGE_BYTES
+            first, last = requested_range(self.request_info.headers) or (0, None)
+            most = MOST_PAGE_BYTES if last is None else last - first + 1
             data = bytearray()
             while chunk := await self.content.readany():
                 data += chunk

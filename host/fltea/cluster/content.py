@@ -11,6 +11,7 @@ from collections.abc import Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from fltea.cluster.byte_range import requested_range
 from fltea.cluster.listing import STAMPS, WEB, File, file_system
 from fltea.cluster.whole_ranges import WholeRanges
 from fltea.records.errors import FlteaError
@@ -19,8 +20,7 @@ PINNED = ("s3", "s3a")
 CHANGED_STATUS = (412, 416)
 """HTTP status codes: 412 for a failed precondition, and 416 for a range beyond the end of a shortened
 file."""
-RANGE = re.compile(r"bytes (\d+)-\d+/(\d+|\*)")
-ASKED = re.compile(r"bytes=(\d+)-")
+CONTENT_RANGE = re.compile(r"bytes (\d+)-\d+/(\d+|\*)")
 
 
 @contextlib.contextmanager
@@ -108,9 +108,9 @@ def _check_of(file: File) -> Callable[[Any], Awaitable[None]]:
             value = answer.headers.get(name)
             if value and _bare(seen.setdefault(name, value)) != _bare(value):
                 raise changed(file)
-        part = RANGE.fullmatch(answer.headers.get("Content-Range", ""))
-        asked = ASKED.match(answer.request_info.headers.get("Range", ""))
-        if part and asked and part[1] != asked[1]:
+        part = CONTENT_RANGE.fullmatch(answer.headers.get("Content-Range", ""))
+        asked = requested_range(answer.request_info.headers)
+        if part and asked and part[1] != str(asked[0]):
             raise FlteaError(f"{file.url}: its server sends other bytes than those that it is asked for.")
         length = part[2] if part else answer.headers.get("Content-Length", "")
         if (part or not asked) and length.isdecimal() and file.size >= 0 and int(length) != file.size:

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 from mcap.records import Channel, Metadata
 
-from fltea.recording.in_use import is_in_use
 from fltea.recording.scan import Damage, Messages, Scan
 from fltea.recording.session import (
     LINK,
@@ -19,7 +18,6 @@ from fltea.recording.session import (
     from_metadata,
 )
 from fltea.records.errors import UsageError
-from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 OWN_CHANNELS = {WIRE_CHANNEL: WIRE, LINK_CHANNEL: LINK}
@@ -74,8 +72,7 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
     """
     topics = dict(OWN_CHANNELS)
     prefix = f"/{part.info.device}/"
-    scan = Scan(part.path, limits)
-    is_open = _is_open(part.path)  # checked before reading, since the writer may finish meanwhile
+    scan = Scan(part.path, limits, asks_for_writer=True)
     try:
         for item in scan:
             match item:
@@ -88,27 +85,18 @@ def read_batches(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Batch 
     except (OSError, ValueError) as error:
         raise UsageError(f"{part.path}: cannot be read ({error}).") from error
     if not scan.whole:
-        yield _torn(part.path, scan, is_open)
+        yield _torn(scan)
 
 
-def _is_open(path: Path) -> bool:
-    try:
-        with open_file(path) as file:
-            return is_in_use(file)
-    except OSError:
-        return False  # reading the file reports the error
-
-
-def _torn(path: Path, scan: Scan, is_open: bool) -> Torn:
-    if is_open:
-        text = f"{path}: a program still writes it; what has reached the disk is read."
-        return Torn(text, is_open)
+def _torn(scan: Scan) -> Torn:
+    if scan.has_writer:
+        return Torn(f"{scan.path}: a program still writes it; what has reached the disk is read.", True)
     why = f": {scan.why}" if scan.lost_bytes and scan.why else ""
     text = (
-        f"{path}: has no index, because its program was killed or it was cut off; what reached the disk is "
-        f"read ({scan.lost_bytes} bytes at its end are not{why})."
+        f"{scan.path}: has no index, because its program was killed or it was cut off; what reached the disk "
+        f"is read ({scan.lost_bytes} bytes at its end are not{why})."
     )
-    return Torn(text, is_open)
+    return Torn(text, False)
 
 
 def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]:

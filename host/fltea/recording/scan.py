@@ -16,6 +16,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from fltea import _native
 from fltea.recording.decompress import decompressed_lz4, decompressed_zstd
+from fltea.recording.in_use import is_in_use
 from fltea.recording.resync import (
     HEAD,
     WINDOW_BYTES,
@@ -107,11 +108,14 @@ class Scan:
 
     After the pass, `whole` tells whether the file was finished properly, and `lost_bytes` how many bytes at
     its end are unreadable. `why` says what is wrong at the end; it is empty if the file merely ends early.
+    `has_writer` tells whether a program was writing the file when the pass began; it is always False unless
+    `asks_for_writer`.
     """
 
-    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS) -> None:
+    def __init__(self, path: Path, limits: Limits = DEFAULT_LIMITS, *, asks_for_writer: bool = False) -> None:
         self.path = path
-        self._limits = limits
+        self._limits, self._asks_for_writer = limits, asks_for_writer
+        self.has_writer = False
         self.whole = False
         self.lost_bytes = 0
         self.why = ""
@@ -129,6 +133,8 @@ class Scan:
             UsageError: a record needs more memory than the limits allow.
         """
         with open_file(self.path) as file:
+            # Asked before reading, since the writer may finish meanwhile.
+            self.has_writer = self._asks_for_writer and is_in_use(file)
             self._size = size = file.seek(0, 2)
             file.seek(0)
             magic = file.read(len(MCAP0_MAGIC))
