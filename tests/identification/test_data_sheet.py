@@ -129,6 +129,8 @@ def test_a_sheet_is_a_number_too() -> None:
         "7mdps/sqrt(Hz)",
         "0.007 (deg/s)/√Hz",
         "7e-3 °/s/rtHz",
+        "0.007 degrees/second / root(Hz)",
+        "25.2 deg/h/√Hz",
     )
     assert {sheet_name(text) for text in spelled} == {"0.007"}
     found = compare("0.007", level(0.007), RATE_HZ)
@@ -149,6 +151,7 @@ def test_a_sheet_is_a_number_too() -> None:
         ("0", "no gyroscope has 0 (deg/s)/√Hz"),
         ("nan", "is known. Known are"),
         ("0.007 furlong/√Hz", "is known. Known are"),
+        ("0.3 deg/√h", "is known. Known are"),
     ],
 )
 def test_what_is_no_sheet_is_said_with_what_is_near_and_how_to_give_a_number(text: str, words: str) -> None:

@@ -2,15 +2,18 @@
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from fltea.identification import findings
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
+from fltea.identification.lead import lead
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, draw
 from fltea.noise.parts import Order, White
+from fltea.records.fit import Interval, Level
 from identify_files import QUICK, identify_axis
 from identify_one import identify_series
 from identify_support import H, Truth, ar, composite, white
@@ -41,6 +44,18 @@ def test_a_model_that_is_exported_is_read_again(tmp_path: Path) -> None:
     models = NoiseModels(100.0, H, "a", {"gyro_x": found.model})
     write_json(tmp_path / "m.json", models)
     assert read_models(tmp_path / "m.json") == models
+
+
+def test_the_table_writes_figures_as_the_first_line_does() -> None:
+    """The table once wrote 1.08e+03 where the first line wrote 1080, and had fewer digits."""
+    found = identified(white(3000, 1, 2)[0])
+    level = Level(Interval(18.0, 17.9, 18.2), K_at_most=0.0071)
+    found = msgspec.structs.replace(found, result=msgspec.structs.replace(found.result, level=level))
+    rows = dict(findings.level_rows(found))
+    assert rows["  N [deg/√h]"] == "1080 (1074 … 1092)"
+    assert rows["  K [deg/h/√h]"].startswith("at most 1530")
+    first = lead(found).split(" · ")
+    assert {"N 1080 deg/√h (1074 … 1092)", "K at most 1530 deg/h/√h"} <= set(first)
 
 
 def test_an_axis_that_is_constant_at_first_is_judged() -> None:

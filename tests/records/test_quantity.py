@@ -3,7 +3,7 @@ back."""
 
 import pytest
 from fltea.documents.programs import programs
-from fltea.records.quantity import _KINDS, Quantity, factor
+from fltea.records.quantity import _KINDS, Quantity, coefficient_units, factor, shown_units, without_unit
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,6 +46,7 @@ def test_a_conversion_is_that_of_the_books(value: float, unit: str, other: str, 
         "DEG/SQRT(HR)",
         "deg / √(hour)",
         "deg/rt(hr)",
+        "degrees/root(hour)",
     ],
 )
 def test_a_unit_is_known_however_it_is_spelled(spelled: str) -> None:
@@ -109,6 +110,9 @@ def test_programs_have_the_same_factors() -> None:
         (Quantity(1.23475, 1.2341, 1.2354, None, "deg/s"), "1.23475 deg/s (1.2341 … 1.2354)"),
         (Quantity(-3.0, -11.0, 5.0, None, "deg/h"), "-3 deg/h (-11 … 5)"),
         (Quantity(0.0, -1.0, 1.0, None, "deg/s"), "0 deg/s (-1 … 1)"),
+        (Quantity(1080.0, 1074.0, 1092.0, None, "deg/√h"), "1080 deg/√h (1074 … 1092)"),
+        (Quantity(0.5, 0.25, None, None, "deg/s"), "0.5 deg/s (0.25 …)"),
+        (Quantity(0.5, None, 0.75, None, "deg/s"), "0.5 deg/s (… 0.75)"),
         (Quantity(3.14159, None, None, None, "deg/h"), "3.14 deg/h"),
         (Quantity(None, None, None, 34.28, "deg/h/√h"), "at most 34.3 deg/h/√h"),
         (Quantity(None, None, None, None, "deg/h"), "not known"),
@@ -116,3 +120,12 @@ def test_programs_have_the_same_factors() -> None:
 )
 def test_a_figure_is_shown_as_far_as_it_is_known(figure: Quantity, shown: str) -> None:
     assert str(figure) == shown
+    assert without_unit(figure) == " ".join(shown.replace(figure.unit, "").split())
+
+
+@pytest.mark.parametrize(
+    ("unit", "factors"), [("deg/s", (60.0, 3600.0, 3600.0 * 60)), ("m/s²", (1.0, 1.0, 1.0))]
+)
+def test_the_units_that_are_shown_are_those_of_data_sheets(unit: str, factors: tuple[float, ...]) -> None:
+    pairs = zip(coefficient_units(unit), shown_units(unit), strict=True)
+    assert tuple(1.0 if own == shown else factor(own, shown) for own, shown in pairs) == factors

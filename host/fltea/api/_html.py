@@ -5,7 +5,7 @@ from html import escape
 from fltea.api._tables import figures
 from fltea.documents import curves
 from fltea.records.fit import FittedAxis, Interval
-from fltea.records.quantity import Quantity
+from fltea.records.quantity import Quantity, quantity_of, texts
 
 UNDEFINED = "undefined"
 SMALLEST = 1e-16
@@ -36,19 +36,12 @@ def axis_html(axis: str, fitted: FittedAxis, heading: str, more: str = "") -> st
         rows.append(f"<tr><th>p of the null test</th><td>{p}</td></tr>")
     if fitted.allan is not None:
         for name, one in zip("NBK", figures(fitted), strict=True):
-            rows.append(f"<tr><th>{name}</th><td>{_coefficient(one)} {escape(one.unit)}</td></tr>")
+            rows.append(f"<tr><th>{name}</th><td>{_quantity(one)} {escape(one.unit)}</td></tr>")
     return (
         f"<p><strong>{escape(axis)}: {escape(fitted.verdict)}</strong> <small>{escape(heading)}</small><br>"
         f"{escape(fitted.text)}</p>{more and f'<p>{escape(more)}</p>'}"
         f"<table>{''.join(rows)}</table>{''.join(curves_of(fitted))}"
     )
-
-
-def _coefficient(one: Quantity) -> str:
-    """Return N, B or K with its interval, as far as they are known, or its upper bound."""
-    if one.value is None:
-        return "not known" if one.at_most is None else f"at most {one.at_most:.3g}"
-    return f"{one.value:.3g}" if one.low is None else _interval(one.interval)
 
 
 def curves_of(fitted: FittedAxis) -> list[str]:
@@ -61,4 +54,10 @@ def curves_of(fitted: FittedAxis) -> list[str]:
 def _interval(one: Interval) -> str:
     if one.value is None or one.low is None or one.high is None:
         return UNDEFINED
-    return f"{one.value:.3g} <small>({one.low:.3g} … {one.high:.3g})</small>"
+    return _quantity(quantity_of(one, ""))
+
+
+def _quantity(one: Quantity) -> str:
+    """Return the value with its interval, as far as they are known, or its upper bound."""
+    value, interval = texts(one)
+    return value + (interval and f" <small>{interval}</small>")

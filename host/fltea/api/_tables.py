@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from fltea.identification.axis import AxisResult
 from fltea.identification.quantities import quantities
-from fltea.records.fit import FitAllan, FittedAxis
-from fltea.records.quantity import Quantity
+from fltea.records.fit import FitAllan, FittedAxis, Interval
+from fltea.records.quantity import Quantity, coefficient_units, quantity_of
 from fltea.records.whole_file import whole_file
 from fltea.settings.extras import load
 
@@ -70,11 +70,12 @@ def figures(fitted: FittedAxis) -> tuple[Quantity, Quantity, Quantity]:
     """Return N, B and K in the unit of the samples; those of a live fit have no intervals."""
     if (details := _details(fitted)) is not None:
         return quantities(fitted.unit, details.level, getattr(fitted, "allan_curve", None), None)[:3]
-    values, unit = fitted.allan or FitAllan([], [], [], [], [], None, None, None), fitted.unit
+    values = fitted.allan or FitAllan([], [], [], [], [], None, None, None)
+    of = coefficient_units(fitted.unit)
     return (
-        Quantity(values.N, None, None, None, f"{unit}/√Hz"),
-        Quantity(values.B, None, None, None, unit),
-        Quantity(values.K, None, None, None, f"{unit}/√s"),
+        quantity_of(Interval(values.N), of.N),
+        quantity_of(Interval(values.B), of.B),
+        quantity_of(Interval(values.K), of.K),
     )
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from fltea.api._html import axis_html, page
 from fltea.api._tables import ByAxis, frame, row, table
 from fltea.api.drawing import Drawing
-from fltea.identification.allan import scales
 from fltea.identification.allan_file import COLUMNS, rows, write_allan
 from fltea.identification.axis import AxisResult
 from fltea.identification.data_checks import DataCheck
@@ -20,7 +19,7 @@ from fltea.identification.sensor_events import BiasStep, MotionSpan
 from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.records.fit import FitSpectrum, FittedAxis
 from fltea.records.plus_minus import plus_minus
-from fltea.records.quantity import Quantity
+from fltea.records.quantity import Quantity, shown_units
 from fltea.spectrum.allan_curve import Allan
 
 if TYPE_CHECKING:
@@ -80,17 +79,17 @@ class Identified(FittedAxis, frozen=True, kw_only=True):
     @property
     def N(self) -> Quantity:
         """White noise (angle random walk) in deg/√h, for an accelerometer in m/s²/√Hz; `.to` converts it."""
-        return self._figures.N.to(scales(self.unit).N.unit)
+        return self._figures.N.to(shown_units(self.unit).N)
 
     @property
     def B(self) -> Quantity:
         """Bias instability (Allan deviation) in deg/h, for an accelerometer in m/s²; `.to` converts it."""
-        return self._figures.B.to(scales(self.unit).B.unit)
+        return self._figures.B.to(shown_units(self.unit).B)
 
     @property
     def K(self) -> Quantity:
         """Random walk of the bias in deg/h/√h, for an accelerometer in m/s²/√s; `.to` converts it."""
-        return self._figures.K.to(scales(self.unit).K.unit)
+        return self._figures.K.to(shown_units(self.unit).K)
 
     @property
     def bias(self) -> Quantity:

@@ -7,14 +7,12 @@ sample.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fltea.identification.axis import Looked
 from fltea.records.arrays import Array
-from fltea.records.quantity import factor
 from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
 
@@ -24,29 +22,6 @@ LONGEST_SHARE = 0.25
 """Longest averaging time as a share of the record."""
 BLOCK = 1 << 13
 """Number of samples that are processed at a time."""
-
-
-class Scale(NamedTuple):
-    """The unit in which N, B or K is shown, and the factor from the curve's own unit to it."""
-
-    unit: str
-    factor: float
-
-
-class Scales(NamedTuple):
-    """The scales of N, B and K for one sensor."""
-
-    N: Scale
-    B: Scale
-    K: Scale
-
-
-def scales(unit: str) -> Scales:
-    """Return data-sheet units for a curve in deg/s; a curve in another unit keeps its own unit."""
-    if unit == "deg/s":
-        of = {"deg/√h": f"{unit}/√Hz", "deg/h": unit, "deg/h/√h": f"{unit}/√s"}
-        return Scales(*(Scale(shown, factor(own, shown)) for shown, own in of.items()))
-    return Scales(Scale(f"{unit}/√Hz", 1.0), Scale(unit, 1.0), Scale(f"{unit}/√s", 1.0))
 
 
 def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:

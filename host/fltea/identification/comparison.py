@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 import msgspec
 
-from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport, FileReport
-from fltea.identification.forecast import SAID_S, integral, is_any_heading
+from fltea.identification.forecast import integral, is_any_heading
 from fltea.identification.quantities import quantities
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
+from fltea.records.quantity import number, quantity_of, shown_units, without_unit
+from fltea.records.units import HEADING_AFTER_S
 
 CHANCE = 0.05
 """Probability that any figure is said to differ although the sensors are alike."""
@@ -55,18 +56,18 @@ class Compared(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 def figures(axis: AxisReport) -> list[Figure]:
     """Return N, K, B, bias and heading of an axis; for a gyroscope in the units of data sheets."""
-    of, now = scales(axis.unit), axis.now
+    of, now = shown_units(axis.unit), axis.now
     its, heading = quantities(axis.unit, axis.result.level, axis.allan, now), Interval()
     wanted = {
-        "N": its.N.to(of.N.unit),
-        "K": its.K.to(of.K.unit),
-        "B": its.B.to(of.B.unit),
+        "N": its.N.to(of.N),
+        "K": its.K.to(of.K),
+        "B": its.B.to(of.B),
         "bias": its.bias,
     }
     found = [Figure(name, one.unit, one.interval, one.at_most) for name, one in wanted.items()]
     if now is not None and not is_any_heading(now.heading_std, axis.unit):
         heading = Interval(NORMAL_95 * now.heading_std)
-    found.append(Figure(f"± after {SAID_S:g} s", integral(axis.unit), heading))
+    found.append(Figure(f"± after {HEADING_AFTER_S} s", integral(axis.unit), heading))
     return found
 
 
@@ -206,13 +207,9 @@ def _beside(one: Compared) -> str:
 
 
 def _shown(one: Figure) -> str:
-    if one.found.value is None:
-        return "not known" if one.at_most is None else f"at most {_to_three(one.at_most)}"
-    if one.name == "bias":
+    if one.name == "bias" and one.found.value is not None:
         return f"{one.found.value:.4g} ± {_half(one.found):.2g}"
-    if one.found.low is None or one.found.high is None:
-        return _to_three(one.found.value)
-    return f"{_to_three(one.found.value)} ({_to_three(one.found.low)}…{_to_three(one.found.high)})"
+    return without_unit(quantity_of(one.found, one.unit, one.at_most))
 
 
 def _brief(one: Figure) -> str:
@@ -223,7 +220,7 @@ def _brief(one: Figure) -> str:
 
 def _to_three(value: float | None) -> str:
     """Return a number to three digits, with no power of ten below a million."""
-    return "∞" if value is None else f"{float(f'{value:.3g}'):g}"
+    return "∞" if value is None else number(value)
 
 
 def _is_known(one: Interval) -> bool:

@@ -16,9 +16,9 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from fltea.recording.units import PER_UNIT, rate_unit
 from fltea.records.errors import UsageError
 from fltea.records.fit import Interval, Level
+from fltea.records.quantity import factor
 
 
 class DataSheet(NamedTuple):
@@ -60,7 +60,7 @@ GIVEN = "given by --sheet"
 """The source of a density that the user gave in place of a part."""
 
 _NUMBER = re.compile(r"\s*(?P<number>(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)\s*(?P<unit>.*)", re.IGNORECASE)
-_PER_ROOT = re.compile(r"\s*/\s*(?:√|rt|root|sqrt)\s*\(?\s*hz\s*\)?\s*$", re.IGNORECASE)
+_PER_ROOT_HZ = re.compile(r"hz\W*$", re.IGNORECASE)
 
 SheetKind = Literal["better", "as good", "noisier", "not known"]
 
@@ -116,9 +116,12 @@ def _density(text: str) -> float | None:
     number, unit = float(found["number"]), found["unit"].strip()
     if not unit:
         return number
-    rate, per_root = _PER_ROOT.subn("", unit)
-    name = rate_unit(rate) if per_root else None
-    return None if name is None else number * PER_UNIT[name]
+    if not _PER_ROOT_HZ.search(unit):  # deg/√h is the unit of N, which is smaller than a density by √2
+        return None
+    try:
+        return number * factor(unit, "deg/s/√Hz")
+    except ValueError:
+        return None
 
 
 def on_their_sides(values: Sequence[float], limits: Sequence[float]) -> list[str]:

@@ -8,13 +8,14 @@ import numpy as np
 from fltea.documents.chart import NO_BANDS, Bands, Curve, chart, log_log
 from fltea.documents.chart_scales import Axis
 from fltea.documents.curves import allan_labels, coefficients, density_label
-from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.curves import Curves, Path
 from fltea.identification.forecast import integral, is_any_heading
 from fltea.noise.parts import spectrum
 from fltea.records.arrays import Array
+from fltea.records.fit import Interval
 from fltea.records.plus_minus import NORMAL_95
+from fltea.records.quantity import coefficient_units, quantity_of, shown_units
 from fltea.records.units import MOST_DEG
 from fltea.spectrum.intervals import CRITICAL
 
@@ -173,9 +174,9 @@ def _allan(title: str, axis: AxisReport, curves: Curves) -> str:
         label = f"noise of the model ({axis.result.made_of})"
         shown.append(Curve(a.tau_s, middle, "rival", low, high, label=label))
     labels = {
-        name: f"{name} = {value * its.factor:.3g} {its.unit}"
-        for name, value, its in zip("NBK", (a.N.value, a.B.value, a.K.value), scales(axis.unit), strict=True)
-        if value is not None
+        name: f"{name} = {quantity_of(Interval(value), own).to(shown)}"
+        for name, own, shown in zip("NBK", coefficient_units(axis.unit), shown_units(axis.unit), strict=True)
+        if (value := getattr(a, name).value) is not None
     }
     shown += coefficients(a.of_fit, labels)
     x_label, y_label = allan_labels(axis.unit)

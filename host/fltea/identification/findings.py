@@ -5,7 +5,6 @@ from typing import Any
 
 import msgspec
 
-from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.comparison import compared
@@ -13,13 +12,12 @@ from fltea.identification.data_checks import DataCheck
 from fltea.identification.fltea_fit import FlteaFit
 from fltea.identification.lead import interval
 from fltea.identification.load import GYRO_UNIT
+from fltea.identification.quantities import quantities
 from fltea.identification.shuffled import ShuffledBand
-from fltea.records.fit import Interval
 from fltea.records.odds import odds
 from fltea.records.plus_minus import plus_minus
+from fltea.records.quantity import Quantity, quantity_of, shown_units, texts, without_unit
 from fltea.records.stats import CAUSE_WORDS
-from fltea.records.units import HOUR
-from fltea.spectrum.allan_curve import Allan
 from fltea.spectrum.wording import duration
 
 NONE = "–"
@@ -190,12 +188,13 @@ def level_rows(axis: AxisReport) -> list[Row]:
 
     The units are those of data sheets if the axis belongs to a gyroscope.
     """
-    of = scales(axis.unit)
+    known, of = quantities(axis.unit, axis.result.level, axis.allan, axis.now), shown_units(axis.unit)
+    N, K, B = known.N.to(of.N), known.K.to(of.K), known.B.to(of.B)
     return [
         ("made of", axis.result.made_of),
-        (f"  N [{of.N.unit}]", _estimate(axis.result.level.N, of.N.factor)),
-        (f"  K [{of.K.unit}]", _walk(axis, of.K.factor)),
-        (f"  B [{of.B.unit}]", _bias_instability(axis.allan, of.B.factor)),
+        (f"  N [{N.unit}]", _estimate(N)),
+        (f"  K [{K.unit}]", _walk(K, None if axis.walk is None else axis.walk.tells_s)),
+        (f"  B [{B.unit}]", _estimate(B)),
     ]
 
 
@@ -213,38 +212,24 @@ def part_rows(axis: AxisReport) -> list[Row]:
                 continue
             symbol, its = SYMBOLS.get(name, (name.removesuffix("_hz"), "Hz" if name.endswith("_hz") else ""))
             its = its.format(unit=unit)
-            found.append((f"  {part.part} {number} {symbol}{its and f' [{its}]'}", _estimate(value)))
-    degrees = unit == GYRO_UNIT
-    drift = _estimate(r.drift_rate, HOUR**2 if degrees else 1.0)
-    return [*found, (f"  drift rate [{'deg/h/h' if degrees else f'{unit}/s'}]", drift)]
+            found.append(
+                (f"  {part.part} {number} {symbol}{its and f' [{its}]'}", _estimate(quantity_of(value, its)))
+            )
+    drift = quantity_of(r.drift_rate, f"{unit}/s")
+    drift = drift.to("deg/h/h") if unit == GYRO_UNIT else drift
+    return [*found, (f"  drift rate [{drift.unit}]", _estimate(drift))]
 
 
-def _estimate(e: Interval, factor: float = 1.0) -> str:
-    """Return the value and its interval. An end that is not known is left blank before or after the "…"."""
-    if e.value is None:
-        return "not known"
-    low, high = ("" if end is None else f"{end * factor:.3g}" for end in (e.low, e.high))
-    return f"{e.value * factor:.3g}" + (f" ({low}…{high})" if low or high else ", not known well")
+def _estimate(one: Quantity) -> str:
+    """Return the value and its interval, or its bound, and whether a value has no interval."""
+    _, interval = texts(one)
+    return without_unit(one) + ("" if one.value is None or interval else ", not known well")
 
 
-def _walk(axis: AxisReport, factor: float) -> str:
+def _walk(K: Quantity, tells_s: float | None) -> str:
     """Return K, or its upper bound and the record length that would be enough to estimate K."""
-    level = axis.result.level
-    if level.K.value is not None:
-        return _estimate(level.K, factor)
-    bound = _bound(level.K_at_most, factor)
-    tells_s = None if axis.walk is None else axis.walk.tells_s
-    return bound if tells_s is None else f"{bound}; {duration(tells_s)} would tell"
-
-
-def _bias_instability(curve: Allan | None, factor: float) -> str:
-    if curve is None or curve.B.value is None:
-        return _bound(None if curve is None else curve.B.at_most, factor)
-    return _estimate(curve.B.interval, factor)
-
-
-def _bound(at_most: float | None, factor: float) -> str:
-    return "not known" if at_most is None else f"at most {at_most * factor:.3g}"
+    more = "" if K.value is not None or tells_s is None else f"; {duration(tells_s)} would tell"
+    return _estimate(K) + more
 
 
 def settings(axis: AxisReport) -> str:

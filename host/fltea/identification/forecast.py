@@ -30,13 +30,12 @@ from fltea.noise.system import System
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
 from fltea.records.plus_minus import NORMAL_95
-from fltea.records.units import MOST_DEG
+from fltea.records.units import HEADING_AFTER_S, MOST_DEG
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.wording import duration, names
 
 P = TypeVar("P", Piece, BiasPiece)
 
-SAID_S = 60.0
 BIAS_S = 10.0
 """Longest time T of the Bias(T) that the text names [s]."""
 AS_FILTERED = "It holds for the samples as they are, behind the high-pass: the sensor itself drifts more."
@@ -230,7 +229,7 @@ def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
         P = rested(model, len(y))
         at_end = BiasAtEnd(float(y.mean()), bias_std(model, P), LiveConfig().bias_s, len(y))
     P = rested(model, at_end.samples)
-    return Now(at_end.bias, at_end.bias_std, heading_std(model, P, h, SAID_S), at_end.bias_s)
+    return Now(at_end.bias, at_end.bias_std, heading_std(model, P, h, HEADING_AFTER_S), at_end.bias_s)
 
 
 def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> Forecast:

@@ -1,12 +1,13 @@
 """Compose the leading text line on an axis: what its noise is, and the figures most people want."""
 
-from fltea.identification.allan import scales
 from fltea.identification.axis_report import AxisReport
-from fltea.identification.forecast import SAID_S, Now, integral, is_any_heading
+from fltea.identification.forecast import Now, integral, is_any_heading
 from fltea.identification.load import GYRO_UNIT
 from fltea.identification.quantities import quantities
 from fltea.records.fit import Interval
 from fltea.records.plus_minus import plus_minus, within
+from fltea.records.quantity import shown_units
+from fltea.records.units import HEADING_AFTER_S
 
 UNDEFINED = "undefined"
 
@@ -29,11 +30,11 @@ def lead(axis: AxisReport) -> str:
 def _level(axis: AxisReport) -> list[str]:
     """Return N, K and B in the units of data sheets, each as a value or an upper bound."""
     known = quantities(axis.unit, axis.result.level, axis.allan, axis.now)
-    units = scales(axis.unit)
+    units = shown_units(axis.unit)
     figures = (("N", known.N, units.N), ("K", known.K, units.K), ("B", known.B, units.B))
     return [
-        f"{name} {figure.to(scale.unit)}"
-        for name, figure, scale in figures
+        f"{name} {figure.to(unit)}"
+        for name, figure, unit in figures
         if figure.value is not None or figure.at_most is not None
     ]
 
@@ -49,7 +50,7 @@ def _bias(now: Now, unit: str, *, walks: bool) -> list[str]:
     else:
         what = "heading" if unit == GYRO_UNIT else "integral"
         ahead = f"{what} {within(now.heading_std, integral(unit))}"
-    return [f"Bias{end} {plus_minus(now.bias, now.bias_std)} {unit}", f"{ahead} after {SAID_S:g} s"]
+    return [f"Bias{end} {plus_minus(now.bias, now.bias_std)} {unit}", f"{ahead} after {HEADING_AFTER_S} s"]
 
 
 def interval(one: Interval) -> str:

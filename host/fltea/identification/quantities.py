@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from fltea.identification.forecast import Now
-from fltea.records.fit import Level
+from fltea.records.fit import Interval, Level
 from fltea.records.plus_minus import NORMAL_95
-from fltea.records.quantity import Quantity
+from fltea.records.quantity import Quantity, coefficient_units, quantity_of
 from fltea.spectrum.allan_curve import Allan
 
 
@@ -23,17 +23,14 @@ def quantities(unit: str, level: Level, allan: Allan | None, now: Now | None) ->
 
     `level`: has N and K. `allan`: the curve that has B. `now`: has the bias at the end of the record.
     """
-    B = Quantity(None, None, None, None, unit)
-    if allan is not None:
-        B = Quantity(allan.B.value, allan.B.low, allan.B.high, allan.B.at_most, unit)
-    bias = Quantity(None, None, None, None, unit)
+    of, bias = coefficient_units(unit), Interval()
+    B = (
+        quantity_of(Interval(), of.B)
+        if allan is None
+        else quantity_of(allan.B.interval, of.B, allan.B.at_most)
+    )
     if now is not None:
         half = NORMAL_95 * now.bias_std
-        bias = Quantity(now.bias, now.bias - half, now.bias + half, None, unit)
-    N, K = level.N, level.K
-    return Quantities(
-        Quantity(N.value, N.low, N.high, None, f"{unit}/√Hz"),
-        B,
-        Quantity(K.value, K.low, K.high, level.K_at_most, f"{unit}/√s"),
-        bias,
-    )
+        bias = Interval(now.bias, now.bias - half, now.bias + half)
+    N, K = quantity_of(level.N, of.N), quantity_of(level.K, of.K, level.K_at_most)
+    return Quantities(N, B, K, quantity_of(bias, unit))

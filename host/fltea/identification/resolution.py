@@ -5,17 +5,14 @@ import math
 import numpy as np
 
 from fltea.records.arrays import Array
-from fltea.records.units import STANDARD_GRAVITY_MS2
+from fltea.records.quantity import factor
 
 LONG = 1 << 20
 """Number of samples above which medians and commonest values come from a part, evenly spaced."""
 SAME_STEP = 1e-3
 """Largest relative difference from a power of ten at which a step counts as one."""
-WRITTEN_IN = {
-    "deg/s": {"deg/s": 1.0, "rad/s": math.degrees(1.0), "deg/h": 1 / 3600},
-    "m/s²": {"m/s²": 1.0, "g": STANDARD_GRAVITY_MS2},
-}
-"""Units in which files write each of our units, with their sizes in ours.
+WRITTEN_IN = {"deg/s": ("deg/s", "rad/s", "deg/h"), "m/s²": ("m/s²", "g")}
+"""Units in which files write each of our units.
 
 Milli-units give the same result.
 """
@@ -41,8 +38,9 @@ def decimals(quantum: float, unit: str) -> str:
 
     `quantum`: the step in `unit`. No sensor's count is known to be a power of ten, so decimals were cut off.
     """
-    for name, size in WRITTEN_IN.get(unit, {unit: 1.0}).items():
-        power = round(math.log10(quantum / size))
-        if abs(quantum / size / 10.0**power - 1) < SAME_STEP:
+    for name in WRITTEN_IN.get(unit, ()) or (unit,):
+        written = quantum * factor(unit, name) if name != unit else quantum
+        power = round(math.log10(written))
+        if abs(written / 10.0**power - 1) < SAME_STEP:
             return f"{10.0**power:g} {name}"
     return ""

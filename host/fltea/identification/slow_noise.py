@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from fltea.identification.allan import scales
 from fltea.identification.axis import AxisResult
 from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.noise.distributions import chi2_tail
 from fltea.records.fit import Interval
+from fltea.records.quantity import coefficient_units, quantity_of, shown_units
 from fltea.spectrum.allan_coefficients import Coefficient
 from fltea.spectrum.allan_curve import CONFIDENCE, Allan
 from fltea.spectrum.wording import duration
@@ -91,15 +91,14 @@ def _time(seconds: float) -> str:
 
 def said_of_K(walk: OffsetWalkFound, unit: str) -> str:
     """Return a sentence on K of the offset's random walk, or on its upper bound."""
-    scale = scales(unit).K
-    if walk.K.value is not None:
-        low, high = (f"{(end or 0.0) * scale.factor:.3g}" for end in (walk.K.low, walk.K.high))
-        return f"The offset walks: K is {walk.K.value * scale.factor:.3g} ({low}…{high}) {scale.unit}."
+    K = quantity_of(walk.K, coefficient_units(unit).K, walk.at_most).to(shown_units(unit).K)
+    if K.value is not None:
+        return f"The offset walks: K is {K}."
     if walk.said == "taken out":
         return "A high-pass has removed the walk of the sensor's bias: nothing is known of K."
-    if walk.at_most is None:
+    if K.at_most is None:
         return "Whether the offset walks cannot be told, and K has no bound."
-    return f"If the offset walks, K is at most {walk.at_most * scale.factor:.3g} {scale.unit} (95 %)."
+    return f"If the offset walks, K is {K} (95 %)."
 
 
 def _coefficient(walk: OffsetWalkFound, unit: str) -> Coefficient:

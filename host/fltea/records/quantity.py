@@ -1,7 +1,8 @@
 """A noise parameter of a sensor with its 95 % interval, convertible to the units of data sheets and filters.
 
 This module has the program's only list of these units. They are units of N (white noise, or angle and
-velocity random walk), of B (bias instability, and the bias itself) and of K (random walk of the bias).
+velocity random walk), of B (bias instability, and the bias itself), of K (random walk of the bias) and of the
+drift rate.
 """
 
 import math
@@ -26,6 +27,14 @@ _ACCEL = {
     "µg": 1e6 / STANDARD_GRAVITY_MS2,
 }
 """The value of 1 deg/s, or of 1 m/s², in each unit."""
+
+
+class CoefficientUnits(NamedTuple):
+    """The units of N, B and K."""
+
+    N: str
+    B: str
+    K: str
 
 
 class _Kind(NamedTuple):
@@ -73,10 +82,16 @@ _KINDS = (
             "m/s³/√Hz": 1.0,
         },
     ),
+    _Kind("drift rate of a gyroscope", {"deg/s/s": 1.0, "deg/h/h": HOUR**2, "rad/s/s": _GYRO["rad/s"]}),
+    _Kind("drift rate of an accelerometer", {f"{unit}/s": factor for unit, factor in _ACCEL.items()}),
 )
 
 _SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "°": "deg", **dict.fromkeys(" ^()[]·*")})
-_WORDS = (("sqrt", "√"), ("rt", "√"), ("hour", "h"), ("hr", "h"), ("dps", "deg/s"), ("/s/s", "/s2"))
+_WORDS = (
+    *(("sqrt", "√"), ("root", "√"), ("rt", "√"), ("hour", "h"), ("hr", "h"), ("second", "s"), ("sec", "s")),
+    *(("degrees", "deg"), ("degree", "deg"), ("radians", "rad"), ("radian", "rad")),
+    *(("dps", "deg/s"), ("/s/s", "/s2")),
+)
 
 
 def _plain(unit: str) -> str:
@@ -88,14 +103,16 @@ def _plain(unit: str) -> str:
     return plain
 
 
+_OF_DATA_SHEETS = {"deg/s": CoefficientUnits("deg/√h", "deg/h", "deg/h/√h")}
+
 _FACTORS = [{_plain(unit): factor for unit, factor in kind.units.items()} for kind in _KINDS]
 
 
 def factor(unit: str, other: str) -> float:
     """Return the factor that converts a value in `unit` to `other`, a unit of the same quantity.
 
-    Upper and lower case (except M, which is mega), blanks and brackets make no difference, and sqrt and rt
-    mean √: deg/sqrt(h), deg/rt(h), deg/√h.
+    Upper and lower case (except M, which is mega), blanks and brackets make no difference, and sqrt, root and
+    rt mean √: deg/sqrt(h), deg/rt(h), deg/√h.
 
     Raises:
         ValueError: `unit` is unknown, or `other` is no unit of the same quantity; the text lists the units.
@@ -109,6 +126,19 @@ def factor(unit: str, other: str) -> float:
         return wanted / one
     known = "; ".join(f"of {kind.what} {', '.join(kind.units)}" for kind in _KINDS)
     raise ValueError(f"the units are {known}; got {unit!r}")
+
+
+def coefficient_units(unit: str) -> CoefficientUnits:
+    """Return the units that N, B and K have if they are computed from samples in `unit`."""
+    return CoefficientUnits(f"{unit}/√Hz", unit, f"{unit}/√s")
+
+
+def shown_units(unit: str) -> CoefficientUnits:
+    """Return the units in which N, B and K of samples in `unit` are shown.
+
+    For a gyroscope they are the units of data sheets; for other sensors those of `coefficient_units`.
+    """
+    return _OF_DATA_SHEETS.get(unit) or coefficient_units(unit)
 
 
 class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -145,20 +175,43 @@ class Quantity(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return Interval(self.value, self.low, self.high)
 
     def __str__(self) -> str:
-        if self.value is None:
-            return "not known" if self.at_most is None else f"at most {_number(self.at_most, 3)} {self.unit}"
-        if self.low is None or self.high is None:
-            return f"{_number(self.value, 3)} {self.unit}"
-        digits = _digits(self.value, (self.high - self.low) / 2)
-        value, low, high = (_number(one, digits) for one in (self.value, self.low, self.high))
-        return f"{value} {self.unit} ({low} … {high})"
+        value, interval = texts(self)
+        unit = "" if self.value is None and self.at_most is None else self.unit
+        return " ".join(filter(None, (value, unit, interval)))
+
+
+def quantity_of(interval: Interval, unit: str, at_most: float | None = None) -> Quantity:
+    """Return a quantity from its value and interval, and its upper bound, in `unit`."""
+    return Quantity(interval.value, interval.low, interval.high, at_most, unit)
+
+
+def without_unit(one: Quantity) -> str:
+    """Return value and interval, or the bound, as a text for a table that names the unit elsewhere."""
+    return " ".join(filter(None, texts(one)))
 
 
 FEWEST_DIGITS, MOST_DIGITS = 3, 9
 POWERS_OF_TEN_FROM = 1e6
 
 
-def _number(value: float, digits: int) -> str:
+def texts(one: Quantity) -> tuple[str, str]:
+    """Return the value or its bound as a text without the unit, and the interval in brackets.
+
+    All texts for people write N, B and K by this rule. The second text is empty if neither end of the
+    interval is known; one end that is not known is left blank.
+    """
+    if one.value is None:
+        return ("not known" if one.at_most is None else f"at most {number(one.at_most)}"), ""
+    ends = [end for end in (one.low, one.high) if end is not None]
+    if not ends:
+        return number(one.value), ""
+    half = (ends[1] - ends[0]) / 2 if len(ends) > 1 else abs(ends[0] - one.value)
+    digits = _digits(one.value, half)
+    low, high = ("" if end is None else number(end, digits) for end in (one.low, one.high))
+    return number(one.value, digits), f"({f'{low} … {high}'.strip()})"
+
+
+def number(value: float, digits: int = FEWEST_DIGITS) -> str:
     """Return a value with `digits` significant digits, and with a power of ten from a million on."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.0f}" if "e+" in text and abs(value) < POWERS_OF_TEN_FROM else text

@@ -13,5 +13,8 @@ MOST_DEG = 180.0
 left.
 """
 
+HEADING_AFTER_S = 60
+"""Time after the last sample at rest for which texts state the error of the heading [s]."""
+
 FLICKER = math.sqrt(2 * math.log(2) / math.pi)
 """σ / B at the floor of an Allan deviation, 0.664 (IEEE 952, annex C)."""

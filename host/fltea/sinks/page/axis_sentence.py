@@ -2,14 +2,11 @@
 
 from fltea.records.plus_minus import angle_within
 from fltea.records.records import AXES, AxisEstimate, Stats
-from fltea.records.units import MOST_DEG
+from fltea.records.units import HEADING_AFTER_S, MOST_DEG
 from fltea.sinks.axis_words import bias_words, unit_of
 from fltea.sinks.page.answer import Answer, answer, sentence
 from fltea.sinks.page.data_sheet import density
 from fltea.sinks.page.fits import Curves, Fits
-
-SAID_S = 60
-"""Time after a rest for which the sentence states the error of the heading [s]."""
 
 
 def answer_of(fits: Fits, stats: Stats | None, name: str) -> Answer:
@@ -29,8 +26,8 @@ def _level(fits: Fits, stats: Stats | None, name: str) -> str:
     """Return N, and for a gyroscope the error of the heading a minute after a rest, if they are known."""
     allan = fits.curves.get(name, Curves()).allan
     known = density(allan.N, name in AXES) if allan is not None and allan.N is not None else ""
-    std = heading(stats, name).get(SAID_S) if name in AXES else None
-    ahead = "" if std is None or std > MOST_DEG else f"heading {angle_within(std)} after {SAID_S} s"
+    std = heading(stats, name).get(HEADING_AFTER_S) if name in AXES else None
+    ahead = "" if std is None or std > MOST_DEG else f"heading {angle_within(std)} after {HEADING_AFTER_S} s"
     return ", ".join(part for part in (known, ahead) if part)
 
 

@@ -1,7 +1,7 @@
 """Format N of the fitted model, and B and K of the noise, in the units of data sheets."""
 
-from fltea.records.fit import FitAllan
-from fltea.records.quantity import factor
+from fltea.records.fit import FitAllan, Interval
+from fltea.records.quantity import coefficient_units, quantity_of
 
 NOT_SEEN = "not known"
 
@@ -16,11 +16,8 @@ UNITS = {
     False: {"N": ("µg/√Hz", "(m/s)/√h"), "B": ("m/s²", "µg"), "K": ("(m/s²)/√s", "µg/√h")},
 }
 """The two units in which each coefficient is shown."""
-OF_FIT = {
-    True: {"N": "deg/s/√Hz", "B": "deg/s", "K": "deg/s/√s"},
-    False: {"N": "m/s²/√Hz", "B": "m/s²", "K": "m/s²/√s"},
-}
-"""The unit that each coefficient has in a fit."""
+OF_FIT = {True: coefficient_units("deg/s"), False: coefficient_units("m/s²")}
+"""The units that the coefficients have in a fit."""
 
 
 def density(N: float, gyroscope: bool) -> str:
@@ -40,4 +37,4 @@ def coefficients(a: FitAllan, gyroscope: bool) -> list[list[str]]:
 
 
 def _in(unit: str, value: float, letter: str, gyroscope: bool) -> str:
-    return f"{value * factor(OF_FIT[gyroscope][letter], unit):.3g} {unit}"
+    return str(quantity_of(Interval(value), getattr(OF_FIT[gyroscope], letter)).to(unit))
