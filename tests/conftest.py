@@ -4,10 +4,12 @@ No test runs with a native module that was built from other sources, since its p
 parts.
 """
 
+import gc
 import os
 import runpy
 import signal
 import sys
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -33,6 +35,21 @@ def pytest_configure() -> None:
             "the native module was built from other sources: run `make setup`. While the C++ is being "
             "changed, FLTEA_STALE_NATIVE=1 runs tests of what does not depend on it."
         )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Keep the garbage collector away from modules and tests, which stay until the end.
+
+    Otherwise it walks through these million objects again and again, while they are made and at each full
+    collection.
+    """
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 # A shell starts background jobs with SIGINT ignored, and programs that tests start would inherit that.

@@ -155,35 +155,43 @@ def test_rows_of_csv_are_counted(tmp_path: Path) -> None:
 
 
 HELLO = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n'
-TEXTS = {
-    "deep.ndjson": (b'{"a":' * 100_000 + b"\n", "deep.ndjson:1: is not JSON"),
-    "deep_array.ndjson": (b"[" * 500_000 + b"\n", "deep_array.ndjson:1: is not JSON"),
-    "deep_later.ndjson": (
-        HELLO + b'{"class":"sample","a":' * 40_000 + b"\n",
-        "deep_later.ndjson:2: is not JSON",
-    ),
-    "endless.ndjson": (HELLO + b'{"a":"' + b"x" * 100_000_000, "endless.ndjson:2: the line has no end"),
-    "endless.csv": (b"time_s,gyro_x_dps\n" + b"1" * 100_000_000, "endless.csv:2: the line has no end"),
-    "zeros.csv": (bytes(100_000_000), "zeros.csv: is neither text nor"),
-    "nul.csv": (b"time_s,gyro_x_dps\n0,\x001\n", r"nul.csv:2: column 'gyro_x_dps': '\x001' is not a number"),
-    "escape.csv": (b"time_s,gyro_x_dps\n0,\x1b]0;x\x07\n", r"x\x07' is not a number"),
-    "colour.csv": (b"time_s,gyro_x_dps\n0,\x1b[31m\n", "column gyro_x_dps is empty"),
-    "quote.csv": (b'time_s,gyro_x_dps\n0,"' + b"1\n" * 1_000_000, "quote.csv:2: cannot be read as CSV ("),
-    "long.csv": (b"time_s,gyro_x_dps\n0," + b"x" * 100_000 + b"\n", "x…' is not a number"),
-    "wide.csv": (
-        b",".join(b"c%d" % n for n in range(20_000)) + b"\n1\n",
-        "nothing says which columns are the gyroscope's axes",
-    ),
-    "utf16.csv": ("gyro_x_dps\n1\n".encode("utf-16"), "utf16.csv:1: nothing says the rate"),
-}
+
+
+def hostile_texts() -> dict[str, tuple[bytes, str]]:
+    """Return the bytes of each file, 300 MB in total, and what is said of it."""
+    return {
+        "deep.ndjson": (b'{"a":' * 100_000 + b"\n", "deep.ndjson:1: is not JSON"),
+        "deep_array.ndjson": (b"[" * 500_000 + b"\n", "deep_array.ndjson:1: is not JSON"),
+        "deep_later.ndjson": (
+            HELLO + b'{"class":"sample","a":' * 40_000 + b"\n",
+            "deep_later.ndjson:2: is not JSON",
+        ),
+        "endless.ndjson": (HELLO + b'{"a":"' + b"x" * 100_000_000, "endless.ndjson:2: the line has no end"),
+        "endless.csv": (b"time_s,gyro_x_dps\n" + b"1" * 100_000_000, "endless.csv:2: the line has no end"),
+        "zeros.csv": (bytes(100_000_000), "zeros.csv: is neither text nor"),
+        "nul.csv": (
+            b"time_s,gyro_x_dps\n0,\x001\n",
+            r"nul.csv:2: column 'gyro_x_dps': '\x001' is not a number",
+        ),
+        "escape.csv": (b"time_s,gyro_x_dps\n0,\x1b]0;x\x07\n", r"x\x07' is not a number"),
+        "colour.csv": (b"time_s,gyro_x_dps\n0,\x1b[31m\n", "column gyro_x_dps is empty"),
+        "quote.csv": (b'time_s,gyro_x_dps\n0,"' + b"1\n" * 1_000_000, "quote.csv:2: cannot be read as CSV ("),
+        "long.csv": (b"time_s,gyro_x_dps\n0," + b"x" * 100_000 + b"\n", "x…' is not a number"),
+        "wide.csv": (
+            b",".join(b"c%d" % n for n in range(20_000)) + b"\n1\n",
+            "nothing says which columns are the gyroscope's axes",
+        ),
+        "utf16.csv": ("gyro_x_dps\n1\n".encode("utf-16"), "utf16.csv:1: nothing says the rate"),
+    }
 
 
 @pytest.mark.slow
 def test_text_without_end_and_without_bottom(tmp_path: Path) -> None:
-    for name, (data, _) in TEXTS.items():
+    texts = hostile_texts()
+    for name, (data, _) in texts.items():
         (tmp_path / name).write_bytes(data)
-    results, grown_mb = probed(*[["info", tmp_path / name] for name in TEXTS])
-    for (code, text), (_, word) in zip(results, TEXTS.values(), strict=True):
+    results, grown_mb = probed(*[["info", tmp_path / name] for name in texts])
+    for (code, text), (_, word) in zip(results, texts.values(), strict=True):
         assert code == 2, text
         assert word in text
         assert len(text) < 2000
