@@ -22,6 +22,8 @@ RECORDINGS = ROOT.parent / "shared/recordings"
 # Every test may use the helpers of tests/rig, the package `tools`, and the generators within it.
 sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
 
+from tiers import may_be_slow  # noqa: E402
+
 
 def pytest_configure() -> None:
     """Refuse a native module built from other sources.
@@ -50,6 +52,24 @@ def pytest_collection() -> Generator[None, object, object]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out files that have no test of the second tier when only that tier is wanted.
+
+    Three quarters of the files have none, and each of the two workers would import them all.
+    """
+    is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
+    only_slow = config.option.markexpr == "slow"
+    return True if only_slow and is_test and not may_be_slow(collection_path) else None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Refuse a test of the second tier that `pytest_ignore_collect` would leave out."""
+    for item in items:
+        if item.get_closest_marker("slow") and not may_be_slow(item.path):
+            raise pytest.UsageError(f"{item.path} gets the mark `slow` from elsewhere: name it in this file")
 
 
 # A shell starts background jobs with SIGINT ignored, and programs that tests start would inherit that.

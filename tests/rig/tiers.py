@@ -1,6 +1,8 @@
 """Distribute the parameters of one test between the two tiers of tests (tests/README.md)."""
 
 from collections.abc import Container, Iterable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,3 +16,9 @@ def slow(*values: Any) -> Any:
 def slow_but(quick: Container[Any], values: Iterable[Any]) -> list[Any]:
     """Return all values of a parameter; the first tier of tests tries only the values in `quick`."""
     return [value if value in quick else slow(value) for value in values]
+
+
+@cache
+def may_be_slow(file: Path) -> bool:
+    """Return whether a test file names the mark; without that, none of its tests has the mark."""
+    return "slow" in file.read_text(encoding="utf-8")
