@@ -6,7 +6,8 @@ the linear estimate from the last samples, computed from the covariances by Levi
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -93,8 +94,10 @@ FAMILIES = {
 }
 
 
-def best(family: Family, known: int = 4000) -> float:
+@cache
+def best(name: str, known: int = 4000) -> float:
     """Return the standard deviation of the best linear estimate of the newest state."""
+    family = FAMILIES[name]
     if family.state is None:
         q = family.walk_q
         predicted = (q + math.sqrt(q * q + 4 * q * R)) / 2
@@ -105,23 +108,29 @@ def best(family: Family, known: int = 4000) -> float:
     return math.sqrt(max(float(variance), 0.0))
 
 
-def made(spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator) -> Array:
-    """Return series of n samples with this spectrum, (SERIES, n), each cut from a ring many times longer."""
+def made(
+    spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator, lanes: int = SERIES
+) -> Array:
+    """Return series of n samples with this spectrum, (lanes, n), each cut from a ring many times longer."""
     ring = 2 ** math.ceil(math.log2(8 * n))
     lam = 2 * np.pi * (np.arange(ring // 2) + 0.5) / ring
     scale = np.sqrt(spectrum(lam) * ring / 2)
-    result = np.empty((SERIES, n))
+    turned = 2 * np.exp(1j * np.pi * np.arange(n) / ring)
+    result = np.empty((lanes, n))
     for one in result:
         waves = scale * (rng.standard_normal(len(lam)) + 1j * rng.standard_normal(len(lam)))
-        turned = np.exp(1j * np.pi * np.arange(n) / ring)
-        whole = np.zeros(ring, dtype=complex)
-        whole[: ring // 2] = waves
-        one[:] = (2 * np.fft.ifft(whole)[:n] * turned).real
+        one[:] = (np.fft.ifft(waves, ring)[:n] * turned).real
     return result
 
 
-def series(name: str, n: int) -> tuple[Array, Array]:
-    """Return states and measurements, (SERIES, n)."""
+LONG, SHORT = 12_000, 3000
+"""Lengths of a series for a filter that knows the noise, and for one that does not [samples]."""
+
+
+@cache
+def drawn(name: str) -> tuple[Array, Array]:
+    """Return states and measurements, (SERIES, LONG), which all tests of a noise share."""
+    n = LONG
     family, rng = FAMILIES[name], np.random.default_rng(list(name.encode()))
     if family.state is None:
         state = np.cumsum(math.sqrt(family.walk_q) * rng.standard_normal((SERIES, n)), axis=1)
@@ -137,6 +146,12 @@ def series(name: str, n: int) -> tuple[Array, Array]:
     return state, state + noise
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_series_left() -> Iterator[None]:
+    yield
+    drawn.cache_clear()
+
+
 class Quality(NamedTuple):
     """Figures of the states between two samples, over 60 series."""
 
@@ -150,13 +165,13 @@ def quality(name: str, bias: Array, std: Array, state: Array, y: Array, seen: sl
     errors = (bias - state)[:, seen]
     rmse = float(np.sqrt(np.mean(errors**2)))
     raw = float(np.sqrt(np.mean((y - state)[:, seen] ** 2)))
-    bound = best(FAMILIES[name])
+    bound = best(name)
     inside = float(np.mean(np.abs(errors) < 2 * std[:, seen]))
     return Quality(rmse, rmse / bound if bound > 0 else math.nan, rmse / raw, inside)
 
 
 def tracked(name: str, n: int, *, modelled: bool, offset: float | None) -> tuple[Array, Array, Array, Array]:
-    state, y = series(name, n)
+    state, y = (one[:, :n] for one in drawn(name))
     one = Tracker([offset] * SERIES)
     if modelled:
         found = system(FAMILIES[name].parts, H, n)
@@ -171,7 +186,7 @@ def tracked(name: str, n: int, *, modelled: bool, offset: float | None) -> tuple
 @pytest.mark.parametrize("offset", [0.0, None], ids=["offset given", "offset unknown"])
 @pytest.mark.parametrize("name", FAMILIES)
 def test_with_the_right_model_it_is_the_best_possible(name: str, offset: float | None) -> None:
-    found = quality(name, *tracked(name, 12_000, modelled=True, offset=offset), slice(6000, None))
+    found = quality(name, *tracked(name, LONG, modelled=True, offset=offset), slice(6000, None))
     if name == "white":
         assert found.over_y < 0.02
     else:
@@ -186,7 +201,7 @@ HARD = {"order .3 -2, 1": (1.5, 0.1)}
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FAMILIES)
 def test_the_bank_is_good_from_six_seconds_on(name: str) -> None:
-    found = quality(name, *tracked(name, 3000, modelled=False, offset=None), slice(600, None))
+    found = quality(name, *tracked(name, SHORT, modelled=False, offset=None), slice(600, None))
     most, covered = HARD.get(name, (1.12, 0.88))
     assert not found.over_best > most, found
     assert covered < found.covered, found
@@ -213,7 +228,7 @@ MODELS: dict[str, list[p.AnyPart]] = {
 @pytest.mark.parametrize("name", MODELS)
 def test_innovations_of_any_noise_are_white_and_as_small_as_can_be(name: str) -> None:
     parts, n, lanes = [WHITE, *MODELS[name]], 10_000, 12
-    y = made(lambda lam: p.spectrum(parts, lam, H), n, np.random.default_rng(1))[:lanes]
+    y = made(lambda lam: p.spectrum(parts, lam, H), n, np.random.default_rng(1), lanes)
     one = Tracker([None] * lanes)
     for lane in range(lanes):
         one.set(lane, system(parts, H, n).with_offset())
