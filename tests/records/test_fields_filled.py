@@ -1,0 +1,62 @@
+"""Some code gives each field of a record that has a default a value, so no field stays empty for ever."""
+
+import ast
+import re
+import typing
+from collections.abc import Iterator
+
+import msgspec
+from fltea.records.records import AnyRecord
+from host_support import ROOT
+
+MOST = 30
+"""More fields than a record has, for calls with `*arguments`."""
+
+Fields = set[tuple[str | None, str | int]]
+"""Arguments in the host's code: the name that is called, and the argument's own name or place."""
+
+
+def arguments(source: str) -> Iterator[tuple[str | None, str | int]]:
+    """Yield all arguments of calls in a source, those by name without the name that is called."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call):
+            yield from ((None, one.arg) for one in node.keywords if one.arg)
+            called = node.func.id if isinstance(node.func, ast.Name) else ""
+            is_open = any(isinstance(one, ast.Starred) for one in node.args)
+            yield from ((called, place) for place in range(MOST if is_open else len(node.args)))
+
+
+def structs(hint: object, found: set[type[msgspec.Struct]]) -> set[type[msgspec.Struct]]:
+    """Add the records of a type, and the parts that they consist of, to `found`, and return it."""
+    for part in typing.get_args(hint):
+        structs(part, found)
+    if isinstance(hint, type) and issubclass(hint, msgspec.Struct) and hint not in found:
+        found.add(hint)
+        for one in typing.get_type_hints(hint).values():
+            structs(one, found)
+    return found
+
+
+def unfilled(given: Fields) -> list[str]:
+    return sorted(
+        f"{struct.__name__}.{field.name}"
+        for struct in structs(AnyRecord, set())
+        for place, field in enumerate(msgspec.structs.fields(struct))
+        if not field.required and not {(None, field.name), (struct.__name__, place)} & given
+    )
+
+
+def test_some_code_gives_each_field_of_a_record_a_value() -> None:
+    """Outputs only read records, so their code does not count."""
+    files = (file for file in (ROOT / "host/fltea").rglob("*.py") if "sinks" not in file.parts)
+    names = re.compile("|".join(rf"\b{struct.__name__}\(" for struct in structs(AnyRecord, set())))
+    sources = (file.read_text(encoding="utf-8") for file in files)
+    given = {one for source in sources if names.search(source) for one in arguments(source)}
+    assert not unfilled(given), (
+        f"no code of host/fltea gives {unfilled(given)} a value: fill it in host/fltea/stream, or remove it"
+    )
+
+
+def test_a_field_that_nobody_fills_is_seen() -> None:
+    assert "Stats.fit_period_s" in unfilled(set())
+    assert "TrackerStats.bias" not in unfilled({(None, "bias")})
