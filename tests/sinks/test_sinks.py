@@ -29,6 +29,7 @@ from fltea.records.records import (
     Gap,
     Sample,
 )
+from fltea.records.stats import LinkStats
 from fltea.sinks.ndjson import BUFFER, NdjsonSink
 from fltea.sinks.page.axis_sentence import answer_of, axis_sentence
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, sparkline
@@ -56,6 +57,7 @@ STATS, STEP, MOVES, RESTS = (
 WITHOUT_STD = msgspec.structs.replace(
     GOOD, fltea=msgspec.structs.replace(GOOD.fltea, innovation=None, alpha_std=None)
 )
+OPENED = msgspec.structs.replace(STATS, link=LinkStats(bad_frames={"partial": 1, "crc": 2}))
 ERROR = Error("silent", "nothing [bold]came[/bold] for [5 s]", 1)
 
 
@@ -267,7 +269,7 @@ def test_numbers_and_units_at_every_width(width: int) -> None:
         "not valid",
         "epoch 3  sample 701  delivered 1234  lost 56",
         "bad frames 5  reconnects 1  99.50 Hz  clock -62 ppm",
-        "epoch 3 begins at sample 700: gap",
+        "epoch 3 begins at sample 700: a gap too long to bridge",
     ):
         assert part in text
     headings = "heading after a rest  1 s       60 s", "gyro_x                ± 0.027°  ± 0.51°"
@@ -318,6 +320,7 @@ def test_each_axis_stands_in_the_sentence_that_the_page_has(width: int) -> None:
         ([], ["waiting for the device"], []),
         ([HELLO], ["no estimate yet"], []),
         ([HELLO, EPOCH, STATS], ["start-up window: 123 samples to go"], []),
+        ([HELLO, OPENED], ["bad frames 2 "], []),
         ([HELLO, estimate(), EPOCH], ["no estimate yet"], ["0.412"]),
         ([HELLO, FIT, EPOCH], ["Fractional"], []),  # of the same sensor, until its next fit
         ([HELLO, estimate(), EPOCH, estimate()], [BARS[0]], []),

@@ -211,8 +211,8 @@ def test_table_shows_both_in_eighty_columns() -> None:
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
     rows = {line.split()[0]: line.split() for line in reversed(lines) if re.match(r"gyro_. ", line)}
-    assert rows["gyro_x"] == ["gyro_x", "0.412", "+3.2e-07", "-2.125", "-4.5e-06"]
-    assert ["gyro_x", "0.234", "±", "0.024", "-3.6e-03", "-0.3", "σ"] in map(str.split, lines)
+    assert rows["gyro_x"] == ["gyro_x", "0.412", "+3.2e-7", "-2.125", "-4.5e-6"]
+    assert ["gyro_x", "0.234", "±", "0.024", "-3.6e-3", "-0.3", "σ"] in map(str.split, lines)
     assert sum(line.startswith("gyro_y ") for line in lines) == 1, "the device has no fit of it yet"
     assert rows["gyro_y"] == ["gyro_y", "0.500", "-1.000"]
     assert "gyro_y: not comparable: the device began at another sample" in lines

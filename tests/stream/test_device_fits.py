@@ -355,7 +355,7 @@ def test_the_table_and_the_metrics_have_them() -> None:
     console = Console(file=io.StringIO(), width=120)
     console.print(Group(*view.lines(120)))
     text = console.file.getvalue()  # type: ignore[attr-defined]
-    assert "0.500 (0.38 to 0.62)" in text
+    assert "0.50 (0.38 … 0.62)" in text
     assert "+0.50" in text
 
     newest = Newest(device_fits=record.axes)

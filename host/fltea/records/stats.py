@@ -60,6 +60,11 @@ class LinkStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reconnects: int = 0
     """Number of times that the port was opened again."""
 
+    @property
+    def damaged(self) -> dict[str, int]:
+        """Damaged frames by reason, without those that are normal after the port is opened."""
+        return {reason: count for reason, count in self.bad_frames.items() if reason != "partial"}
+
 
 class SampleStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Counts of used, lost and refused samples, since the start of the program."""

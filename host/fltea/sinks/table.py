@@ -15,7 +15,6 @@ from fltea.records.plus_minus import angle_within, plus_minus
 from fltea.records.ports import Item, Printed, Sink, SinkClosed
 from fltea.records.records import (
     AnyRecord,
-    AxisEstimate,
     DeviceEstimates,
     DeviceFits,
     Epoch,
@@ -30,10 +29,12 @@ from fltea.records.records import (
 )
 from fltea.records.visible import visible
 from fltea.sinks import table_of_device
+from fltea.sinks.axis_words import unit_of
 from fltea.sinks.changes import MOVES, sentence, time_of
 from fltea.sinks.opening import Opening
 from fltea.sinks.page.axis_sentence import answer_of, axis_sentence
 from fltea.sinks.page.fits import Fits
+from fltea.sinks.page.happenings import EPOCH_WORDS
 from fltea.sinks.table_of_device import grid
 from fltea.sinks.words import duration, figure
 
@@ -152,7 +153,9 @@ class DeviceView:
                 self._epoch, self._newest, self._of_device = record, None, None
                 self._trends, self._trend_ns = {}, 0
                 self._fits.begin()
-                self._events.append(f"epoch {record.epoch} begins at sample {record.seq}: {record.reason}")
+                self._events.append(
+                    f"epoch {record.epoch} begins at sample {record.seq}: {EPOCH_WORDS[record.reason]}"
+                )
             case Estimate() | Block():
                 self._newest = record
                 self._follow(record.host_ns if isinstance(record, Estimate) else int(record.host_ns[-1]))
@@ -227,7 +230,7 @@ class DeviceView:
         if self._estimate is None:
             remaining = self._stats.startup_remaining if self._stats else 0
             return Text(f"start-up window: {remaining} samples to go" if remaining else "no estimate yet")
-        unit = f"[{', '.join(dict.fromkeys(_unit(axis) for axis in self._estimate.axes.values()))}]"
+        unit = f"[{', '.join(dict.fromkeys(map(unit_of, self._estimate.axes)))}]"
         # Titles are `Text` objects, since rich would read [deg/s] in a plain string as markup.
         titles = map(Text, ("FLTEA: α", "f [s^-α]", f"state {unit}", f"innov. {unit}", ""))
         table = grid("", *titles, *(("α, last seconds", "f, last seconds") if wide else ()))
@@ -299,17 +302,13 @@ class DeviceView:
             return ""
         rate = "" if stats.rate_hz is None else f"  {stats.rate_hz:.2f} Hz"
         ppm = "" if stats.clock_ppm is None else f"  clock {stats.clock_ppm:+.0f} ppm"
-        bad = sum(stats.link.bad_frames.values())
+        bad = sum(stats.link.damaged.values())
         counts = stats.sample_counts
         seq = "" if self._estimate is None else f"  sample {self._estimate.seq}"
         return self._device_health(stats) + (
             f"epoch {stats.epoch}{seq}  delivered {counts.delivered}  lost {counts.lost}\n"
             f"bad frames {bad}  reconnects {stats.link.reconnects}{rate}{ppm}"
         )
-
-
-def _unit(axis: AxisEstimate) -> str:
-    return axis.unit.replace("^2", "²")
 
 
 def _rate(value: float | None) -> str:

@@ -10,7 +10,8 @@ from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.plus_minus import plus_minus
 from fltea.records.records import DeviceEstimates, WhyNot
 from fltea.records.why_not import not_comparable
-from fltea.sinks.words import in_deviations, quantity
+from fltea.sinks.page.answer import figure_of
+from fltea.sinks.words import apart, in_deviations, quantity, signed
 
 
 def grid(*titles: RenderableType) -> Table:
@@ -42,9 +43,9 @@ def _biases(record: DeviceEstimates) -> list[RenderableType]:
     rows = grid("", "device's bias", "minus the host's", "")
     for name, axis in record.axes.items():
         if axis.tracker_bias is not None:
-            apart, std = axis.tracker_bias_difference, axis.tracker_bias_std
+            difference, std = axis.tracker_bias_difference, axis.tracker_bias_std
             bias = plus_minus(axis.tracker_bias, std)
-            rows.add_row(name, bias, _difference(apart), in_deviations(apart, std))
+            rows.add_row(name, bias, _difference(difference), in_deviations(difference, std))
     return [rows] if rows.row_count > 1 else []
 
 
@@ -52,12 +53,11 @@ def fits(by_axis: Mapping[str, DeviceAxisFit]) -> Table:
     """Return the device's own fits, with the difference of α from this computer's fit."""
     rows = grid("", "device's fit", "α, 95 %", "minus the host's", "in half-widths")
     for name, fit in by_axis.items():
-        p = fit.alpha
-        known = p.value is not None and p.low is not None and p.high is not None
-        alpha = f"{p.value:.3f} ({p.low:.2f} to {p.high:.2f})" if known else "undefined"
+        order = figure_of(fit.alpha)
         halves = "" if fit.half_widths is None else f"{fit.half_widths:+.2f}"
-        apart = "" if fit.alpha_difference is None else f"{fit.alpha_difference:+.3f}"
-        rows.add_row(name, f"{fit.verdict}, {fit.samples:,} samples", alpha, apart, halves)
+        difference = "" if fit.alpha_difference is None else signed(fit.alpha_difference)
+        alpha = order.text if order else "undefined"
+        rows.add_row(name, f"{fit.verdict}, {fit.samples:,} samples", alpha, difference, halves)
     return rows
 
 
@@ -71,4 +71,4 @@ def _not_compared(record: DeviceEstimates) -> list[RenderableType]:
 
 
 def _difference(value: float | None) -> str:
-    return "" if value is None else f"{value:+.1e}"
+    return "" if value is None else apart(value)

@@ -138,7 +138,7 @@ def judge(port: str, heard: Heard) -> Iterator[Finding]:
 def _bytes(heard: Heard) -> Finding:
     link = heard.link
     text = f"{link.bytes} bytes, {link.frames} valid frames"
-    bad = {reason: n for reason, n in link.bad_frames.items() if reason != "partial"}
+    bad = link.damaged
     if sum(bad.values()) <= DAMAGED_AT_OPENING:
         return ok("frames", text) if link.frames else problem("frames", f"{text}.")
     reasons = ", ".join(f"{n} {reason}" for reason, n in bad.items())

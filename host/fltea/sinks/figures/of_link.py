@@ -31,9 +31,9 @@ _output = partial(Figure, OutputStats)
 
 
 def _bad_frames(seen: Seen) -> Iterator[Cells]:
-    found: dict[str, int] | None = seen.record(LinkStats) and dict(seen.record(LinkStats).bad_frames)
-    if found is not None:
-        found.pop("partial", None)  # normal after the port is opened
+    link: LinkStats | None = seen.record(LinkStats)
+    if link is not None:
+        found = link.damaged
         yield counted("CRC errors", found.pop("crc", 0))
         yield counted(
             "other bad frames", sum(found.values()), ", ".join(f"{r} {n}" for r, n in found.items())
