@@ -13,6 +13,7 @@ from typing import Any
 
 import latex2mathml.converter
 from fltea.records.kinds import ERROR_KINDS
+from fltea.sinks.figures.table import FIGURES
 from fltea.sinks.metrics.families import Families
 from gen_protocol import tables
 from mkdocs.config.defaults import MkDocsConfig
@@ -38,13 +39,18 @@ def commands() -> str:
 
 
 def metrics() -> str:
-    """Return a table of every metric with its labels."""
+    """Return a table of every metric with its labels, the field that it shows, and what else shows that."""
+    by_name = {figure.metric_name: figure for figure in FIGURES}
     rows = []
     for family in Families({}, {}, list).collect():
         name = family.name + {"counter": "_total", "info": "_info"}.get(family.type, "")
         labels = ", ".join(code(label) for label in getattr(family, "_labelnames", ()))
-        rows.append(f"| {code(name)} | {family.type} | {labels} | {cell(family.documentation)} |")
-    return "\n".join(["| metric | kind | labels | what |", "|---|---|---|---|", *rows])
+        figure = by_name.get(name)
+        field, places = (code(figure.path), ", ".join(figure.places)) if figure else ("", "")
+        words = cell(family.documentation)
+        rows.append(f"| {code(name)} | {family.type} | {labels} | {words} | {field} | {places} |")
+    head = "| metric | kind | labels | what | field of the records | seen also in |"
+    return "\n".join([head, "|---|---|---|---|---|---|", *rows])
 
 
 def errors() -> str:

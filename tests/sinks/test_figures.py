@@ -18,20 +18,21 @@ from figure_records import (
     terminal,
 )
 from fltea.records.records import AnyRecord, Estimate, Placed, Record
-from fltea.sinks.figures import of_axis, of_device, of_fit, of_link
-from fltea.sinks.figures.figure import ROOTS, Hidden, Metric, Root
+from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
+from fltea.sinks.figures.figure import ROOTS, Hidden, Root
 from fltea.sinks.figures.table import FIGURES, UNSHOWN, WITHOUT_FIGURES
 from host_support import ROOT
 
 FOLDER = "host/fltea/sinks/figures"
 DASHBOARD = "tools/deploy/grafana/fltea.json"
 DECLARED = {(figure.kind, figure.field) for figure in FIGURES}
-FILES = {
-    figure.kind: f"{FOLDER}/{module.__name__.rpartition('.')[2]}.py"
-    for module in (of_link, of_axis, of_fit, of_device)
-    for figure in module.FIGURES
-}
-"""The file that declares the figures of each part of a record."""
+MODULES = of_link, of_fit, of_axis, of_filters, of_device
+
+
+def files(kind: type) -> str:
+    """Return the files that declare the figures of a record, or of a part of a record."""
+    having = (one.__name__ for one in MODULES if any(figure.kind is kind for figure in one.FIGURES))
+    return " or ".join(f"{FOLDER}/{name.rpartition('.')[2]}.py" for name in having) or FOLDER
 
 
 def numbers(kind: type, prefix: str = "") -> Iterator[str]:
@@ -65,7 +66,7 @@ def test_each_number_of_a_record_is_a_figure_or_has_a_reason(kind: type) -> None
     ]
     assert not missing, (
         f"{kind.__name__} has numbers that are no figures: {missing}. Declare each in "
-        f"{FILES.get(kind, FOLDER)}, or say in UNSHOWN of {FOLDER}/table.py why no place shows it."
+        f"{files(kind)}, or say in UNSHOWN of {FOLDER}/table.py why no place shows it."
     )
 
 
@@ -139,12 +140,11 @@ def test_the_dashboard_has_the_metrics_that_are_declared_for_it_and_no_others() 
     text = (ROOT / DASHBOARD).read_text(encoding="utf-8")
     asked = set(re.findall(r"\bfltea_\w+", text))
     for figure in FIGURES:
-        name, is_hidden = f"{figure.kind.__name__}.{figure.field}", isinstance(figure.grafana, Hidden)
-        if not isinstance(figure.metric, Metric):
+        name, is_hidden = name_of(figure.kind, figure.field), isinstance(figure.grafana, Hidden)
+        metric = figure.metric_name
+        if not metric:
             assert is_hidden, f"{name} has no metric, so {DASHBOARD} cannot show it: declare it Hidden"
             continue
-        ending = "_total" if figure.metric.kind == "counter" else ""
-        metric = f"fltea_{ROOTS[figure.kind].metrics}{figure.metric.name}{ending}"
         assert (metric in asked) != is_hidden, (
             f"{name} is declared Hidden, and {DASHBOARD} asks for {metric}: see {FOLDER}"
             if is_hidden

@@ -125,6 +125,34 @@ class Figure(NamedTuple):
     home_assistant: Entity | Shown | Hidden
     grafana: Shown | Hidden
 
+    @property
+    def metric_name(self) -> str:
+        """Name of the metric as Prometheus stores it; empty if the figure is none."""
+        if not isinstance(self.metric, Metric):
+            return ""
+        ending = "_total" if self.metric.kind == "counter" else ""
+        return f"fltea_{ROOTS[self.kind].metrics}{self.metric.name}{ending}"
+
+    @property
+    def path(self) -> str:
+        """Path of the figure in JSON, as in the reference of records, after the name of the record."""
+        root = ROOTS[self.kind]
+        key = {"axes": ".<axis>", "outputs": ".<output>"}.get(root.path, "")
+        return ".".join(
+            part for part in (root.record.__struct_config__.tag, root.path + key, self.field) if part
+        )
+
+    @property
+    def places(self) -> list[str]:
+        """The names of the places beside the metrics that show the figure."""
+        where = {
+            "page": self.page,
+            "terminal": self.terminal,
+            "Home Assistant": self.home_assistant,
+            "Grafana": self.grafana,
+        }
+        return [name for name, how in where.items() if not isinstance(how, Hidden)]
+
 
 class Root(NamedTuple):
     """Where a part of a record stands. `metrics`: what its metrics begin with after `fltea_`."""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import AxisEstimate, FlteaEstimate
+from fltea.records.records import AxisEstimate
 from fltea.records.stats import AxisStats
 from fltea.sinks.axis_words import bias_words, unit_of
 from fltea.sinks.figures.figure import (
@@ -23,20 +23,17 @@ from fltea.sinks.figures.figure import (
 )
 from fltea.sinks.figures.hidden import (
     ESTIMATE,
-    FIT,
     NARROW,
     NO_ENTITY,
     NO_METRIC,
     NO_PANEL,
     ONLY_METRIC,
-    PER_SAMPLE,
 )
 from fltea.sinks.words import quantity
 
 PANEL = Shown("a panel")
 ROW = Shown("the row of the value that it belongs to")
 SENTENCE = Shown("the sentence of the axis")
-TABLE = Shown("the table of FLTEA")
 OF_STATS = Hidden("Home Assistant takes it from `stats`, which comes once a second")
 
 _axis, _estimate = partial(Figure, AxisStats), partial(Figure, AxisEstimate)
@@ -48,7 +45,8 @@ MOVES = """{% set moved = namespace(now=false) %}{% for axis in value_json.axes.
 {{ 'ON' if moved.now else 'OFF' }}"""
 
 
-def _three(value: float) -> str:
+def three(value: float) -> str:
+    """Return a number with three decimals."""
     return quantity(value, "", 3)
 
 
@@ -65,47 +63,6 @@ def _checked(seen: Seen) -> Iterator[Cells]:
     axis: AxisStats | None = seen.record(AxisStats)
     for t_s, one in (axis.tracker.checked if axis and axis.tracker else {}).items():
         yield [f"the mean of the next {t_s} s less it, over σ", f"{one.rms:.2f} ({one.pieces:,} pieces)"]
-
-
-def _valid(seen: Seen) -> FlteaEstimate | None:
-    return seen.estimate.fltea if seen.estimate is not None and seen.estimate.fltea.valid else None
-
-
-def _settled(seen: Seen) -> Iterator[Cells]:
-    e = _valid(seen)
-    yield ["FLTEA (paper)", "–" if e is None else "settled" if e.settled else "settling"]
-
-
-def _alpha(seen: Seen) -> Iterator[Cells]:
-    e = _valid(seen)
-    yield ["α, 95 %", plus_minus(e.alpha, e.alpha_std) if e else "–"]
-
-
-def _f(seen: Seen) -> Iterator[Cells]:
-    e = _valid(seen)
-    yield ["f, 95 %", f"{plus_minus(e.f, e.f_std)} s^-α" if e else "–"]
-
-
-def _fltea_state(seen: Seen) -> Iterator[Cells]:
-    e = _valid(seen)
-    yield ["state x̂ (paper)", quantity(e.state if e else None, unit_of(seen.axis), 4)]
-
-
-def _describes(seen: Seen) -> Iterator[Cells]:
-    axis: AxisStats | None = seen.record(AxisStats)
-    if axis is not None and axis.describes_noise is False:
-        yield ["these do not describe the noise", "no order, another, or coloured innovations"]
-
-
-def _offset(seen: Seen) -> Iterator[Cells]:
-    axis: AxisStats | None = seen.record(AxisStats)
-    yield ["offset removed", quantity(axis.bias if axis else None, unit_of(seen.axis), 4)]
-
-
-def _R(seen: Seen) -> Iterator[Cells]:
-    axis: AxisStats | None = seen.record(AxisStats)
-    R = axis.R_in_use if axis else None
-    yield ["R", quantity(R, f"({unit_of(seen.axis)})²", 3, significant=True)]
 
 
 FIGURES = (
@@ -188,7 +145,7 @@ FIGURES = (
     _axis(
         "tracker.nis",
         gauge("tracker_nis", NIS),
-        page=Row("axis", "its innovations, NIS", _three, absent="–"),
+        page=Row("axis", "its innovations, NIS", three, absent="–"),
         terminal=NARROW,
         home_assistant=NO_ENTITY,
         grafana=NO_PANEL,
@@ -256,148 +213,5 @@ FIGURES = (
         terminal=NARROW,
         home_assistant=Entity("steps", "steps of the bias", state_class="total_increasing"),
         grafana=PANEL,
-    ),
-    _estimate(
-        "fltea.valid",
-        gauge("fltea_valid", "1: the estimate of the paper's filters holds; 0: it ran away, or was held."),
-        page=Shown("the line that says the state of the device, and the rows of the filters"),
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _estimate(
-        "fltea.settled",
-        gauge("fltea_settled", "1: their variances are known and their innovations white; 0: settling."),
-        page=Rows("axis", _settled),
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=NO_PANEL,
-    ),
-    _estimate(
-        "fltea.alpha",
-        gauge("fltea_alpha", "Order of the noise by the paper's filters."),
-        page=Rows("axis", _alpha),
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _estimate(
-        "fltea.alpha_std",
-        gauge("fltea_alpha_std", "The order filter's own standard deviation."),
-        page=ROW,
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=NO_PANEL,
-    ),
-    _estimate(
-        "fltea.f",
-        gauge("fltea_f", "Parameter f by the paper's filters, in s^-alpha."),
-        page=Rows("axis", _f),
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _estimate(
-        "fltea.f_std",
-        gauge("fltea_f_std", "The parameter filter's own standard deviation, in s^-alpha."),
-        page=ROW,
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=NO_PANEL,
-    ),
-    _axis(
-        "describes_noise",
-        gauge(
-            "describes_noise",
-            "1: the innovations are white and the order is the fit's; 0: alpha and f say nothing of the "
-            "noise.",
-        ),
-        page=Rows("axis", _describes),
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=NO_PANEL,
-    ),
-    _estimate(
-        "fltea.state",
-        PER_SAMPLE,
-        page=Rows("axis", _fltea_state),
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=NO_METRIC,
-    ),
-    _estimate(
-        "fltea.innovation",
-        PER_SAMPLE,
-        page=PER_SAMPLE,
-        terminal=TABLE,
-        home_assistant=NO_ENTITY,
-        grafana=NO_METRIC,
-    ),
-    _axis(
-        "bias",
-        ESTIMATE,
-        page=Rows("axis", _offset),
-        terminal=NARROW,
-        home_assistant=NO_ENTITY,
-        grafana=NO_METRIC,
-    ),
-    _axis(
-        "R_in_use",
-        FIT,
-        page=Rows("axis", _R),
-        terminal=NARROW,
-        home_assistant=NO_ENTITY,
-        grafana=NO_METRIC,
-    ),
-    _axis(
-        "innovation_lag1",
-        gauge("innovation_lag1", LAG1),
-        page=Row("axis", "innovations, lag 1", _three, absent="–"),
-        terminal=NARROW,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _axis(
-        "innovation_nis",
-        gauge("innovation_nis", NIS),
-        page=Row("axis", "innovations, NIS", _three, absent="–"),
-        terminal=NARROW,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _axis(
-        "restarts",
-        counter("restarts", "Times that the axis began again in this epoch."),
-        page=Row("axis", "started again", absent="–"),
-        terminal=NARROW,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _axis(
-        "interventions",
-        counter(
-            "interventions",
-            "Samples since the axis's last start in which the guard stepped in, by cause.",
-            key="reason",
-        ),
-        page=Shown("the list of what the guard did"),
-        terminal=NARROW,
-        home_assistant=NO_ENTITY,
-        grafana=PANEL,
-    ),
-    _estimate(
-        "null_p",
-        gauge("null_p", "How often white noise would look at least as unlike white as the samples."),
-        **ONLY_METRIC,
-    ),
-    _estimate(
-        "whiteness",
-        gauge(
-            "not_white",
-            "1: the samples are not white noise, see fltea identify; 0: white noise is not rejected, no "
-            "order.",
-            convert=lambda word: float(word == "rejected"),
-        ),
-        **ONLY_METRIC,
     ),
 )

@@ -20,10 +20,12 @@ from fltea.records.records import (
     Step,
 )
 from fltea.records.stats import AxisStats, DeviceEstimatorStats
-from fltea.sinks.figures import of_axis, of_device, of_fit, of_link
+from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
 from fltea.sinks.figures.figure import Cells, Figure, Row, Rows, Section, Seen, lookup
 
-FIGURES: tuple[Figure, ...] = (*of_link.FIGURES, *of_fit.FIGURES, *of_axis.FIGURES, *of_device.FIGURES)
+FIGURES: tuple[Figure, ...] = tuple(
+    figure for module in (of_link, of_fit, of_axis, of_filters, of_device) for figure in module.FIGURES
+)
 """Each published figure. Rows of the page and entities of Home Assistant stand in this order."""
 
 EVENT = "it tells an event, and people see the event as a sentence"
