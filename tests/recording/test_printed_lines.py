@@ -167,9 +167,9 @@ def test_a_sentence_with_a_wrong_checksum_is_a_lost_sample(kind: str, wrong: int
     found = reader.feed("\n".join([*lines, ""]).encode())
     ordinal = [number for rows in found for number in rows.ordinal.tolist()]
     assert ordinal == [k for k in range(N) if k != place]
-    assert reader.counts == {"number": 1}
-    assert reader.newest is not None
-    assert "wrong checksum" in reader.newest.why
+    assert reader.bad.counts == {"number": 1}
+    assert reader.bad.newest is not None
+    assert "wrong checksum" in reader.bad.newest.why
 
 
 # --- YAML of topics ---

@@ -91,8 +91,8 @@ def test_nothing_that_a_sender_writes_ends_the_reading(parts: list[bytes]) -> No
     for names in (NAMES, ["1", "2"], None):
         parser = TextReader("x", How(columns=names, units="rad/s", rate_hz=9.0))
         rows_of(parser, *parts)
-        if parser.newest is not None:
-            assert parser.newest.why.isprintable()
+        if parser.bad.newest is not None:
+            assert parser.bad.newest.why.isprintable()
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", ", "])
@@ -102,7 +102,7 @@ def test_the_header_may_come_after_messages(separator: str, header: str) -> None
     text = first + header.replace("{}", separator) + "\n" + separator.join(("0.5", "1", "2")) + "\n"
     parser = TextReader("x", TIMED)
     assert rows_of(parser, text.encode()) == [(0, [1.0, 2.0, 0.5])]
-    assert parser.counts == ({"before_header": 1} if first else {})
+    assert parser.bad.counts == ({"before_header": 1} if first else {})
 
 
 def test_without_a_header_positions_or_as_many_fields_as_names() -> None:
@@ -119,7 +119,7 @@ def test_a_line_that_looks_like_a_sample_takes_a_number_and_a_message_takes_none
     text = b"gx,gy\n1,2\n1,\nhello\n3\n1,2x\nnan,1\n# remark\n5,6\n"
     parser = TextReader("x", RATE)
     assert rows_of(parser, text) == [(0, [1.0, 2.0]), (1, [1.0, None]), (4, [None, 1.0]), (5, [5.0, 6.0])]
-    assert parser.counts == {"text": 1, "fields": 1, "number": 1}
+    assert parser.bad.counts == {"text": 1, "fields": 1, "number": 1}
 
 
 def test_objects() -> None:
@@ -140,14 +140,14 @@ def test_objects() -> None:
         (1, [None, 1.0, 2.0]),
         (5, [7.0, 8.0, 6.0]),
     ]
-    assert parser.counts == {"before_header": 1, "columns": 1, "number": 4, "text": 2}
+    assert parser.bad.counts == {"before_header": 1, "columns": 1, "number": 4, "text": 2}
 
 
 def test_a_line_without_end_is_left_out_and_the_next_one_is_read() -> None:
     parser = TextReader("x", How(columns=["gx"], rate_hz=9.0, units="dps"))
     parts = [b"gx\n1\n", b"2" * (LONGEST_LINE // 2), b"2" * LONGEST_LINE, b"2\n3\n"]
     assert [values for _, values in rows_of(parser, *parts)] == [[1.0], [3.0]]
-    assert parser.counts == {"too_long": 1}
+    assert parser.bad.counts == {"too_long": 1}
 
 
 def test_a_sender_that_begins_again_may_order_its_columns_in_another_way_and_name_other_units() -> None:
@@ -159,7 +159,7 @@ def test_a_sender_that_begins_again_may_order_its_columns_in_another_way_and_nam
     ]
     assert [rows.values.round(3).tolist() for rows in found] == [[[1.0, 2.0]], [[114.592, 57.296]]]
     assert [rows.begins for rows in found] == [True, True]
-    assert parser.counts == {"header": 1}
+    assert parser.bad.counts == {"header": 1}
 
 
 def test_after_an_opening_the_rest_of_a_line_is_left_out() -> None:
@@ -177,7 +177,7 @@ def test_once_a_number_has_a_decimal_comma_or_a_point_the_others_have_it_too(lin
         assert [values for _, values in found] == [[3.0, 4.0]] * lines + [[1.5, 2.0]] * lines
         parser = TextReader("x", How(columns=NAMES, rate_hz=9.0, units="dps"))
         assert [values for _, values in rows_of(parser, text.encode())] == [values for _, values in found]
-        assert parser.counts == {"number": lines}
+        assert parser.bad.counts == {"number": lines}
 
 
 def test_plain_rows_are_not_looked_at_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:

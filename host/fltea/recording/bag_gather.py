@@ -1,11 +1,11 @@
 """Collects the messages of one topic of a bag in a temporary file, and makes a recording from them."""
 
 import contextlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import repeat
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -22,13 +22,13 @@ from fltea.recording.columns import Chosen
 from fltea.recording.decompress import decompressed_zstd
 from fltea.recording.files import AT_ONCE, Note, Recording, Stored, check_span, listed
 from fltea.recording.message_stamps import Stamps, Times, is_arrival
-from fltea.recording.npz_arrays import NUMBER_BYTES
+from fltea.recording.plausible import is_of_sensor
 from fltea.recording.quota import Quota
 from fltea.recording.reading import Answer, Missing, NotStated, asked_with, given_options, not_stated
+from fltea.recording.sample_store import SampleStore
 from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.recording.session import LATEST_NS
 from fltea.recording.spool import Spool
-from fltea.recording.table import Plausible, is_of_sensor
 from fltea.records.errors import UsageError
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.records.visible import visible
@@ -45,6 +45,60 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a message that was compressed individually."""
 
 
+@dataclass
+class MessageCounts:
+    """Counts of the messages that are no samples.
+
+    `unusable`: not of the topic's layout. `not_numbers`: with a value that no sensor gives. `twice`: equal to
+    the message before. `in_two_files`: held by the bag already. `measured`: the sensors, `gyro` and `accel`,
+    of which a message says that it was measured.
+    """
+
+    unusable: int = 0
+    not_numbers: int = 0
+    twice: int = 0
+    in_two_files: int = 0
+    measured: set[str] = field(default_factory=set)
+
+    def problems(self, kind: str) -> list[str]:
+        """Return what was left out, and why. `kind`: type of the messages."""
+        found = [
+            (self.unusable, f"do not have the layout of {kind} and are left out"),
+            (
+                self.not_numbers,
+                "hold a value that is not a number, or that no sensor gives, and count as missing",
+            ),
+            (self.twice, "are repeated and taken once"),
+            (
+                self.in_two_files,
+                "stand in the bag before already, with the same times and numbers (is a file of it copied or "
+                "linked under another number, or do files overlap?), and are taken once",
+            ),
+        ]
+        return [f"{count} messages {what}" for count, what in found if count]
+
+
+class Neighbours:
+    """Marks rows of numbers that equal the row before."""
+
+    def __init__(self) -> None:
+        self._last: NDArray[np.int64] | None = None
+
+    def repeated(self, rows: Floats) -> Marks:
+        """Mark the next rows that are repeated, including their stamps, which are the last column.
+
+        Rows without stamps are never marked.
+        """
+        if not len(rows):
+            return np.zeros(0, bool)
+        bits = np.ascontiguousarray(rows).view(np.int64)
+        before = bits[:1] if self._last is None else self._last
+        same: Marks = (bits == np.concatenate([before, bits[:-1]])).all(axis=1) & (bits[:, -1] != 0)
+        same[0] &= self._last is not None
+        self._last = bits[-1:]
+        return same
+
+
 class Gathered:
     """Collects the messages of one topic.
 
@@ -55,32 +109,27 @@ class Gathered:
     def __init__(
         self, path: Path, topic: Topic, layout: Layout, sensor: str | None, how: How, quota: Quota
     ) -> None:
-        self._path, self._how, self._quota, self._limits = path, how, quota, quota.limits
+        self._path, self._how, self._quota = path, how, quota
         self._where = f"{path}: topic {visible(topic.name)}"
         self._topic, self._layout = topic, layout
-        self._rate, self._accel, self._notes = scales(self._where, layout, how)
+        self._units = scales(self._where, layout, how)
         self._ticks: Ticks | None = given_ticks(self._where, layout, how)
-        unit, lsb = ("", None) if self._rate is None else (self._rate.said.unit, self._rate.lsb)
-        self._plausible = Plausible(Chosen(list(layout.gyro), (0, 1, 2), None, unit, 1.0, lsb, None))
+        rate = self._units.rate
+        unit, lsb = ("", None) if rate is None else (rate.said.unit, rate.lsb)
+        chosen = Chosen(list(layout.gyro), (0, 1, 2), None, unit, 1.0, lsb, None)
+        self._samples = SampleStore(chosen, NUMBERS, quota.limits)
         is_told = layout.by.evidence == "given"
         self._sensors = Sensors(
             self._where, [PUBLISHER, *layout.tell], None if is_told else sensor, layout.others
         )
-        self._is_whole = True
-        self._unread: list[Answer] = []
-        self._spool = Spool()
+        self._counts, self._neighbours = MessageCounts(), Neighbours()
         self._waiting: list[tuple[int, bytes, str]] = []
         self._are_several: bool | None = None
-        self._last: NDArray[np.int64] | None = None
-        self._unusable = self._not_numbers = self._twice = self._in_two_files = 0
-        self._moves = self._accel_moves = False
-        self._bad_accel = 0
-        self._measured = self._measured_accel = False
 
     def add(self, batch: Batch, layout: Layout) -> None:
         """Add a batch of messages with the given layout; messages are decoded many at a time."""
         if (layout.rate, layout.accel_unit) != (self._layout.rate, self._layout.accel_unit):
-            self._unusable += batch.count
+            self._counts.unusable += batch.count
             return
         if batch.topic != self._topic:
             self._read_waiting()
@@ -97,7 +146,8 @@ class Gathered:
         self._waiting.clear()
         messages = list(map(_unpacked, data))
         imu = self._topic.read(messages, self._layout, self._quota)
-        self._unusable += len(messages) - len(np.unique(imu.row))
+        counts = self._counts
+        counts.unusable += len(messages) - len(np.unique(imu.row))
         arrival_ns = np.array(arrivals, np.int64)
         publishers = self._publishers(np.array(by, np.str_), arrival_ns)[imu.row]
         imu = imu.rows(self._sensors.keep([publishers, *imu.tell], imu.gyro))
@@ -105,25 +155,19 @@ class Gathered:
         if self._ticks is None:
             self._ticks = measured_ticks(self._layout, imu.time, arrival_ns)
         stamp_ns = stamps_of(imu.time, self._ticks.seconds)
-        factor = 1.0 if self._rate is None else self._rate.factor
+        factor = 1.0 if self._units.rate is None else self._units.rate.factor
         numbers = is_of_sensor(imu.gyro * factor)
-        self._not_numbers += len(numbers) - int(np.count_nonzero(numbers))
-        self._measured |= bool(imu.measured.any())
-        self._measured_accel |= bool(imu.measured_accel.any())
-        again = self._repeated(np.column_stack([imu.gyro, imu.accel, stamp_ns.view(np.float64)])) & numbers
-        self._twice += int(np.count_nonzero(again))
+        counts.not_numbers += len(numbers) - int(np.count_nonzero(numbers))
+        for name, measured in (("gyro", imu.measured), ("accel", imu.measured_accel)):
+            if measured.any():
+                counts.measured.add(name)
+        rows = np.column_stack([imu.gyro, imu.accel, stamp_ns.view(np.float64)])
+        again = self._neighbours.repeated(rows) & numbers
+        counts.twice += int(np.count_nonzero(again))
         keep = numbers & ~again
-        gyro, accel = imu.gyro[keep], imu.accel[keep]
-        self._is_whole &= bool((gyro == np.rint(gyro)).all())
-        self._moves |= bool(gyro.any())
-        self._accel_moves |= bool(accel.any())
-        self._bad_accel += int(np.count_nonzero(~is_of_sensor(accel)))
-        size = (self._spool.length("gyro") + len(gyro)) * NUMBERS * NUMBER_BYTES
-        if size > self._limits.whole_bytes:
-            raise self._limits.whole_too_large(str(self._path), size)
-        if len(gyro):
-            self._plausible.add(gyro * factor)
-            self._append(gyro, accel, stamp_ns[keep], arrival_ns[keep])
+        if keep.any():
+            others = {"stamp": stamp_ns[keep], "arrival": arrival_ns[keep]}
+            self._samples.add(imu.gyro[keep], imu.accel[keep], others, lambda _: str(self._path), factor)
 
     def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
         """Return the publisher of each message if several publishers send at the same time.
@@ -133,19 +177,6 @@ class Gathered:
         if self._are_several is None:
             self._are_several = are_at_once(by, arrival_ns)
         return by if self._are_several else np.full(len(by), "")
-
-    def _repeated(self, rows: Floats) -> NDArray[np.bool_]:
-        """Mark rows that equal the row before, including its stamp; rows without stamps are never marked."""
-        if not len(rows):
-            return np.zeros(0, bool)
-        bits = np.ascontiguousarray(rows).view(np.int64)
-        before = bits[:1] if self._last is None else self._last
-        same: NDArray[np.bool_] = (bits == np.concatenate([before, bits[:-1]])).all(axis=1) & (
-            bits[:, -1] != 0
-        )
-        same[0] &= self._last is not None
-        self._last = bits[-1:]
-        return same
 
     def lacks(self) -> str:
         """Return a text that says which sensors the topic has if the user's is missing; "" if it is there."""
@@ -175,9 +206,9 @@ class Gathered:
     def _stored(self, others: list[str], notes: list[Note]) -> Stored:
         self._drop_repeated()
         self._clean_accel()
-        n = self._spool.length("gyro")
+        n, spool = len(self._samples), self._samples.spool
         self._check(n, others)
-        notes += [*self._notes, *self._of_messages()]
+        notes += [*self._units.notes, *self._of_messages()]
         clock = self._judged()
         stamps = clock.stamps
         if clock.problems:
@@ -185,30 +216,32 @@ class Gathered:
         rate_hz = 1e9 / stamps.period_ns
         last = int(stamps.sequence(n - 1, n)[0])
         check_span(self._path, rate_hz, n, last / rate_hz)
-        if not (self._accel_moves and self._measured_accel):
-            self._spool.drop("accel")
-        rate, accel = self._units(rate_hz)
-        arrival_ns: Times = self._spool.whole("arrival")
+        if "accel" not in self._samples.moving & self._counts.measured:
+            spool.drop("accel")
+        rate, accel = self._checked_units(rate_hz)
+        reading = self._answers(rate, accel, clock.answer)
+        if accel is None:
+            spool.drop("accel")
+        arrival_ns: Times = spool.whole("arrival")
         start_ns = int(arrival_ns[0])
         sane = bool((arrival_ns > 0).all() and (arrival_ns <= LATEST_NS).all())
         is_arrivals = is_arrival(arrival_ns, stamps.sequence(0, n), stamps.period_ns)
         if clock.by_arrivals or not sane or not is_arrivals:
-            self._spool.drop("arrival")
-        lsb = rate.lsb if self._is_whole else None
+            spool.drop("arrival")
+        lsb = rate.lsb if self._samples.is_whole else None
         factors = (
             rate.factor / (rate.lsb or 1.0) if lsb is None else 1.0,
             1.0 if accel is None else accel.factor,
         )
-        blocks = partial(_blocks, self._spool, stamps, rate_hz, start_ns, factors)
-        reading = self._answers(rate, accel, clock.answer)
+        blocks = partial(_blocks, spool, stamps, rate_hz, start_ns, factors)
         return Stored(n, rate_hz, lsb, None, blocks, tuple(notes), start_ns if sane else 0, reading=reading)
 
     def _judged(self) -> Judged:
-        columns = (self._spool.whole(name) for name in ("stamp", "arrival"))
+        columns = (self._samples.spool.whole(name) for name in ("stamp", "arrival"))
         try:
             return judged(self._where, self._layout, self._how, self._ticks, *columns)
         except NotStated as error:
-            if self._rate is not None:
+            if self._units.rate is not None:
                 raise
             missing = [self._no_unit(), *error.missing]
             raise not_stated(self._where, missing, given_options(self._how), self._table(None)) from error
@@ -217,31 +250,26 @@ class Gathered:
         return Missing(f"the unit of {title(self._layout.gyro)}", "--units ?")
 
     def _table(self, rate_hz: float | None) -> str:
-        return units_table(next(iter(self._spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
+        return units_table(next(iter(self._samples.spool.blocks(["gyro"], SHOWN)))[0], rate_hz)
 
-    def _units(self, rate_hz: float) -> tuple[Scale, Scale | None]:
+    def _checked_units(self, rate_hz: float) -> tuple[Scale, Scale | None]:
         """Return the units of gyroscope and accelerometer, after a check against the values at rest."""
-        there = ["gyro", *(["accel"] if "accel" in self._spool else [])]
+        spool, (rate, accel) = self._samples.spool, self._units[:2]
+        there = ["gyro", *(["accel"] if "accel" in spool else [])]
         options = given_options(self._how)
-        if self._rate is None:
+        if rate is None:
             raise not_stated(self._where, [self._no_unit()], options, self._table(rate_hz))
-        accel = self._accel
         g = STANDARD_GRAVITY_MS2 / (1.0 if accel is None else accel.factor)
-        rest = at_rest(self._spool.blocks(there, AT_ONCE), rate_hz, g)
+        rest = at_rest(spool.blocks(there, AT_ONCE), rate_hz, g)
         found = AtRest(accel)
         if rest is not None:
             found = measured_accel(self._layout, accel, rest, self._how)
             table = partial(self._table, rate_hz)
-            check_rates(self._where, self._layout, self._rate, rest, found, table, options)
-        self._plausible.check(self._where)
+            check_rates(self._where, self._layout, rate, rest, found, table, options)
+        self._samples.plausible.check(self._where)
         if found.problem:
             raise UsageError(f"{self._where}: {found.problem}")
-        accel = found.scale
-        if accel is None and "accel" in self._spool:
-            self._spool.drop("accel")
-            why = f"nothing says the unit of {title(self._layout.accel)}; --accel-units says it"
-            self._unread = [Answer("accelerometer", "not read", "missing", why)]
-        return self._rate, accel
+        return rate, found.scale
 
     def _answers(self, rate: Scale, accel: Scale | None, clock: Answer) -> tuple[Answer, ...]:
         by, layout = self._layout.by, self._layout
@@ -250,74 +278,59 @@ class Gathered:
             Answer("unit", rate.said.unit, rate.said.evidence, rate.said.why),
             clock,
         ]
-        if accel is not None and "accel" in self._spool:
-            value = f"{title(layout.accel)} in {accel.said.unit}"
-            answers.append(Answer("accelerometer", value, accel.said.evidence, accel.said.why))
-        return (*answers, *self._unread)
+        if "accel" in self._samples.spool:
+            if accel is not None:
+                value = f"{title(layout.accel)} in {accel.said.unit}"
+                answers.append(Answer("accelerometer", value, accel.said.evidence, accel.said.why))
+            else:
+                why = f"nothing says the unit of {title(layout.accel)}; --accel-units says it"
+                answers.append(Answer("accelerometer", "not read", "missing", why))
+        return tuple(answers)
 
     def _clean_accel(self) -> None:
         """Drop messages with invalid accelerations; if most are invalid, drop the accelerations instead."""
-        if self._bad_accel > self._spool.length("gyro") // 2:
-            self._spool.drop("accel")
-        elif self._bad_accel:
-            self._keep(is_of_sensor(values[1]) for values in self._spool.blocks(COLUMNS, AT_ONCE))
-            self._not_numbers += self._bad_accel
+        bad = self._samples.bad_accel.count
+        if bad > len(self._samples) // 2:
+            self._samples.spool.drop("accel")
+        elif bad:
+            blocks = self._samples.spool.blocks(["accel"], AT_ONCE)
+            self._samples.keep(COLUMNS, (is_of_sensor(accel) for (accel,) in blocks))
+            self._counts.not_numbers += bad
 
     def _drop_repeated(self) -> None:
         """Drop messages that the bag holds twice, for instance in two of its files."""
-        twice = held_twice(self._spool)
+        twice = held_twice(self._samples.spool)
         if twice is not None and twice.any():
-            self._in_two_files = int(np.count_nonzero(twice))
-            self._bad_accel -= self._bad_among(twice)
-            self._keep(~twice[at : at + AT_ONCE] for at in range(0, len(twice), AT_ONCE))
+            self._counts.in_two_files = int(np.count_nonzero(twice))
+            self._samples.bad_accel.count -= self._bad_among(twice)
+            self._samples.keep(COLUMNS, (~twice[at : at + AT_ONCE] for at in range(0, len(twice), AT_ONCE)))
 
     def _bad_among(self, marked: Marks) -> int:
-        bad = (~is_of_sensor(accel) for (accel,) in self._spool.blocks(["accel"], AT_ONCE))
+        bad = (~is_of_sensor(accel) for (accel,) in self._samples.spool.blocks(["accel"], AT_ONCE))
         return int(np.count_nonzero(np.concatenate([*bad]) & marked))
-
-    def _keep(self, kept: Iterable[Marks]) -> None:
-        """Keep only the marked samples. `kept`: marks, one array for each block of samples."""
-        before, self._spool = self._spool, Spool()
-        for values, keep in zip(before.blocks(COLUMNS, AT_ONCE), kept, strict=True):
-            self._append(*(column[keep] for column in values))
-        before.close()
-
-    def _append(self, *values: NDArray[Any]) -> None:
-        for name, column in zip(COLUMNS, values, strict=True):
-            self._spool.append(name, column)
 
     def _check(self, n: int, others: list[str]) -> None:
         instead = f" Other Imu topics of this bag: {', '.join(map(visible, others))}." if others else ""
         if not n:
-            kind = visible(self._topic.type) or "its first message"
+            kind, counts = visible(self._topic.type) or "its first message", self._counts
             raise UsageError(
-                f"{self._where}: none of its messages can be used ({self._unusable} are not of the layout of "
-                f"{kind}, {self._not_numbers} hold no rates, or larger ones than any gyroscope has).{instead}"
+                f"{self._where}: none of its messages can be used ({counts.unusable} are not of the layout "
+                f"of {kind}, {counts.not_numbers} hold no rates, or larger ones than any gyroscope has)."
+                f"{instead}"
             )
-        if not self._moves:
-            said = "" if self._measured else ", and the messages say that it was not measured"
+        if "gyro" not in self._samples.moving:
+            said = (
+                "" if "gyro" in self._counts.measured else ", and the messages say that it was not measured"
+            )
             raise UsageError(f"{self._where}: the angular velocity is 0 in all {n} messages{said}.{instead}")
         if n < 2:
             raise UsageError(f"{self._where}: one message alone tells no rate.")
 
     def _of_messages(self) -> list[Note]:
-        found = [
-            (self._unusable, f"do not have the layout of {visible(self._topic.type)} and are left out"),
-            (
-                self._not_numbers,
-                "hold a value that is not a number, or that no sensor gives, and count as missing",
-            ),
-            (self._twice, "are repeated and taken once"),
-            (
-                self._in_two_files,
-                "stand in the bag before already, with the same times and numbers (is a file of it copied or "
-                "linked under another number, or do files overlap?), and are taken once",
-            ),
-        ]
-        problems = [f"{count} messages {what}" for count, what in found if count]
+        problems = self._counts.problems(visible(self._topic.type))
         if self._layout.unread:
             problems.append(f"others of a sensor's fields are not read: {listed(self._layout.unread)}")
-        if self._bad_accel and "accel" not in self._spool:
+        if self._samples.bad_accel.count and "accel" not in self._samples.spool:
             problems.append(
                 "the acceleration is left out, since most of its values are not numbers, or no "
                 "sensor gives them"

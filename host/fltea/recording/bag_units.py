@@ -42,11 +42,19 @@ class Scale(NamedTuple):
     lsb: float | None
 
 
+class Scales(NamedTuple):
+    """Units of gyroscope and accelerometer, None if unknown, and notes for the user about them."""
+
+    rate: Scale | None
+    accel: Scale | None
+    notes: list[Note]
+
+
 Parse = Callable[[str], tuple[float, float | None]]
 
 
-def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | None, list[Note]]:
-    """Return the units of gyroscope and accelerometer (None if unknown), and notes for the user.
+def scales(where: str, layout: Layout, how: How) -> Scales:
+    """Return the units of gyroscope and accelerometer.
 
     Raises:
         UsageError: the user's unit contradicts what the file states, or is unknown.
@@ -89,7 +97,7 @@ def scales(where: str, layout: Layout, how: How) -> tuple[Scale | None, Scale | 
     if how.accel_units is not None and not layout.accel:
         raise UsageError(f"{where}: --accel-units is given, and its messages have no accelerometer.")
     accel = accepted(layout.accel, layout.accel_unit, how.accel_units, "--accel-units", parse_accel_unit)
-    return rate, accel, notes
+    return Scales(rate, accel, notes)
 
 
 class Rest(NamedTuple):

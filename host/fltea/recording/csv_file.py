@@ -52,7 +52,7 @@ def open_csv(
     except UsageError as error:
         if isinstance(error, Implausible):
             error = reader.with_columns(error)
-        bad = reader.first
+        bad = reader.bad.first
         if reader.chosen is not None and bad is not None and bad.why not in str(error):
             lines = f"{reader.left_out} of {reader.lines} lines hold no sample"
             error.args = (f"{error}\n{lines}; the first is {bad.line}: {bad.why}",)
@@ -73,7 +73,7 @@ def _rows(path: Path, reader: TextReader, stream: BinaryIO) -> Iterator[Rows]:
 
 def _notes(path: Path, reader: TextReader) -> list[Note]:
     """Return warnings about the lines that hold no sample."""
-    notes, first = list(reader.notes), reader.first
+    notes, first = list(reader.notes), reader.bad.first
     if reader.left_out and first is not None:
         text = f"the first of {reader.left_out} lines that hold no sample and are left out: {first.why}"
         notes.append(Note("bad_lines", f"{path}:{first.line}: {text}"))

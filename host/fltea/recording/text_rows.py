@@ -6,9 +6,7 @@ unreadable stands for a lost sample, so it takes a sequence number.
 
 import math
 import re
-from collections import Counter
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,11 +15,12 @@ from fltea.recording.columns import Chosen
 from fltea.recording.files import Note
 from fltea.recording.flash_lines import FlashLines
 from fltea.recording.label_lines import LabelLines
+from fltea.recording.line_buffer import LineBuffer
+from fltea.recording.line_counts import BadLines, RowNumbers
 from fltea.recording.raw_lines import BOM, LONGEST_LINE, shown
 from fltea.recording.sample_times import Floats, Ints
 from fltea.recording.sensor_lines import SensorLines
 from fltea.recording.table import Rows, joined
-from fltea.recording.text_decoding import TextDecoder
 from fltea.recording.text_fields import sample_of
 from fltea.recording.text_forms import plain_lines
 from fltea.recording.text_layout import Layout, LayoutFinder
@@ -43,21 +42,11 @@ NO_NAME = "0123456789+-."
 """Characters with which a line of names cannot begin."""
 
 
-class Bad(NamedTuple):
-    """A line without a sample. `line`: line number, from 1. `why`: the reason, with a part of the line."""
-
-    line: int
-    reason: str
-    why: str
-
-
 class TextReader:
     """Converts bytes to rows. `where`: file, for messages. `how`: the user's options on columns.
 
     `head`: lines from elsewhere that describe the rows.
-    `counts`: number of lines without a sample, by the reasons in `text_numbers.REASONS` except the last
-    three.
-    `first`, `newest`: first and newest line without a sample.
+    `bad`: the lines without a sample.
     `cut`: warning about a last line that is incomplete and left out, or None.
     `lines`: number of lines so far. `notes`: warnings about the columns.
     `chosen`: the columns that are read; None until a line determines them, and unchanged afterwards.
@@ -67,45 +56,44 @@ class TextReader:
     """
 
     def __init__(self, where: str, how: How, head: Sequence[str] = ()) -> None:
-        self.layout: Layout | None = None
-        self.counts: Counter[str] = Counter()
-        self.first: Bad | None = None
-        self.newest: Bad | None = None
+        self.bad = BadLines()
         self.cut: Note | None = None
         self.lines = 0
         self.most_before = math.inf
         self.notes: list[Note] = []
+        self.chosen: Chosen | None = None
         self._where, self._how = where, how
+        self._buffer, self._numbers = LineBuffer(), RowNumbers()
         self._sample: list[str] = []
         self._clocks, self._stages = Clocks(), (FlashLines(how.columns), LabelLines())
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self._finder.head += head
-        self.chosen: Chosen | None = None
         self._parser: RowParser | None = None
         self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: columns that do not fit
         self._checks = 0
         self._sensors = SensorLines(where, how)
-        self._ordinal = self._since_header = self._page = 0
-        self._begins = self._skipping = False
-        self._rest, self._decoder = b"", TextDecoder()
+
+    @property
+    def layout(self) -> Layout | None:
+        """How rows are read now; None until a line determines it, and while another header is examined."""
+        return None if self._parser is None else self._parser.layout
 
     @property
     def left_out(self) -> int:
         """Number of lines without a sample, counted from the line that made the columns known."""
-        return self.counts.total() - self.counts["before_header"]
+        return self.bad.left_out
 
     @property
     def pending_bytes(self) -> int:
         """Number of bytes of a line that has not ended yet."""
-        return len(self._rest)
+        return self._buffer.pending_bytes
 
     def resume(self, *, within_line: bool) -> None:
         """Continue after a loss of the sender.
 
         `within_line`: whether the next bytes may be the end of a line.
         """
-        self._decoder.drop()
-        self._rest, self._skipping = b"", within_line
+        self._buffer.resume(within_line=within_line)
 
     def with_columns(self, error: UsageError) -> UsageError:
         """Return the error with a table that shows what the first rows hold."""
@@ -117,7 +105,7 @@ class TextReader:
 
     def refusal(self, *, is_file: bool = False) -> UsageError:
         """Return the error that explains why there has been no row yet."""
-        is_document = ONE_DOCUMENT.match(self._decoder.begin) is not None
+        is_document = ONE_DOCUMENT.match(self._buffer.begin) is not None
         if is_document and is_file:
             return UsageError(
                 f"{self._where}: begins as one document of JSON, which is read if its name ends in .json; of "
@@ -130,9 +118,10 @@ class TextReader:
             )
         if (error := self._sensors.why_none()) is not None:
             return error
-        if self.first is None or (self.chosen is None and self.first.reason != "too_long"):
+        first = self.bad.first
+        if first is None or (self.chosen is None and first.reason != "too_long"):
             return self._finder.refusal()
-        return UsageError(f"{self._where}:{self.first.line}: {self.first.why}")
+        return UsageError(f"{self._where}:{first.line}: {first.why}")
 
     def feed(self, data: bytes) -> list[Rows]:
         """Take the next bytes; return the rows in all lines that end in these bytes.
@@ -140,26 +129,15 @@ class TextReader:
         Raises:
             UsageError: the first line that names the columns leaves the choice among them ambiguous.
         """
-        data = self._decoder.feed(data, hold=not self._skipping)
-        return self._sensors.in_turn(self._feed(data))
+        return self._sensors.in_turn(self._feed(self._buffer.feed(data)))
 
-    def _feed(self, data: bytes) -> list[Rows]:
-        if self._skipping:
-            _, end, data = data.partition(b"\n")
-            if not end:
-                return []
-            self._skipping = False
-        whole, end, rest = data.rpartition(b"\n")
-        if end:
-            whole, self._rest = self._rest + whole, rest
-        else:
-            self._rest += data
-        found = self._take(whole) if end else []
-        if len(self._rest) > LONGEST_LINE:
+    def _feed(self, whole: bytes | None) -> list[Rows]:
+        """Read whole lines, if there are any, and count a line that is too long."""
+        found = [] if whole is None else self._take(whole)
+        if self._buffer.drops_too_long():
             self.lines += 1
             why = f"the line has no end within {LONGEST_LINE} bytes. Is it another kind of file, or damaged?"
-            self._count(Bad(self.lines, "too_long", why))
-            self._rest, self._skipping = b"", True
+            self.bad.add(self.lines, "too_long", why)
         return found
 
     def finish(self) -> list[Rows]:
@@ -167,18 +145,18 @@ class TextReader:
         return self._sensors.in_turn(self._finish()) + self._sensors.finish()
 
     def _finish(self) -> list[Rows]:
-        found = self._feed(self._decoder.release())
-        rest, self._rest = (self._rest + self._decoder.finish()).removesuffix(b"\n"), b""
-        if self._decoder.is_cut:
+        found = self._feed(self._buffer.release())
+        rest = self._buffer.finish()
+        if self._buffer.is_cut:
             self.cut = Note("cut_recording", f"{self._where}: the last message is cut off, and left out.")
-        before, first, newest = self.counts.copy(), self.first, self.newest
+        before = self.bad.copy()
         if rest:
             found += self._take(rest)
         for stage in self._stages:
             if lines := stage.finish():
                 found += self._rows_in("\n".join(lines).encode())
-        if not found and self.chosen is not None and self.counts != before:
-            self.counts, self.first, self.newest = before, first, newest
+        if not found and self.chosen is not None and self.bad.counts != before.counts:
+            self.bad = before
             text = f"{self._where}:{self.lines}: the last line is cut off, and left out."
             self.cut = Note("cut_recording", text)
         return found
@@ -233,7 +211,7 @@ class TextReader:
                 if (known := self._layouts[text.strip()]) is not None:
                     self._begin(known)
                     return end + 1
-                self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
+                self.bad.add(self.lines, "header", f"other columns than before: {shown(text)}")
                 begin = end + 1
                 continue
             try:
@@ -241,21 +219,21 @@ class TextReader:
             except UsageError as error:
                 if self.chosen is None:
                     raise
-                self._count(Bad(self.lines + 1, "header", str(error)))
+                self.bad.add(self.lines + 1, "header", str(error))
                 layout = None
             if layout is not None and self._is_as_before(layout.chosen):
                 self._begin(layout)
                 return begin
             self.lines += 1
             if layout is not None:
-                self._count(Bad(self.lines, "header", f"other columns than before: {shown(text)}"))
+                self.bad.add(self.lines, "header", f"other columns than before: {shown(text)}")
                 self._layouts.update(dict.fromkeys(layout.again[:1]))
                 self._finder = self._new_finder()
             elif self._finder.is_other:
                 reason, what = "before_header", "came before the columns"
                 if self.chosen is not None:  # a header is incomplete or does not fit its rows
                     reason, what = "fields", "does not fit the header before it"
-                self._count(Bad(self.lines, reason, f"{what}: {shown(text)}"))
+                self.bad.add(self.lines, reason, f"{what}: {shown(text)}")
             begin = end + 1
         return None
 
@@ -271,7 +249,7 @@ class TextReader:
         return self.chosen is None or kind(chosen) == kind(self.chosen)
 
     def _begin(self, layout: Layout) -> RowParser:
-        self._begins = True
+        self._numbers.begin()
         self.chosen = self.chosen or layout.chosen
         if layout.again:
             self._layouts[layout.again[0]] = layout
@@ -281,7 +259,7 @@ class TextReader:
     def _go_on(self, layout: Layout) -> RowParser:
         """Read rows by `layout` from here on."""
         self._sensors.begin(layout.chosen, len(self._sample))
-        self.layout, self._parser = layout, RowParser(layout)
+        self._parser = RowParser(layout)
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
@@ -315,7 +293,7 @@ class TextReader:
                 parser = self._names_again(parser, line, data, begin, end)
             elif values is not None:
                 if self._is_header(parser, text):
-                    self.layout, self._finder = None, self._new_finder()
+                    self._parser, self._finder = None, self._new_finder()
                     return begin
                 if self._checks:
                     parser.leave_out(data[begin:end], values)
@@ -328,38 +306,27 @@ class TextReader:
 
     def _leave_out(self, why: WhyNot) -> None:
         """Count a line without a sample; a line that was meant as a sample takes a sequence number."""
-        self._ordinal += why[0] not in ("text", "columns")
+        if why[0] not in ("text", "columns"):
+            self._numbers.lose()
         self.lines += 1
-        self._count(Bad(self.lines, *why))
+        self.bad.add(self.lines, *why)
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
         """Handle a line of names or units that came before; return the parser to use."""
         known = self._layouts.get(line)
         if known is not None:
-            self._page_begins(data, begin, end)
+            again = data.find(data[begin:end], end)
+            self._numbers.repeat_header(data.count(b"\n", end + 1, again) if again > 0 else -1)
             if line != parser.layout.again[0]:
                 parser = self._go_on(known)
         elif line in self._layouts:
-            self._count(Bad(self.lines + 1, "header", f"other columns than before: {shown(line)}"))
+            self.bad.add(self.lines + 1, "header", f"other columns than before: {shown(line)}")
         return parser
-
-    def _page_begins(self, data: bytes, begin: int, end: int) -> None:
-        """Note that the header repeats.
-
-        This means that the sender restarted, unless the header comes after a fixed number of rows.
-        """
-        again = data.find(data[begin:end], end)
-        rows = data.count(b"\n", end + 1, again) if again > 0 else -1
-        self._begins |= self._since_header not in (self._page, rows)
-        self._page, self._since_header = self._since_header, 0
 
     def _add(self, layout: Layout, rows: Ints, values: Floats, pieces: list[Rows]) -> None:
         if not len(rows):
             return
-        begins, self._begins = self._begins, False
-        ordinal = self._ordinal + np.arange(len(rows))
-        self._ordinal += len(rows)
-        self._since_header += len(rows)
+        ordinal, begins = self._numbers.take(len(rows))
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
@@ -372,12 +339,6 @@ class TextReader:
             return False
         self._checks -= 1
         return self._finder.header_of(text) is not None
-
-    def _count(self, bad: Bad) -> None:
-        self.counts[bad.reason] += 1
-        self.newest = bad
-        if self.first is None or (self.first.reason == "before_header" and bad.reason != "before_header"):
-            self.first = bad
 
 
 def _by_run(pieces: list[Rows]) -> list[Rows]:

@@ -8,8 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from fltea.recording.columns import Chosen
+from fltea.recording.plausible import ENOUGH_ROWS, Plausible, is_of_sensor
 from fltea.recording.sample_times import Floats
-from fltea.recording.table import ENOUGH_ROWS, Plausible, Rows, Samples, is_of_sensor, samples_of
+from fltea.recording.table import Rows, Samples, samples_of
 from fltea.recording.text_numbers import REASONS
 from fltea.recording.text_rows import TextReader
 from fltea.recording.timing import check_given
@@ -122,7 +123,7 @@ class TextEvents:
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Return the counts; a frame is a line with a sample, and a bad frame is a line without one."""
-        bad = dict(self.reader.counts + self._left_out)
+        bad = dict(self.reader.bad.counts + self._left_out)
         if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
         if self._numbers is not None and self._numbers.unrated:
@@ -245,11 +246,11 @@ class TextEvents:
 
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
         """Report lines without a sample; before the columns are known, report only if no sample follows."""
-        early = self.reader.counts["before_header"]
+        early = self.reader.bad.counts["before_header"]
         total = self.reader.left_out + self._left_out.total()
         if total > self._lines_reported and self._reported.is_due("lines", now_ns):
             self._lines_reported = total
-            newest = self.reader.newest
+            newest = self.reader.bad.newest
             what = self._newest if newest is None else f"line {newest.line}: {newest.why}"
             text = f"{self.url}: {total} lines hold no sample and are left out; the newest is {what}"
             yield Trouble("bad_lines", text, now_ns, fatal=False)
@@ -262,7 +263,7 @@ class TextEvents:
             return "It was empty."
         if isinstance(self._numbers, ByTime) and self._numbers.why_no_rate:
             return self._numbers.why_no_rate
-        if self._left_out and not self.reader.counts:
+        if self._left_out and not self.reader.bad.counts:
             return f"The newest {self._newest}."
         return str(self.reader.refusal())
 

@@ -1,0 +1,66 @@
+"""Cuts the bytes of a text, which come in pieces of any length, into whole lines."""
+
+from fltea.recording.raw_lines import LONGEST_LINE
+from fltea.recording.text_decoding import TextDecoder
+
+
+class LineBuffer:
+    """Keeps the bytes of a line that has not ended yet."""
+
+    def __init__(self) -> None:
+        self._decoder = TextDecoder()
+        self._rest = b""
+        self._skipping = False
+
+    @property
+    def pending_bytes(self) -> int:
+        """Number of bytes of a line that has not ended yet."""
+        return len(self._rest)
+
+    @property
+    def begin(self) -> bytes:
+        """The first bytes of the text."""
+        return self._decoder.begin
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the last document of a text of several was truncated and left out."""
+        return self._decoder.is_cut
+
+    def resume(self, *, within_line: bool) -> None:
+        """Continue after a loss of the sender. `within_line`: as for `TextReader.resume`."""
+        self._decoder.drop()
+        self._rest, self._skipping = b"", within_line
+
+    def feed(self, data: bytes) -> bytes | None:
+        """Return the lines that end in the next bytes, without the last line end; None if no line ends."""
+        return self._whole(self._decoder.feed(data, hold=not self._skipping))
+
+    def release(self) -> bytes | None:
+        """Return the lines that end in the bytes held back, as `feed` does, at the end of the text."""
+        return self._whole(self._decoder.release())
+
+    def finish(self) -> bytes:
+        """Return the last line, which may lack a line end."""
+        rest, self._rest = self._rest + self._decoder.finish(), b""
+        return rest.removesuffix(b"\n")
+
+    def drops_too_long(self) -> bool:
+        """Drop a line that has no end within LONGEST_LINE, up to its end; return whether there is one."""
+        if len(self._rest) <= LONGEST_LINE:
+            return False
+        self._rest, self._skipping = b"", True
+        return True
+
+    def _whole(self, data: bytes) -> bytes | None:
+        if self._skipping:
+            _, end, data = data.partition(b"\n")
+            if not end:
+                return None
+            self._skipping = False
+        whole, end, rest = data.rpartition(b"\n")
+        if not end:
+            self._rest += data
+            return None
+        whole, self._rest = self._rest + whole, rest
+        return whole

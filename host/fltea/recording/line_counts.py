@@ -1,0 +1,80 @@
+"""Counts the lines of a text that are no samples, and numbers those that are or should have been."""
+
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.recording.sample_times import Ints
+
+
+class Bad(NamedTuple):
+    """A line without a sample. `line`: line number, from 1. `why`: the reason, with a part of the line."""
+
+    line: int
+    reason: str
+    why: str
+
+
+class BadLines:
+    """The lines without a sample.
+
+    `counts`: their number by the reasons in `text_numbers.REASONS` except the last three.
+    `first`, `newest`: first and newest of them.
+    """
+
+    def __init__(self) -> None:
+        self.counts: Counter[str] = Counter()
+        self.first: Bad | None = None
+        self.newest: Bad | None = None
+
+    @property
+    def left_out(self) -> int:
+        """Number of these lines, counted from the line that made the columns known."""
+        return self.counts.total() - self.counts["before_header"]
+
+    def add(self, line: int, reason: str, why: str) -> None:
+        """Count a line."""
+        self.counts[reason] += 1
+        self.newest = Bad(line, reason, why)
+        if self.first is None or (self.first.reason == "before_header" and reason != "before_header"):
+            self.first = self.newest
+
+    def copy(self) -> "BadLines":
+        """Return the present state, which further lines do not change."""
+        found = BadLines()
+        found.counts, found.first, found.newest = self.counts.copy(), self.first, self.newest
+        return found
+
+
+class RowNumbers:
+    """Numbers the samples, and finds where the sender restarted, which repeats the header."""
+
+    def __init__(self) -> None:
+        self._ordinal = self._since_header = self._page = 0
+        self._begins = False
+
+    def begin(self) -> None:
+        """Note that the next row begins a new run of the sender."""
+        self._begins = True
+
+    def lose(self) -> None:
+        """Give a number to a lost sample."""
+        self._ordinal += 1
+
+    def repeat_header(self, rows: int) -> None:
+        """Note that the header repeats.
+
+        This means that the sender restarted, unless the header comes after a fixed number of rows. `rows`:
+        number of rows until the header repeats once more, -1 if unknown.
+        """
+        self._begins |= self._since_header not in (self._page, rows)
+        self._page, self._since_header = self._since_header, 0
+
+    def take(self, count: int) -> tuple[Ints, bool]:
+        """Return the numbers of the next rows, and whether the first of them begins a new run."""
+        begins, self._begins = self._begins, False
+        ordinal = self._ordinal + np.arange(count)
+        self._ordinal += count
+        self._since_header += count
+        return ordinal, begins

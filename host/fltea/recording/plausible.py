@@ -1,0 +1,65 @@
+"""Tells numbers that a gyroscope or an accelerometer can give from those of a wrong column or unit."""
+
+import numpy as np
+
+from fltea.recording.columns import Chosen
+from fltea.recording.files import LARGEST_DPS
+from fltea.recording.sample_times import Floats, Marks
+from fltea.records.errors import Implausible
+
+MOST_DPS = 4000.0
+"""Largest plausible rate [deg/s]; gyroscopes in phones and for navigation have no wider range."""
+
+ENOUGH_ROWS = 50
+"""Number of rows from which implausible numbers are reported."""
+
+
+class Plausible:
+    """Checks whether rates fit a gyroscope at rest; a wrong unit or column gives impossible values."""
+
+    def __init__(self, chosen: Chosen) -> None:
+        self._chosen, self.rows = chosen, 0
+        self._large = np.zeros(len(chosen.gyro), np.int64)
+        self._rises: Marks = np.ones(len(chosen.gyro), np.bool_)
+        self._last: Floats | None = None
+
+    def add(self, gyro: Floats) -> None:
+        """Add the next samples."""
+        self.rows += len(gyro)
+        size, most = np.abs(gyro), MOST_DPS * (self._chosen.lsb or 1.0)
+        if size.max() > most:  # tested first, since the sum over rows is slow
+            self._large += (size > most).sum(axis=0)
+        if self._rises.any():
+            steps = np.diff(gyro, axis=0, prepend=gyro[:1] - 1.0 if self._last is None else self._last)
+            self._rises &= (steps > 0).all(axis=0)
+        self._last = gyro[-1:]
+
+    def check(self, where: str) -> None:
+        """Check all samples so far, if there are enough.
+
+        Raises:
+            Implausible: no gyroscope gives such numbers.
+        """
+        if self.rows < ENOUGH_ROWS:
+            return
+        chosen = self._chosen
+        names = [chosen.names[place] for place in chosen.gyro]
+        for name, rises, large in zip(names, self._rises, self._large, strict=True):
+            if rises:
+                raise Implausible(
+                    f"{where}: column '{name}' rises from each of its {self.rows} rows to the next, as "
+                    "times and counters do and no gyroscope at rest does. Name the axes with --columns."
+                )
+            if large > self.rows // 2:
+                raise Implausible(
+                    f"{where}: column '{name}' is beyond {MOST_DPS:g} deg/s in {large} of {self.rows} rows, "
+                    f"read in the unit {chosen.units}; no gyroscope at rest gives that. If it holds counts, "
+                    "say how many a deg/s has by the data sheet, such as --units lsb:131; if thousandths, "
+                    "--units mdps."
+                )
+
+
+def is_of_sensor(values: Floats) -> Marks:
+    """Mark the rows whose numbers a sensor can give, in deg/s or m/s²; rows with NaN are not marked."""
+    good = np.abs(values) <= LARGEST_DPS
+    return np.ones(len(values), np.bool_) if good.all() else np.asarray(good.all(axis=1))
