@@ -10,8 +10,8 @@ import pytest
 from fltea._native import PortReader, shift_unix_clock
 from fltea.archive.info import summarise
 from fltea.archive.record import record
+from fltea.process.date_watch import DateWatch
 from fltea.records import clock
-from fltea.service.date import DateWatch
 from fltea.settings.config import load_configs
 from hypothesis import given, settings
 from hypothesis import strategies as st

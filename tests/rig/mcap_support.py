@@ -13,10 +13,10 @@ from fltea.recording.part_reader import Part, read_entries, read_info
 from fltea.recording.session import WIRE, Entry
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
 from fltea.records.records import AnyRecord
-from fltea.service.open_source import open_source
 from fltea.settings.config import Config, load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
+from fltea.sources.open_source import open_source
 from fltea.sources.synthetic import parse_noise
 from fltea.stream.pipeline import Pipeline
 from mcap.reader import make_reader

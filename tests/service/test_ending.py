@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from fltea.process.stop_on_signal import StopOnSignal
 from fltea.service import daemon, ending
-from fltea.service.daemon import StopOnSignal, _Run
+from fltea.service.daemon import _Run
 from fltea.service.ending import KEEP_S, OTHER_S, SAY_S, Awaited, Ending
 from fltea.service.state import StateFile
 from fltea.settings.config import load_configs

@@ -16,10 +16,10 @@ from fltea.records.events import Event, Ints, Trouble
 from fltea.records.records import Error, Hello, Stats
 from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
-from fltea.service.open_source import open_source
 from fltea.service.port_loop import HANDLERS, PortLoop, PortStop, has_port
 from fltea.service.pressure import Pressure
 from fltea.settings.config import load_config
+from fltea.sources.open_source import open_source
 from fltea.sources.serial import SerialSource
 from fltea.stream.decode import Rows
 from fltea.stream.fit_worker import FitWorker

@@ -15,10 +15,10 @@ from fltea.machine.doctor.checks_outputs import LOOKS
 from fltea.records.errors import UsageError
 from fltea.service import open_outputs as opening
 from fltea.service.hub import Hub
-from fltea.service.open_source import check_shared
 from fltea.settings.config import SETTINGS, Config, load_config, load_configs
 from fltea.settings.outputs import OUTPUTS, Output, Outputs
 from fltea.sinks.opening import Opening
+from fltea.sources.open_source import check_shared
 from host_support import ROOT, closed
 from memory_sink import Memory
 

@@ -4,12 +4,12 @@ import threading
 from unittest.mock import Mock
 
 import pytest
+from fltea.process.wake_up import WakeUp
 from fltea.records.events import Chunk
 from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Printed, Sink, SinkClosed, Wanted
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub, Tap
 from fltea.service.sink_queue import SinkQueue, SinkThread
-from fltea.service.wake_up import WakeUp
 from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given
 from hypothesis import strategies as st

@@ -5,8 +5,9 @@ import signal
 from collections.abc import Callable
 from types import SimpleNamespace
 
+from fltea.process.stop_on_signal import StopOnSignal
 from fltea.service import daemon
-from fltea.service.daemon import STUCK_S, StopOnSignal, _Run
+from fltea.service.daemon import STUCK_S, _Run
 
 
 def test_the_watchdog_is_fed_only_while_every_walk_moves(monkeypatch) -> None:

@@ -13,11 +13,11 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Chunk, Opened, RawBlock, RawSample, Tick, Trouble
 from fltea.records.records import Epoch, Error, Estimate, Gap, Hello, Sample
 from fltea.records.stats import DeviceStatus
-from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.sinks import record as record_module
 from fltea.sources.as_wire import AsWire
 from fltea.sources.mcap import McapRecording, find_session
+from fltea.sources.open_source import open_source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.sources.wire_events import WireEvents

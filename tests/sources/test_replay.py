@@ -13,12 +13,12 @@ from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, Sample
 from fltea.records.stats import SampleStats
-from fltea.service.open_source import open_source
 from fltea.settings.config import load_config
 from fltea.settings.how import How
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sources import pacing
 from fltea.sources.as_wire import AsWire
+from fltea.sources.open_source import open_source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.decode import Decoder

@@ -23,13 +23,13 @@ from fltea.records.records import (
     Stats,
 )
 from fltea.records.stats import DeviceEstimatorStats, DeviceStatus, LinkStats, SampleStats
-from fltea.service.open_source import check_recordable, open_source
 from fltea.settings.config import load_config
 from fltea.settings.outputs import RECORDED
 from fltea.sinks.metrics import families as metrics_families
 from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.record import KINDS
 from fltea.sinks.table import TableSink
+from fltea.sources.open_source import check_recordable, open_source
 from mcap_support import record, replay, without
 from mqtt_support import Bench, make_bench
 from prometheus_client import CollectorRegistry, generate_latest

@@ -4,14 +4,14 @@ from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 
 from fltea.recording.bag_files import bags_in
 from fltea.recording.kind import is_one_file
 from fltea.recording.reading import Answer
-from fltea.records.events import Trouble
+from fltea.records.events import Event, Trouble
 from fltea.records.records import Hello
 from fltea.records.stats import LinkStats
 from fltea.records.visible import visible
@@ -104,75 +104,40 @@ def summarise(
     Raises:
         UsageError: the files cannot be read, are no recording, or need more memory than the limits allow.
     """
-    name = str(paths[0])
-    files = list(paths)
-    source: McapRecording | ReplaySource
-    mcap: McapRecording | None = None
-    device = session = None
-    if len(paths) == 1 and is_one_file(paths[0]):
-        source = ReplaySource(paths[0], how=how, limits=limits)
-    else:
-        source = mcap = open_mcap(paths, name, limits)()
-        files = [part.path for part in source.parts]
-        if len(files) > 1:
-            from fltea.sources.mcap import name_of
-
-            name = str(name_of(files[0]))
-        device, session = source.parts[0].info.device, source.parts[0].info.session
-    decoder = Decoder(lambda: source.unix_offset_ns, max_gap)
-    hello, boots, first_ns, last_ns = None, set(), None, 0
-    epochs: Counter[str] = Counter()
-    longest: tuple[int, float | None, float | None] = (0, None, None)
-    of_epoch = 0
-    notes: list[str] = []
-    cut, has_clock = False, False
+    source, mcap, files, name = _open(paths, limits, how)
+    part = None if mcap is None else mcap.parts[0].info
+    tally = _Tally(source, None if part is None else part.device, max_gap)
     for event in source.events():
-        if isinstance(event, Trouble) and mcap is None:
-            notes.append(event.message)
-            cut = cut or event.kind in ("cut_recording", "recording_gap")
-        if isinstance(event, Hello):
-            unix_ns = event.host_ns + source.unix_offset_ns
-            hello = msgspec.structs.replace(event, host_ns=unix_ns, device=device)
-            boots.add((event.boot_id, event.device_id))
-        for found in decoder.feed(event):
-            if not isinstance(found, Decoded):
-                continue
-            if found.new_epoch is not None:
-                epochs[found.new_epoch] += 1
-                of_epoch = 0
-            of_epoch += len(found.block)
-            # If the file holds no arrival times, the device's times are used as arrival times.
-            has_clock = has_clock or bool((found.raw.host_ns != found.block.device_us * 1000).any())
-            if of_epoch >= longest[0]:
-                longest = of_epoch, decoder.native.rate_hz, decoder.native.clock_ppm
-            first_ns = int(found.block.host_ns[0]) if first_ns is None else first_ns
-            last_ns = int(found.block.host_ns[-1])
-    count, unread = decoder.counts, mcap.unread if mcap else []
+        tally.take(event)
+    count, first_ns, longest = tally.decoder.counts, tally.first_ns, tally.longest
+    unread = mcap.unread if mcap else []
+    troubles = tally.troubles if mcap is None else []  # fltea's own files state them below
+    cut = any(trouble.kind in ("cut_recording", "recording_gap") for trouble in troubles)
     return Summary(
         name=name,
-        device=device,
-        session=session,
-        hello=hello,
+        device=None if part is None else part.device,
+        session=None if part is None else part.session,
+        hello=tally.hello,
         files=len(files),
         size_bytes=sum(map(_size_bytes, files)),
         whole=not (mcap and (mcap.torn or mcap.open or mcap.missing_before)) and not (cut or unread),
         breaks=mcap.breaks if mcap else 0,
         start_unix_ns=first_ns if source.unix_offset_ns else None,
-        duration_s=0.0 if first_ns is None else (last_ns - first_ns) * 1e-9,
+        duration_s=0.0 if first_ns is None else (tally.last_ns - first_ns) * 1e-9,
         samples=count.delivered,
         lost=count.lost,
         gaps=count.gaps,
         duplicates=count.duplicates,
         before_hello=count.before_hello,
         rate_differs=count.rate_differs,
-        resets=max(0, len(boots) - 1),
-        epochs=dict(epochs),
-        rate_hz=longest[1],
-        clock_ppm=longest[2] if has_clock else None,
+        resets=max(0, len(tally.boots) - 1),
+        epochs=dict(tally.epochs),
+        rate_hz=longest.rate_hz,
+        clock_ppm=longest.clock_ppm if tally.has_arrivals else None,
         link=source.link_stats(),
         steps=source.changes.steps,
         motions=source.changes.motions,
-        notes=notes,
+        notes=[trouble.message for trouble in troubles],
         unread=unread,
         about=source.about if isinstance(source, ReplaySource) else "",
         reading=list(source.reading) if isinstance(source, ReplaySource) else [],
@@ -182,6 +147,72 @@ def summarise(
         missing=mcap.missing_before if mcap else "",
         being_written=bool(mcap and mcap.open),
     )
+
+
+def _open(
+    paths: Sequence[Path], limits: Limits, how: How
+) -> "tuple[McapRecording | ReplaySource, McapRecording | None, list[Path], str]":
+    """Return the recording, the same if fltea wrote it, its files, and its name."""
+    if len(paths) == 1 and is_one_file(paths[0]):
+        return ReplaySource(paths[0], how=how, limits=limits), None, list(paths), str(paths[0])
+    mcap = open_mcap(paths, str(paths[0]), limits)()
+    files = [part.path for part in mcap.parts]
+    if len(files) == 1:
+        return mcap, mcap, files, str(paths[0])
+    from fltea.sources.mcap import name_of
+
+    return mcap, mcap, files, str(name_of(files[0]))
+
+
+class _Longest(NamedTuple):
+    """The epoch with the most samples: how many, and the rate [Hz] and the clock [ppm] at its end."""
+
+    samples: int = 0
+    rate_hz: float | None = None
+    clock_ppm: float | None = None
+
+
+class _Tally:
+    """What the events of a recording say, counted."""
+
+    def __init__(self, source: "McapRecording | ReplaySource", device: str | None, max_gap: Duration) -> None:
+        self._source, self._device = source, device
+        self.decoder = Decoder(lambda: source.unix_offset_ns, max_gap)
+        self.hello: Hello | None = None
+        self.boots: set[tuple[int | None, str | None]] = set()
+        self.epochs: Counter[str] = Counter()
+        self.longest = _Longest()
+        self.first_ns: int | None = None
+        self.last_ns = 0
+        self.has_arrivals = False
+        """Whether the recording has arrival times. If not, the device's times stand in their place."""
+        self.troubles: list[Trouble] = []
+        self._of_epoch = 0
+
+    def take(self, event: Event) -> None:
+        """Count an event."""
+        if isinstance(event, Trouble):
+            self.troubles.append(event)
+        if isinstance(event, Hello):
+            unix_ns = event.host_ns + self._source.unix_offset_ns
+            self.hello = msgspec.structs.replace(event, host_ns=unix_ns, device=self._device)
+            self.boots.add((event.boot_id, event.device_id))
+        for found in self.decoder.feed(event):
+            if isinstance(found, Decoded):
+                self._count(found)
+
+    def _count(self, found: Decoded) -> None:
+        if found.new_epoch is not None:
+            self.epochs[found.new_epoch] += 1
+            self._of_epoch = 0
+        block, native = found.block, self.decoder.native
+        self._of_epoch += len(block)
+        self.has_arrivals = self.has_arrivals or bool((found.raw.host_ns != block.device_us * 1000).any())
+        if self._of_epoch >= self.longest.samples:
+            self.longest = _Longest(self._of_epoch, native.rate_hz, native.clock_ppm)
+        if self.first_ns is None:
+            self.first_ns = int(block.host_ns[0])
+        self.last_ns = int(block.host_ns[-1])
 
 
 def _size_bytes(path: Path) -> int:

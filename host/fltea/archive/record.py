@@ -6,6 +6,8 @@ from pathlib import Path
 
 import msgspec
 
+from fltea.process.date_watch import DateWatch
+from fltea.process.stop_on_signal import StopOnSignal
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.errors import FlteaError
@@ -13,13 +15,11 @@ from fltea.records.events import Event, Trouble
 from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Error, Gap, Hello
 from fltea.records.visible import visible_lines
-from fltea.service.daemon import StopOnSignal
-from fltea.service.date import DateWatch
-from fltea.service.open_source import check_recordable, check_shared, open_source
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_shared
 from fltea.sinks.record import RecordSink
 from fltea.sources.as_wire import AsWire
+from fltea.sources.open_source import check_recordable, check_shared, open_source
 from fltea.sources.serial import SerialSource
 from fltea.stream.decode import Decoder
 

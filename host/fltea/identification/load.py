@@ -11,7 +11,6 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from fltea.archive.info import sessions
 from fltea.identification.counts import Counts
 from fltea.identification.data_checks import DataCheck, source_data_check, timing_data_checks
 from fltea.identification.gaps import Gaps, bridge, no_gaps
@@ -27,7 +26,7 @@ from fltea.records.events import Trouble
 from fltea.records.records import ACCEL_AXES, AXES, Hello
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
-from fltea.sources.replay import ReplaySource, open_mcap
+from fltea.sources.replay import ReplaySource, mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
 from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
@@ -132,7 +131,7 @@ def recordings(paths: Sequence[Path]) -> list[tuple[Path, ...] | Unreadable]:
 def _mcap_sessions(paths: list[Path]) -> list[tuple[Path, ...] | Unreadable]:
     """Return all sessions. If that fails, read the files one by one, so that only the faulty ones fail."""
     try:
-        return [tuple(files) for files in sessions(paths)]
+        return [tuple(files) for files in mcap_sessions(paths)]
     except FlteaError as error:
         if len(paths) == 1:
             return [Unreadable(str(paths[0]), error)]

@@ -3,32 +3,30 @@
 import contextlib
 import os
 import select
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from types import FrameType
 from typing import TYPE_CHECKING
 
 from fltea.estimator.lane_settings import LaneSettings
+from fltea.process.date_watch import DateWatch
+from fltea.process.stop_on_signal import StopOnSignal
 from fltea.records.errors import FlteaError, Incomplete, SourceFailed, UsageError
 from fltea.records.ports import Source
 from fltea.records.visible import visible_lines
-from fltea.service.date import DateWatch
 from fltea.service.descriptors import check_descriptors
 from fltea.service.device_stream import DeviceStream
 from fltea.service.ending import Awaited, Ending
 from fltea.service.hub import Hub
 from fltea.service.open_outputs import open_outputs
-from fltea.service.open_source import check_recordable, check_shared, open_source
 from fltea.service.port_loop import PortLoop, has_port
 from fltea.service.pressure import Pressure
 from fltea.service.state import StateFile
 from fltea.service.systemd import ServiceManager
-from fltea.service.wake_up import WakeUp
 from fltea.settings.config import Config
 from fltea.settings.ingest import is_shared
+from fltea.sources.open_source import check_recordable, check_shared, open_source
 from fltea.sources.replay import ReplaySource
 from fltea.stream.fit_worker import FitThread
 
@@ -64,42 +62,6 @@ STUCK_S = 20.0
 """Time without an event after which a device stream hangs [s]; a live source gives two events a second."""
 
 
-class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
-    """Lets SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
-
-    `count`: number of signals. `wake_up`: set when the end is asked for. A `threading.Event` could hang here:
-    a second signal during the handler of the first would wait for its lock forever.
-    """
-
-    def __init__(self) -> None:
-        self.asked = self.armed = False
-        self.wake_up = WakeUp()
-        self.count = 0
-        self._before: dict[signal.Signals, object] = {}
-
-    def __enter__(self) -> "StopOnSignal":
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
-                continue  # the program was started by nohup
-            self._before[number] = signal.signal(number, self._on_signal)
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
-
-    def _on_signal(self, number: int, frame: FrameType | None) -> None:
-        if not self.armed:
-            raise KeyboardInterrupt
-        self.count += 1
-        self.ask()
-
-    def ask(self) -> None:
-        """Ask for the end."""
-        self.asked = True
-        self.wake_up.ring()
-
-
 class _Run:
     """The threads of one run of the program, and the state that these threads share."""
 
@@ -119,28 +81,12 @@ class _Run:
 
     def run(self) -> tuple[FlteaError | None, bool]:
         """Run to the end; return the failure or None, and whether every output could be closed."""
-        configs = [config for config in self._configs if not is_shared(config.source)]
-        shared = [config for config in self._configs if is_shared(config.source)]
-        sources: list[Source] = []
-        state: StateFile | None = None
         ending = Ending(self._is_asked, lambda: self._stop.count, _last_words)
         for config in self._configs:
             _check_filters(config)
+        sources: list[Source] = []
         try:
-            for config in configs:  # before the outputs, so that a wrong source leaves no open outputs
-                sources.append(open_source(config))
-                check_recordable(config, sources[-1])
-            check_descriptors(sources, configs)
-            replays = [
-                config.name or ""
-                for source, config in zip(sources, configs, strict=True)
-                if isinstance(source, ReplaySource)
-            ]
-            check_shared(shared)
-            open_outputs(self._configs, self._hub, replays)
-            if self._configs[0].state.file is not None:
-                state = StateFile(self._configs[0].state, self._hub.report())
-            self._ingests = [self._ingest(config) for config in shared]
+            state = self._open(sources)
             self._stop.armed = True
         except BaseException:
             self._stop.ask()
@@ -148,25 +94,15 @@ class _Run:
             raise
         self._streams = [
             DeviceStream(source, config, self._hub, state, self._fit_worker, number)
-            for number, (source, config) in enumerate(zip(sources, configs, strict=True))
+            for number, (source, config) in enumerate(zip(sources, self._single(), strict=True))
         ]
-        live = bool(shared) or any(source.live for source in sources)
-        on_ports = [stream for stream in self._streams if has_port(stream)]
-        pressure = Pressure(self._fit_worker, self._hub.report())
-        port_loop = PortLoop(on_ports, self._end, self._hub, pressure) if on_ports else None
-        threads = [
-            threading.Thread(target=self._pump, args=(stream,), name=f"device {stream.name}")
-            for stream in self._streams
-            if not has_port(stream)
-        ]
-        if port_loop is not None:
-            threads.append(threading.Thread(target=port_loop.run, name="ports"))
-        threads += [threading.Thread(target=one.run, name=f"ingest {one.name}") for one in self._ingests]
+        port_loop, threads = self._threads()
         for thread in threads:
             thread.daemon = True
             thread.start()
         self._manager.ready()
         self._wait(lambda: self._done)
+        live = bool(self._ingests) or any(source.live for source in sources)
         if self._failure is None and not (live or self._configs[0].once or self._stop.asked):
             self._stay()
         self._manager.stopping()
@@ -184,13 +120,58 @@ class _Run:
         saving = [] if state is None else [_begun(state.close, "state", kept=True)]
         ending.wait([*saving, *self._hub.close()])
         ending.wait(self._hub.close_log())
-        failure = self._failure
-        if failure is None and ending.lost:
-            failure = FlteaError(f"not all was written: {', '.join(ending.lost)}.")
+        return self._outcome(sources, ending.lost), not ending.left
+
+    def _single(self) -> list[Config]:
+        """Return the configurations of sources that stand for one device each."""
+        return [config for config in self._configs if not is_shared(config.source)]
+
+    def _open(self, sources: list[Source]) -> StateFile | None:
+        """Open everything that the configurations name, and return the file of the state, if there is one.
+
+        Each source is added to `sources` at once, so that the caller can close those that are open if
+        another one fails.
+        """
+        configs, shared = self._single(), [one for one in self._configs if is_shared(one.source)]
+        for config in configs:  # before the outputs, so that a wrong source leaves no open outputs
+            sources.append(open_source(config))
+            check_recordable(config, sources[-1])
+        check_descriptors(sources, configs)
+        replays = [
+            config.name or ""
+            for source, config in zip(sources, configs, strict=True)
+            if isinstance(source, ReplaySource)
+        ]
+        check_shared(shared)
+        open_outputs(self._configs, self._hub, replays)
+        settings = self._configs[0].state
+        state = None if settings.file is None else StateFile(settings, self._hub.report())
+        self._ingests = [self._ingest(config) for config in shared]
+        return state
+
+    def _threads(self) -> tuple[PortLoop | None, list[threading.Thread]]:
+        """Return the loop of all ports, if there are any, and the threads that handle the events."""
+        on_ports = [stream for stream in self._streams if has_port(stream)]
+        pressure = Pressure(self._fit_worker, self._hub.report())
+        port_loop = PortLoop(on_ports, self._end, self._hub, pressure) if on_ports else None
+        threads = [
+            threading.Thread(target=self._pump, args=(stream,), name=f"device {stream.name}")
+            for stream in self._streams
+            if not has_port(stream)
+        ]
+        if port_loop is not None:
+            threads.append(threading.Thread(target=port_loop.run, name="ports"))
+        threads += [threading.Thread(target=one.run, name=f"ingest {one.name}") for one in self._ingests]
+        return port_loop, threads
+
+    def _outcome(self, sources: Sequence[Source], lost: Sequence[str]) -> FlteaError | None:
+        """Return the failure of the run: its first, else what was not written, else what was not read."""
+        if self._failure is not None:
+            return self._failure
+        if lost:
+            return FlteaError(f"not all was written: {', '.join(lost)}.")
         unread = [why for one in sources if isinstance(one, ReplaySource) for why in one.unread]
-        if failure is None and unread:
-            failure = Incomplete(unread)
-        return failure, not ending.left
+        return Incomplete(unread) if unread else None
 
     def _is_asked(self) -> bool:
         """Whether a user or a failure has asked for the end."""

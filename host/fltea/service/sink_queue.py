@@ -5,12 +5,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 
+from fltea.process.wake_up import WakeUp
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.events import Reads
 from fltea.records.ports import Departed, Item, Latency, Printed, Sink, SinkClosed
 from fltea.records.stats import OutputStats
-from fltea.service.wake_up import WakeUp
 
 IDLE_S = 0.5
 

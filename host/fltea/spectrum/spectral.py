@@ -147,15 +147,14 @@ def examine(
     Raises:
         ValueError: too few ordinates are left, or all ordinates are zero.
     """
-    if not float(whole.power.max()) > 0:
-        raise ValueError("the samples repeat themselves exactly: there is no noise in them")
     looks = looks or Looks()
     seen = _seen(whole, duration_s, peaks, median, FALSE_PEAK * level / LEVEL, looks)
     slow_hz = drift_hz(duration_s, samples)
     clean = _clean(seen, max(from_hz, slow_hz))
     candidates = looks.candidates("clean", clean.ordinates, samples)
     found = _unexplained(clean.peaks, whole, candidates)
-    ratio, p_all = _, p_without = looks.null_test("all", whole if before is None else before)
+    ratio, p_all = looks.null_test("all", whole if before is None else before)
+    p_without = p_all
     if found or seen.combs:
         _, p_without = looks.null_test("without peaks", seen.rest.without(from_hz, clean.bands))
     slow = None if clean.slow_line else _slow(seen.rest, from_hz, slow_hz, clean.bands)
@@ -211,6 +210,8 @@ def _seen(
     looks: Looks,
 ) -> _Seen:
     """Return the peaks and their bands; the arguments are those of `examine`."""
+    if not float(whole.power.max()) > 0:
+        raise ValueError("the samples repeat themselves exactly: there is no noise in them")
     of_comb: Bands = ()
     is_fine = peaks is not None
     if peaks is None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 from fltea.records.errors import UsageError
-from fltea.service import open_source as opening
-from fltea.service.open_source import find_board, open_source
 from fltea.settings.config import load_config
+from fltea.sources import open_source as opening
+from fltea.sources.open_source import find_board, open_source
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.sources.synthetic import SyntheticSource

@@ -3,8 +3,9 @@
 Rarely used modules are imported late, since the program's start takes a second on a Raspberry Pi.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from fltea.recording.formats import KINDS
 from fltea.recording.kind import is_one_file
@@ -16,10 +17,6 @@ from fltea.settings.outputs import OUTPUTS, Output
 from fltea.sources.replay import ReplaySource
 from fltea.sources.serial import SerialSource
 from fltea.wire.transport import ANY_BOARD
-
-TEXT = ("stdin", "serial-text")
-SAMPLES_ONLY = ("i2c", "iio", "synthetic", *TEXT)
-"""Kinds of sources whose devices do not estimate."""
 
 
 def find_board() -> str:
@@ -36,6 +33,90 @@ def find_board() -> str:
     return ANY_BOARD
 
 
+def _open_serial(place: str, config: Config) -> Source:
+    return SerialSource(place, config.link.baud, config.link.latency_s)
+
+
+def _open_i2c(place: str, config: Config) -> Source:
+    from fltea.sources.i2c.source import I2cSource  # not at the top, since smbus2 loads on Linux only
+
+    return I2cSource(place)
+
+
+def _open_iio(place: str, config: Config) -> Source:
+    from fltea.sources.iio.source import IioSource
+
+    return IioSource(place)
+
+
+def _open_pipe(place: str, config: Config) -> Source:
+    from fltea.sources.text_lines import PipeText
+
+    return PipeText(place, config.replay.how)
+
+
+def _open_serial_text(place: str, config: Config) -> Source:
+    from fltea.sources.text_lines import SerialText
+
+    return SerialText(place, config.replay.how)
+
+
+def _open_replay(place: str, config: Config) -> Source:
+    replay = config.replay
+    by_device = config.estimator.estimate_on in BY_DEVICE
+    if is_one_file(Path(place)):
+        _need_wire(config, config.source or place)
+    return ReplaySource(
+        Path(place),
+        how=replay.how,
+        startup=0 if by_device else _startup(config.estimator),
+        shuffle=replay.shuffle,
+        realtime=config.pace == "real",
+        limits=replay.limits,
+    )
+
+
+def _open_synthetic(place: str, config: Config) -> Source:
+    from fltea.sources.synthetic import SyntheticSource
+
+    return SyntheticSource(place, realtime=config.pace != "fast")
+
+
+class SourceKind(NamedTuple):
+    """A kind of source, which the scheme of its URL names.
+
+    Attributes:
+        example: how its URL is written.
+        open: returns the source for the part of the URL after the colon; None: it stands for many devices,
+            and `service.ingest` opens it.
+        samples_only: whether its devices do not estimate.
+        described: whether options may describe its columns, units and rate.
+        may_be_bare: whether nothing need follow the colon.
+    """
+
+    example: str
+    open: Callable[[str, Config], Source] | None
+    samples_only: bool = False
+    described: bool = False
+    may_be_bare: bool = False
+
+
+KINDS_OF_SOURCE = {
+    "serial": SourceKind("serial:PORT", _open_serial),
+    "i2c": SourceKind("i2c:///dev/i2c-1?addr=0x68", _open_i2c, samples_only=True),
+    "iio": SourceKind("iio:NAME", _open_iio, samples_only=True),
+    "stdin": SourceKind("stdin:", _open_pipe, samples_only=True, described=True, may_be_bare=True),
+    "serial-text": SourceKind(
+        "serial-text:PORT?baud=115200", _open_serial_text, samples_only=True, described=True
+    ),
+    "mqtt": SourceKind("mqtt://BROKER", None),
+    "nats": SourceKind("nats://SERVER", None),
+    "replay": SourceKind("replay:FILE", _open_replay, described=True),
+    "synthetic": SourceKind("synthetic:?KEY=VALUE&…", _open_synthetic, samples_only=True, may_be_bare=True),
+}
+"""Scheme of the URL -> the kind of source."""
+
+
 def open_source(config: Config) -> Source:
     """Return the source that the configuration asks for, not started yet.
 
@@ -50,58 +131,23 @@ def open_source(config: Config) -> Source:
         is_file = place.suffix.lower() in KINDS or place.is_dir() or place.is_file()
         is_pipe = url in ("-", "/dev/stdin") or Path(url).is_fifo()
         scheme, rest = ("replay" if is_file else "stdin" if is_pipe else "serial"), url
-    if scheme in SAMPLES_ONLY:
+    kind = KINDS_OF_SOURCE.get(scheme)
+    if kind is not None and kind.samples_only:
         _need_wire(config, url)
-    replay = config.replay
-    if scheme not in ("replay", *TEXT) and (said := replay.how.flags()):
+    described = kind is not None and kind.described
+    if not described and (said := config.replay.how.flags()):
         raise UsageError(
             f"{', '.join(said)}: such options are for recordings (replay:FILE) and for lines of text "
             "(stdin:, serial-text:PORT)."
         )
-    if scheme != "replay" and replay.shuffle is not None:
+    if scheme != "replay" and config.replay.shuffle is not None:
         raise UsageError("--shuffle: such options are for recordings (replay:FILE).")
-    if not rest and scheme not in ("synthetic", "stdin"):
+    if not rest and not (kind is not None and kind.may_be_bare):
         raise UsageError(f"--source {url}: nothing follows '{scheme}:'.")
-    match scheme:
-        case "serial":
-            return SerialSource(rest, config.link.baud, config.link.latency_s)
-        case "stdin":
-            from fltea.sources.text_lines import PipeText
-
-            return PipeText(rest, replay.how)
-        case "serial-text":
-            from fltea.sources.text_lines import SerialText
-
-            return SerialText(rest, replay.how)
-        case "i2c":
-            from fltea.sources.i2c.source import I2cSource  # not at the top, since smbus2 loads on Linux only
-
-            return I2cSource(rest)
-        case "iio":
-            from fltea.sources.iio.source import IioSource
-
-            return IioSource(rest)
-        case "replay":
-            by_device = config.estimator.estimate_on in BY_DEVICE
-            if is_one_file(Path(rest)):
-                _need_wire(config, url)
-            return ReplaySource(
-                Path(rest),
-                how=replay.how,
-                startup=0 if by_device else _startup(config.estimator),
-                shuffle=replay.shuffle,
-                realtime=config.pace == "real",
-                limits=replay.limits,
-            )
-        case "synthetic":
-            from fltea.sources.synthetic import SyntheticSource
-
-            return SyntheticSource(rest, realtime=config.pace != "fast")
-    raise UsageError(
-        f"--source {url}: '{scheme}:' is not a kind of source. Known are serial:PORT, "
-        "i2c:///dev/i2c-1?addr=0x68, iio:NAME, stdin:, serial-text:PORT?baud=115200, "
-        "mqtt://BROKER, nats://SERVER, replay:FILE, synthetic:?KEY=VALUE&…"
-    )
+    if kind is None or kind.open is None:
+        known = ", ".join(kind.example for kind in KINDS_OF_SOURCE.values())
+        raise UsageError(f"--source {url}: '{scheme}:' is not a kind of source. Known are {known}")
+    return kind.open(rest, config)
 
 
 def check_shared(configs: Sequence[Config]) -> None:

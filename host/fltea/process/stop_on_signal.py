@@ -1,0 +1,43 @@
+"""Ask a program for an orderly end by a signal."""
+
+import contextlib
+import signal
+from types import FrameType
+
+from fltea.process.wake_up import WakeUp
+
+
+class StopOnSignal(contextlib.AbstractContextManager["StopOnSignal"]):
+    """Lets SIGINT, SIGTERM and SIGHUP ask for the end; before `armed` they raise KeyboardInterrupt.
+
+    `count`: number of signals. `wake_up`: set when the end is asked for. A `threading.Event` could hang here:
+    a second signal during the handler of the first would wait for its lock forever.
+    """
+
+    def __init__(self) -> None:
+        self.asked = self.armed = False
+        self.wake_up = WakeUp()
+        self.count = 0
+        self._before: dict[signal.Signals, object] = {}
+
+    def __enter__(self) -> "StopOnSignal":
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number == signal.SIGHUP and signal.getsignal(number) == signal.SIG_IGN:
+                continue  # the program was started by nohup
+            self._before[number] = signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if not self.armed:
+            raise KeyboardInterrupt
+        self.count += 1
+        self.ask()
+
+    def ask(self) -> None:
+        """Ask for the end."""
+        self.asked = True
+        self.wake_up.ring()
