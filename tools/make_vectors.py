@@ -191,170 +191,179 @@ def good() -> str:
     return text
 
 
+FINE = sample(1, 1_010_000)
+WHOLE = body(SAMPLE, 1, 1_010_000, payload(SAMPLE, TYPICAL_SAMPLE))
+FLIPPED = bytes([WHOLE[0], WHOLE[1], WHOLE[2], WHOLE[3], WHOLE[4] ^ 1, *WHOLE[5:]])
+SWAPPED = WHOLE[:-4] + WHOLE[-4:][::-1]
+OTHER_HELLO = (2, 1, HASH, *TYPICAL_HELLO[3:])
+FOREIGN_HELLO = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
+
+# Cases by reason. A 0x00 is put before each, since a block before the first 0x00 of a stream is partial.
+BAD = {
+    "cobs": [
+        ("block that promises more bytes than come", b"\x05\x01\x02\x00"),
+        ("a code alone", b"\xff\x00"),
+    ],
+    "oversize": [
+        ("254 bytes without a zero", b"\x01" * 254 + b"\x00"),
+        ("one byte more than the longest block", b"\x01" * 253 + b"\x00"),
+        ("a well formed frame with 241 bytes of payload", frame(2, 0, 0, bytes(241))),
+    ],
+    "short": [
+        ("empty body", b"\x01\x00"),
+        ("one byte", close(b"\x02")),
+        ("ten bytes, one too few, their CRC right", close(body(SAMPLE, 1, 2, b"")[1:])),
+    ],
+    "crc": [
+        ("one bit of the time flipped", close(FLIPPED)),
+        ("CRC in big-endian", close(SWAPPED)),
+        ("eleven zero bytes", close(bytes(11))),
+        ("a missing 0x00 between two frames", FINE[:-1] + FINE),
+    ],
+    "length": [
+        ("sample without its flags", frame(SAMPLE, 1, 2, bytes(14))),
+        ("sample without payload", frame(SAMPLE, 1, 2, b"")),
+        ("status as it was before it had the share of the processor", frame(STATUS, 1, 2, bytes(21))),
+        (
+            "estimate without its last byte",
+            frame(ESTIMATE, 1, 2, payload(ESTIMATE, TYPICAL_ESTIMATE)[:-1]),
+        ),
+        ("fit without its last byte", frame(FIT, 1, 2, payload(FIT, TYPICAL_FIT)[:-1])),
+        ("hello too short to state a version", frame(HELLO, 1, 2, b"\x01\x00\x01\x02\x03")),
+        (
+            "hello of this version, cut after the version",
+            frame(HELLO, 1, 2, struct.pack("<BBI", 1, 0, HASH)),
+        ),
+    ],
+    "unknown_type": [("type that no version knows", frame(UNKNOWN, 1, 2, b"abc"))],
+}
+BAD_FIRST = [
+    (
+        "the same as the first block: it is intact, so not partial",
+        "unknown_type",
+        frame(UNKNOWN, 1, 2, b"abc"),
+    ),
+    ("the end of a frame, as the first block", "partial", FINE[9:]),
+    ("rubbish longer than any frame, as the first block", "partial", b"\x7e" * 400 + b"\x00"),
+]
+REFUSED = [
+    ("hello of the next major version", "2 1 " + f"{HASH:08x}", payload(HELLO, OTHER_HELLO)),
+    ("hello of another schema", "1 1 deadbeef", payload(HELLO, FOREIGN_HELLO)),
+    (
+        "hello of a later version that is only six bytes long",
+        "7 3 00000001",
+        struct.pack("<BBI", 7, 3, 1),
+    ),
+    ("hello of a later version that is 240 bytes long", "2 1 00000000", struct.pack("<BBI234x", 2, 1, 0)),
+]
+
+
 def bad() -> str:
     """Return bad.txt."""
-    fine = sample(1, 1_010_000)
-    whole = body(SAMPLE, 1, 1_010_000, payload(SAMPLE, TYPICAL_SAMPLE))
-    flipped = bytes([whole[0], whole[1], whole[2], whole[3], whole[4] ^ 1, *whole[5:]])
-    swapped = whole[:-4] + whole[-4:][::-1]
-    other = (2, 1, HASH, *TYPICAL_HELLO[3:])
-    foreign = (1, 1, 0xDEADBEEF, *TYPICAL_HELLO[3:])
-    # Cases by reason. A 0x00 is put before each, since a block before the first 0x00 of a stream is partial.
-    cases = {
-        "cobs": [
-            ("block that promises more bytes than come", b"\x05\x01\x02\x00"),
-            ("a code alone", b"\xff\x00"),
-        ],
-        "oversize": [
-            ("254 bytes without a zero", b"\x01" * 254 + b"\x00"),
-            ("one byte more than the longest block", b"\x01" * 253 + b"\x00"),
-            ("a well formed frame with 241 bytes of payload", frame(2, 0, 0, bytes(241))),
-        ],
-        "short": [
-            ("empty body", b"\x01\x00"),
-            ("one byte", close(b"\x02")),
-            ("ten bytes, one too few, their CRC right", close(body(SAMPLE, 1, 2, b"")[1:])),
-        ],
-        "crc": [
-            ("one bit of the time flipped", close(flipped)),
-            ("CRC in big-endian", close(swapped)),
-            ("eleven zero bytes", close(bytes(11))),
-            ("a missing 0x00 between two frames", fine[:-1] + fine),
-        ],
-        "length": [
-            ("sample without its flags", frame(SAMPLE, 1, 2, bytes(14))),
-            ("sample without payload", frame(SAMPLE, 1, 2, b"")),
-            ("status as it was before it had the share of the processor", frame(STATUS, 1, 2, bytes(21))),
-            (
-                "estimate without its last byte",
-                frame(ESTIMATE, 1, 2, payload(ESTIMATE, TYPICAL_ESTIMATE)[:-1]),
-            ),
-            ("fit without its last byte", frame(FIT, 1, 2, payload(FIT, TYPICAL_FIT)[:-1])),
-            ("hello too short to state a version", frame(HELLO, 1, 2, b"\x01\x00\x01\x02\x03")),
-            (
-                "hello of this version, cut after the version",
-                frame(HELLO, 1, 2, struct.pack("<BBI", 1, 0, HASH)),
-            ),
-        ],
-        "unknown_type": [("type that no version knows", frame(UNKNOWN, 1, 2, b"abc"))],
-    }
-    first = [
-        (
-            "the same as the first block: it is intact, so not partial",
-            "unknown_type",
-            frame(UNKNOWN, 1, 2, b"abc"),
-        ),
-        ("the end of a frame, as the first block", "partial", fine[9:]),
-        ("rubbish longer than any frame, as the first block", "partial", b"\x7e" * 400 + b"\x00"),
-    ]
-    refused = [
-        ("hello of the next major version", "2 1 " + f"{HASH:08x}", payload(HELLO, other)),
-        ("hello of another schema", "1 1 deadbeef", payload(HELLO, foreign)),
-        (
-            "hello of a later version that is only six bytes long",
-            "7 3 00000001",
-            struct.pack("<BBI", 7, 3, 1),
-        ),
-        ("hello of a later version that is 240 bytes long", "2 1 00000000", struct.pack("<BBI234x", 2, 1, 0)),
-    ]
     text = "# Bytes from the start of a stream, and the one thing found. Written by tools/make_vectors.py.\n"
-    after = [(name, reason, b"\x00" + data) for reason, some in cases.items() for name, data in some]
-    for name, reason, data in after + first:
+    after = [(name, reason, b"\x00" + data) for reason, some in BAD.items() for name, data in some]
+    for name, reason, data in after + BAD_FIRST:
         text += f"\nname {name}\nbad {reason}\nwire {data.hex()}\n"
-    for name, version, data in refused:
+    for name, version, data in REFUSED:
         text += f"\nname {name}\nrefused {version}\nwire {frame(HELLO, 0, 1, data).hex()}\n"
     return text
 
 
+HELLO_FRAME = frame(HELLO, 0, 900, payload(HELLO, TYPICAL_HELLO))
+STATUS_FRAME = frame(STATUS, 0, 1_000_500, payload(STATUS, TYPICAL_STATUS))
+FAULT_FRAME = frame(FAULT, 0, 1_000_600, payload(FAULT, (1, 0x68)))
+ESTIMATE_FRAME = frame(ESTIMATE, 0, 20_350, payload(ESTIMATE, TYPICAL_ESTIMATE))
+ESTIMATOR_FRAME = frame(ESTIMATOR, 0, 950, payload(ESTIMATOR, FILLING))
+# NaN of either sign, with a payload and signalling, and the infinities.
+ODD = (
+    payload(ESTIMATE, TYPICAL_ESTIMATE)[:8]
+    + struct.pack("<6I", 0x7FC00000, 0xFFC12345, 0x7F800001, 0xFFFFFFFF, 0x7F800000, 0xFF800000)
+    + payload(ESTIMATE, TYPICAL_ESTIMATE)[32:]
+)
+STRANGE = frame(UNKNOWN, 5, 6, b"\x00\x01")
+SHORT = frame(SAMPLE, 1, 2, bytes(14))
+LATER = frame(HELLO, 4, 5, payload(HELLO, (1, 200, 0xDEADBEEF, *TYPICAL_HELLO[3:])) + b"\x07")
+LONG = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
+FUTURE = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
+ONE, TWO, THREE = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
+# The first twelve bytes of `TWO` end in the COBS code 04 and two of the three bytes that it announces.
+# The third is then the first code of the next frame, 03, and the byte after it, 02, is read as a code:
+# COBS finds nothing wrong.
+CUT = TWO[:12]
+# 26 bytes without a zero, so that the encoded block is the code 0x1B and these bytes.
+SOLID = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
+assert SOLID[0] == 27
+HALVED = SOLID[:10] + b"\x00" + SOLID[11:]
+FOUND = {
+    "hello": "frame 1 0 900",
+    "status": "frame 3 0 1000500",
+    "fault": "frame 4 0 1000600",
+    "estimate": "frame 5 0 20350",
+    "estimator": "frame 6 0 950",
+    "one": "frame 2 1 10000",
+    "two": "frame 2 2 20000",
+    "three": "frame 2 3 30000",
+}
+"""Name of a frame -> how it is found."""
+STREAMS: list[tuple[str, list[bytes], str]] = [
+    (
+        "a boot: 0x00, then every kind of message",
+        [b"\x00", HELLO_FRAME, ESTIMATOR_FRAME, ONE, TWO, ESTIMATE_FRAME, STATUS_FRAME, FAULT_FRAME, THREE],
+        "hello, estimator, one, two, estimate, status, fault, three",
+    ),
+    ("no 0x00 before the first frame", [ONE, TWO], "one, two"),
+    ("attached within a frame", [ONE[5:], TWO, THREE], "bad partial, two, three"),
+    ("attached at the closing 0x00", [ONE[-1:], TWO], "two"),
+    (
+        "rubbish of a boot loader, then the device's 0x00",
+        [b"boot\r\n\x00", HELLO_FRAME],
+        "bad partial, hello",
+    ),
+    ("damage after the first 0x00 is not partial", [b"\x00", b"\x05\x01\x00", ONE], "bad cobs, one"),
+    ("nothing but idle 0x00", [bytes(300)], ""),
+    ("0x00 twice and more between frames", [ONE, b"\x00\x00", TWO, b"\x00", THREE], "one, two, three"),
+    ("rubbish between frames", [ONE, b"\xfegarbage\x00", TWO], "one, bad cobs, two"),
+    ("a missing 0x00 costs the two frames beside it", [ONE, TWO[:-1], TWO, THREE], "one, bad crc, three"),
+    ("a frame cut short and not closed", [ONE, CUT, THREE, ONE], "one, bad crc, one"),
+    ("a byte turned into 0x00 makes two bad blocks", [ONE, HALVED, TWO], "one, bad cobs, bad cobs, two"),
+    ("a run of 300 bytes", [ONE, b"\x55" * 300 + b"\x00", TWO], "one, bad oversize, two"),
+    ("a run of 5000 bytes counts once", [ONE, b"\x55" * 5000 + b"\x00", TWO], "one, bad oversize, two"),
+    ("252 bytes are not too long, only wrong", [ONE, b"\xff" * 252 + b"\x00", TWO], "one, bad cobs, two"),
+    ("253 bytes are too long", [ONE, b"\xff" * 253 + b"\x00", TWO], "one, bad oversize, two"),
+    ("a run that never ends is reported at once", [ONE, b"\x55" * 253], "one, bad oversize"),
+    ("a run that may still be a frame is not reported", [ONE, b"\x55" * 252], "one"),
+    ("too long a run as the first block", [b"\x55" * 1000 + b"\x00", ONE], "bad partial, one"),
+    (
+        "unknown types and wrong lengths",
+        [ONE, STRANGE, SHORT, TWO],
+        "one, bad unknown_type, bad length, two",
+    ),
+    (
+        "NaN and infinities are no damage",
+        [ONE, frame(ESTIMATE, 7, 20_350, ODD), TWO],
+        "one, frame 5 7 20350, two",
+    ),
+    (
+        "a device of a later minor version: fields and messages that it adds are left out",
+        [LATER, LONG, STRANGE, TWO],
+        "frame 1 4 5, frame 2 1 2, bad unknown_type, two",
+    ),
+    ("a device of another version", [b"\x00", FUTURE, ONE], "refused 2 0 00000001, one"),
+    (
+        "sequence and time wrap",
+        [sample(65535, 4_294_960_000), sample(0, 2_704), sample(1, 12_704)],
+        "frame 2 65535 4294960000, frame 2 0 2704, frame 2 1 12704",
+    ),
+    ("the last frame has not ended", [ONE, TWO[:-1]], "one"),
+    ("no bytes", [], ""),
+]
+
+
 def streams() -> str:
     """Return streams.txt."""
-    hello = frame(HELLO, 0, 900, payload(HELLO, TYPICAL_HELLO))
-    status = frame(STATUS, 0, 1_000_500, payload(STATUS, TYPICAL_STATUS))
-    fault = frame(FAULT, 0, 1_000_600, payload(FAULT, (1, 0x68)))
-    estimate = frame(ESTIMATE, 0, 20_350, payload(ESTIMATE, TYPICAL_ESTIMATE))
-    estimator = frame(ESTIMATOR, 0, 950, payload(ESTIMATOR, FILLING))
-    # NaN of either sign, with a payload and signalling, and the infinities.
-    odd = payload(ESTIMATE, TYPICAL_ESTIMATE)
-    odd = (
-        odd[:8]
-        + struct.pack("<6I", 0x7FC00000, 0xFFC12345, 0x7F800001, 0xFFFFFFFF, 0x7F800000, 0xFF800000)
-        + odd[32:]
-    )
-    strange = frame(UNKNOWN, 5, 6, b"\x00\x01")
-    short = frame(SAMPLE, 1, 2, bytes(14))
-    later = frame(HELLO, 4, 5, payload(HELLO, (1, 200, 0xDEADBEEF, *TYPICAL_HELLO[3:])) + b"\x07")
-    long = frame(SAMPLE, 1, 2, payload(SAMPLE, TYPICAL_SAMPLE) + b"\x01\x02\x03")
-    future = frame(HELLO, 4, 5, struct.pack("<BBI10x", 2, 0, 1))
-    one, two, three = sample(1, 10_000), sample(2, 20_000), sample(3, 30_000)
-    # The first twelve bytes of `two` end in the COBS code 04 and two of the three bytes that it announces.
-    # The third is then the first code of the next frame, 03, and the byte after it, 02, is read as a code:
-    # COBS finds nothing wrong.
-    cut = two[:12]
-    # 26 bytes without a zero, so that the encoded block is the code 0x1B and these bytes.
-    solid = frame(SAMPLE, 0x0101, 0x7F7F7F7F, b"\x7f" * 15)
-    assert solid[0] == 27
-    halved = solid[:10] + b"\x00" + solid[11:]
-    ok = {
-        "hello": "frame 1 0 900",
-        "status": "frame 3 0 1000500",
-        "fault": "frame 4 0 1000600",
-        "estimate": "frame 5 0 20350",
-        "estimator": "frame 6 0 950",
-        "one": "frame 2 1 10000",
-        "two": "frame 2 2 20000",
-        "three": "frame 2 3 30000",
-    }
-    cases: list[tuple[str, list[bytes], str]] = [
-        (
-            "a boot: 0x00, then every kind of message",
-            [b"\x00", hello, estimator, one, two, estimate, status, fault, three],
-            "hello, estimator, one, two, estimate, status, fault, three",
-        ),
-        ("no 0x00 before the first frame", [one, two], "one, two"),
-        ("attached within a frame", [one[5:], two, three], "bad partial, two, three"),
-        ("attached at the closing 0x00", [one[-1:], two], "two"),
-        ("rubbish of a boot loader, then the device's 0x00", [b"boot\r\n\x00", hello], "bad partial, hello"),
-        ("damage after the first 0x00 is not partial", [b"\x00", b"\x05\x01\x00", one], "bad cobs, one"),
-        ("nothing but idle 0x00", [bytes(300)], ""),
-        ("0x00 twice and more between frames", [one, b"\x00\x00", two, b"\x00", three], "one, two, three"),
-        ("rubbish between frames", [one, b"\xfegarbage\x00", two], "one, bad cobs, two"),
-        ("a missing 0x00 costs the two frames beside it", [one, two[:-1], two, three], "one, bad crc, three"),
-        ("a frame cut short and not closed", [one, cut, three, one], "one, bad crc, one"),
-        ("a byte turned into 0x00 makes two bad blocks", [one, halved, two], "one, bad cobs, bad cobs, two"),
-        ("a run of 300 bytes", [one, b"\x55" * 300 + b"\x00", two], "one, bad oversize, two"),
-        ("a run of 5000 bytes counts once", [one, b"\x55" * 5000 + b"\x00", two], "one, bad oversize, two"),
-        ("252 bytes are not too long, only wrong", [one, b"\xff" * 252 + b"\x00", two], "one, bad cobs, two"),
-        ("253 bytes are too long", [one, b"\xff" * 253 + b"\x00", two], "one, bad oversize, two"),
-        ("a run that never ends is reported at once", [one, b"\x55" * 253], "one, bad oversize"),
-        ("a run that may still be a frame is not reported", [one, b"\x55" * 252], "one"),
-        ("too long a run as the first block", [b"\x55" * 1000 + b"\x00", one], "bad partial, one"),
-        (
-            "unknown types and wrong lengths",
-            [one, strange, short, two],
-            "one, bad unknown_type, bad length, two",
-        ),
-        (
-            "NaN and infinities are no damage",
-            [one, frame(ESTIMATE, 7, 20_350, odd), two],
-            "one, frame 5 7 20350, two",
-        ),
-        (
-            "a device of a later minor version: fields and messages that it adds are left out",
-            [later, long, strange, two],
-            "frame 1 4 5, frame 2 1 2, bad unknown_type, two",
-        ),
-        ("a device of another version", [b"\x00", future, one], "refused 2 0 00000001, one"),
-        (
-            "sequence and time wrap",
-            [sample(65535, 4_294_960_000), sample(0, 2_704), sample(1, 12_704)],
-            "frame 2 65535 4294960000, frame 2 0 2704, frame 2 1 12704",
-        ),
-        ("the last frame has not ended", [one, two[:-1]], "one"),
-        ("no bytes", [], ""),
-    ]
     text = "# Streams from the start, and all that is found, in order. Written by tools/make_vectors.py.\n"
-    for name, parts, words in cases:
-        found = [ok.get(word, word) for word in words.split(", ") if word]
+    for name, parts, words in STREAMS:
+        found = [FOUND.get(word, word) for word in words.split(", ") if word]
         text += f"\nname {name}\n" + "".join(f"bytes {part.hex()}\n" for part in parts)
         text += "".join(f"{item}\n" for item in found)
         counts = {"frames": sum(item.startswith("frame ") for item in found)}

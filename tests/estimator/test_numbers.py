@@ -17,10 +17,11 @@ def near(*values: F | int) -> object:
     return pytest.approx([float(value) for value in values], rel=1e-13)
 
 
-def test_all_three_filters_for_two_steps() -> None:
+def two_step_filters() -> Fltea:
+    """Return the three filters of the sum by hand, before their first step."""
     # h = 1/4, A(w) = [w 4; 0 -4], B = (1, 0)', C = [1 0]. With r the first row of A x + B u, the output at
     # order a is Y(a) = h^a r - c_1(a) x1_{k-1} - c_2(a) x1_{k-2} - ..., c_1 = -a, c_2 = a(a-1)/2.
-    fltea = Fltea(
+    return Fltea(
         System(
             A=lambda w: np.array([[w[0], 4], [0, -4]]),
             B=np.array([[1.0], [0]]),
@@ -33,6 +34,9 @@ def test_all_three_filters_for_two_steps() -> None:
         window=10,
     )
 
+
+def test_all_three_filters_for_two_steps() -> None:
+    fltea = two_step_filters()
     # k = 1, u_0 = 6, y_1 = 19/4. r = -8 + 4 + 6 = 2.
     step = fltea.step(19 / 4, 6)
     # KFo: P̃o = 1/16 + 1/48 = 1/12, points 1/2 and 1/2 ± sqrt(3/12): 1/2, 1, 0.

@@ -120,7 +120,14 @@ class Device:
         return self.hello
 
     def _happens(self, act: Act) -> Iterator[Event]:
-        known, amount = self.hello, act.amount
+        """Let an act happen, and yield what the source says of it. Each act is of one of the three kinds."""
+        self._lose(act)
+        self._change(act)
+        yield from self._announced(act)
+
+    def _lose(self, act: Act) -> None:
+        """Let samples be lost, for as long as the act says."""
+        amount = act.amount
         match act.what:
             case "gap":
                 self._pass(round(1 + 120 * amount))
@@ -128,11 +135,37 @@ class Device:
                 self._pass(round(60 + amount))
             case "odd gap":
                 self._pass(40)
-                self._device_us += round(3.2 * amount * 1e6 / known.rate_hz)
+                self._device_us += round(3.2 * amount * 1e6 / self.hello.rate_hz)
             case "long gap":
                 self._pass(round(60_000 + 140_000 * amount))
             case "silence":
                 self._pass(round(179_990 + 20 * amount))
+
+    def _change(self, act: Act) -> None:
+        """Change clocks or the motion of the sensor; only the samples show it."""
+        amount = act.amount
+        match act.what:
+            case "date":
+                self._source.unix_offset_ns += round(7200 * SECOND_NS * (amount - 0.5))
+            case "jump":
+                self._device_us += round(40_000 * (amount - 0.5)) if amount < 0.8 else 2**31
+            case "late":
+                self._host_ns += round(500 * SECOND_NS * (amount - 0.2))
+            case "no accelerometer":
+                self._accel = not self._accel
+            case "knock":
+                self._noise = 8.0 if self._noise != 8.0 else 2000 * amount
+            case "step":
+                self._offset[round(2 * amount)] += 40 * (amount - 0.5)
+            case "turn":
+                self._turns = 0.0 if self._turns else 1.0 + amount
+            case "still":
+                self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
+
+    def _announced(self, act: Act) -> Iterator[Event]:
+        """Let an act happen of which the source says something."""
+        known, amount = self.hello, act.amount
+        match act.what:
             case "boot" | "reset":
                 self._sequence, self._device_us = round(3 * amount), round(1e4 * amount)
                 if act.what == "boot":
@@ -151,8 +184,6 @@ class Device:
                     yield self._says()
             case "break":
                 yield Break("gap" if amount > 0.5 else "discontinuity", self._host_ns)
-            case "date":
-                self._source.unix_offset_ns += round(7200 * SECOND_NS * (amount - 0.5))
             case "scale":
                 lsb, per_g = (
                     (None, None) if amount > 0.9 else (131.0 * amount + 1, 0.0 if amount < 0.1 else 2048.0)
@@ -162,10 +193,6 @@ class Device:
                 yield self._says(rate_hz=round(25 + 175 * amount, 1))
             case "HELLO":
                 yield self._says()
-            case "jump":
-                self._device_us += round(40_000 * (amount - 0.5)) if amount < 0.8 else 2**31
-            case "late":
-                self._host_ns += round(500 * SECOND_NS * (amount - 0.2))
             case "tick":
                 self._host_ns += round(3 * SECOND_NS * amount)
                 yield Tick(self._host_ns)
@@ -173,16 +200,6 @@ class Device:
                 yield DeviceStatus(round(9 * amount), 0, 0, 0, 0, "watchdog")
             case "trouble":
                 yield Trouble("device_fault", f"{amount}", self._host_ns, fatal=False)
-            case "no accelerometer":
-                self._accel = not self._accel
-            case "knock":
-                self._noise = 8.0 if self._noise != 8.0 else 2000 * amount
-            case "step":
-                self._offset[round(2 * amount)] += 40 * (amount - 0.5)
-            case "turn":
-                self._turns = 0.0 if self._turns else 1.0 + amount
-            case "still":
-                self._noise = 8.0 if self._noise < 1 else 0.25 * (amount > 0.5)
 
     def _pass(self, samples: int) -> None:
         """Let time pass without any sample being sent."""

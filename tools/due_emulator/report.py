@@ -23,11 +23,9 @@ def make_report(
     it did not.
     """
     host.stop()
-    machine, counts, bridge, due = board.machine, host.counts, board.bridge, host.due
-    heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
-    elapsed_ps = machine.now_ps or 1
+    machine, bridge = board.machine, board.bridge
     touched = board.memory.ram_touched_bytes()
-    bad_frames = {reason: n for reason, n in sorted(host.reader.counts.items()) if reason != "frames"}
+    elapsed_ps = machine.now_ps or 1
     return {
         "virtual_s": seconds(machine.now_ps),
         "wall_s": None if wall_s is None else round(wall_s, 3),
@@ -40,6 +38,28 @@ def make_report(
         "flash_bytes": image.flash_bytes,
         "ram_bytes": image.ram_bytes if image.ram_bytes is not None else touched,
         "ram_touched_bytes": touched,
+        **_heard(host),
+        "boots": host.boot_count,
+        "hellos": host.hello_count,
+        "resets": board.resets,
+        **_messages(host),
+        "bytes_lost_by_fault": bridge.lost_by_fault,
+        "bytes_lost_in_bridge": bridge.lost_in_bridge,
+        "bytes_garbled": bridge.garbled,
+        "bus_load": round(board.twi.load_ps / elapsed_ps, 6),
+        "i2c_transfers": board.twi.transfers,
+        "recovery_clocks": board.lines.recovery_clocks,
+        "uart_load": round(board.uart.busy_ps / elapsed_ps, 6),
+        "sleeping": round(machine.idle_ps / elapsed_ps, 6),
+        "instructions": board.cpu.instructions,
+    }
+
+
+def _heard(host: HostView) -> dict[str, Any]:
+    """Return what the host says of the samples."""
+    counts, due = host.counts, host.due
+    heard = sum(last - first + 1 for first, last in (boot.heard for boot in host.boots if boot.heard))
+    return {
         "samples": counts.delivered,
         "gaps": counts.gaps,
         "lost": counts.lost,
@@ -50,25 +70,20 @@ def make_report(
         "rate_hz": None if host.rate_hz is None else round(host.rate_hz, 6),
         "step_us": {"min": host.min_step_us, "max": host.max_step_us},
         "flags": host.flags,
-        "boots": host.boot_count,
-        "hellos": host.hello_count,
-        "resets": board.resets,
+    }
+
+
+def _messages(host: HostView) -> dict[str, Any]:
+    """Return the other messages that the host got, and what it counted of all bytes."""
+    counts = host.reader.counts
+    return {
         "hello": plain(host.hello),
         "refused": host.refused,
         "status": plain(host.statuses[-1]) if host.statuses else None,
         "statuses": [plain(status) for status in host.statuses],
         "bytes": host.bytes_in,
-        "frames": host.reader.counts["frames"],
-        "bad_frames": bad_frames,
-        "bytes_lost_by_fault": bridge.lost_by_fault,
-        "bytes_lost_in_bridge": bridge.lost_in_bridge,
-        "bytes_garbled": bridge.garbled,
-        "bus_load": round(board.twi.load_ps / elapsed_ps, 6),
-        "i2c_transfers": board.twi.transfers,
-        "recovery_clocks": board.lines.recovery_clocks,
-        "uart_load": round(board.uart.busy_ps / elapsed_ps, 6),
-        "sleeping": round(machine.idle_ps / elapsed_ps, 6),
-        "instructions": board.cpu.instructions,
+        "frames": counts["frames"],
+        "bad_frames": {reason: n for reason, n in sorted(counts.items()) if reason != "frames"},
     }
 
 
