@@ -13,6 +13,7 @@ from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 
 
+# Over 12 attributes: each is one fact typed by hand from a chip's data sheet.
 class Emulated(NamedTuple):
     """One kind of chip.
 

@@ -82,6 +82,7 @@ class Saved(NamedTuple):
     tracks: dict[str, SensorTracks]
 
 
+# Over 12 attributes: it mirrors the pipeline in plain Python, so the two can be read side by side.
 class PlainDeviceStream:
     """Turns the events of one source into records.
 

@@ -60,6 +60,7 @@ def _each(setting: str | float | list[float], axes: int) -> Vector:
     return tuple(map(float, values if len(values) > 1 else values * axes))
 
 
+# Over 12 attributes: it mirrors the native sensor in plain Python, so the two can be read side by side.
 class Sensor:
     """The axes of one sensor from the beginning of an epoch: first the start-up window, then the filters.
 

@@ -57,6 +57,7 @@ class _SerialPin:
         self._line.send(byte, at_ps, baud)
 
 
+# Over 12 attributes: each is one part of the board, as its circuit diagram has them.
 class Board:
     """A Due that has been connected to power; `run_until` runs it.
 

@@ -48,6 +48,7 @@ ENTERED = _numbers("SP LR XPSR")
 PC, SP, LR, PRIMASK, BASEPRI, FAULTMASK, CONTROL = _numbers("PC SP LR PRIMASK BASEPRI FAULTMASK CONTROL")
 
 
+# Over 12 attributes: it joins the emulated processor to every part of the chip that can stop it.
 class Cpu:
     """Runs the program in virtual time."""
 

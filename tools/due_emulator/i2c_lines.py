@@ -27,6 +27,7 @@ class Phase(Enum):
     IGNORE = auto()
 
 
+# Over 12 attributes: each is one line, or one state of the transfer on the two lines.
 class I2cLines:
     """The two wires with the sensor at one end; without a socket, two wires with pull-ups and nothing else.
 

@@ -52,6 +52,7 @@ class Alarm:
         self.number = 0
 
 
+# Over 12 attributes: each is one signal that all parts of the chip share.
 class Machine:
     """Virtual time in picoseconds, the master clock, interrupt lines and the clocks of peripherals.
 

@@ -33,6 +33,7 @@ _CLOCKING = {reg.SMPLRT_DIV, reg.CONFIG, reg.GYRO_CONFIG, reg.PWR_MGMT_1}
 _SCALING = {reg.CONFIG, reg.GYRO_CONFIG, reg.ACCEL_CONFIG, reg.ACCEL_CONFIG_2, reg.PWR_MGMT_1, reg.PWR_MGMT_2}
 
 
+# Over 12 attributes: each is one register, latch or deadline of the modelled sensor.
 class Mpu9250(Chip):
     """An MPU-9250, or a related chip, powered since long before time 0.
 

@@ -31,6 +31,7 @@ Transfer = Generator[float | None, None, None]
 Addressing = Generator[float | None, None, bool]
 
 
+# Over 12 attributes: each is one register, line or deadline of the modelled peripheral.
 class Twi(Peripheral):
     """One controller on its bus.
 

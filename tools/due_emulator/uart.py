@@ -25,6 +25,7 @@ class Line(Protocol):
         """Receive a byte at the end of its stop bit, with that moment and the true baud rate."""
 
 
+# Over 12 attributes: each is one register, line or deadline of the modelled peripheral.
 class Transmitter(Peripheral):
     """The transmit side of a UART or USART."""
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+# Over 12 attributes: each is one figure of the answer that a notebook reads.
 class Identified(FittedAxis, frozen=True, kw_only=True):
     """The results for one axis. A notebook shows them with spectrum and Allan deviation.
 

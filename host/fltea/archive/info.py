@@ -29,6 +29,7 @@ OF_A_FILE = "recording"
 """Sampling mode in the summary of another program's file, which describes no device."""
 
 
+# Over 12 attributes: each is one fact that `fltea info --json` prints.
 class Summary(msgspec.Struct, frozen=True, tag_field="class", tag="recording"):
     """The summary of one recording.
 

@@ -71,6 +71,7 @@ class NullResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """FLTEA's estimates for the shuffled copies, by the same variant as `AxisResult.fltea`."""
 
 
+# Over 12 attributes: each is one finding about an axis, and they are made together.
 class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The identification of one axis.
 

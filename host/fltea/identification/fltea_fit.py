@@ -31,6 +31,7 @@ LEAST = 100
 """Least number of samples after the start-up window."""
 
 
+# Over 12 attributes: each is one field of the published fit.
 class FlteaFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The last estimates of one axis; an estimate that is not finite or not valid is None."""
 

@@ -38,6 +38,7 @@ class GaussMarkovState(msgspec.Struct, frozen=True):
     s2: float
 
 
+# Over 12 attributes: each is one field of the file for navigation filters.
 class NavigationAxis(msgspec.Struct, frozen=True):
     """One axis, in `unit`: the figures found with their intervals, and the filter that follows from them.
 

@@ -23,6 +23,7 @@ ALL = ("columns", "units", "rate_hz", "time_column", "time_unit", "topic", "acce
 ZIP = b"PK\x03\x04"
 
 
+# Over 12 attributes: each is one column of the table of formats.
 class Format(NamedTuple):
     """A file format that fltea reads.
 

@@ -21,6 +21,7 @@ class DeviceSpectrum(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Effective number of periodogram ordinates in each bin."""
 
 
+# Over 12 attributes: each is one field of the published record.
 class DeviceAxisFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The fit of one axis by the device, which compares white noise with two models only."""
 

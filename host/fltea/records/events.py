@@ -155,6 +155,7 @@ class DeviceTracker(NamedTuple):
     state_std_dps: float
 
 
+# Over 12 attributes: each is one field of a message of the protocol.
 class DeviceAxis(NamedTuple):
     """The device's own estimate of one axis after one sample.
 
@@ -186,6 +187,7 @@ class DeviceAxis(NamedTuple):
     tracker: DeviceTracker | None = None
 
 
+# Over 12 attributes: each is one field of a message of the protocol.
 class DeviceEstimator(NamedTuple):
     """The settings with which the device estimates, and its own counters.
 
@@ -223,6 +225,7 @@ class DeviceEstimator(NamedTuple):
     gate: float
 
 
+# Over 12 attributes: each is one field of a message of the protocol.
 class DeviceFit(NamedTuple):
     """The device's maximum-likelihood fit of one axis, as the device sends its numbers, finite or not."""
 

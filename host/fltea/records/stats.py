@@ -92,6 +92,7 @@ class BiasCheck(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Root mean square of the difference divided by its σ; 1 if Bias(T) and its σ are right."""
 
 
+# Over 12 attributes: each is one field of the published record.
 class TrackerStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """State and checks of the tracker of an axis's bias."""
 
@@ -163,6 +164,7 @@ class AxisStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """State of the tracker of the axis's bias; null if there is no tracker."""
 
 
+# Over 12 attributes: each is one field of the published record.
 class DeviceEstimatorStats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """State and counts of the device's own estimator."""
 

@@ -87,6 +87,7 @@ BY_DEVICE = ("device", "both")
 """Values of `EstimateOn` for which the device runs its own estimator."""
 
 
+# Over 12 attributes: each is one setting of the TOML file.
 class EstimatorConfig(Table, frozen=True):
     """The filters of an estimator, their start-up window, bias and R; the paper's numbers, section 7.1."""
 

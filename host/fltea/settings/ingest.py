@@ -22,6 +22,7 @@ def is_partitioned(url: str | None) -> bool:
     return url is not None and url.startswith("nats:")
 
 
+# Over 12 attributes: each is one setting of the TOML file.
 class IngestConfig(Table, frozen=True):
     """Devices that publish their frames to a broker; settings from `stream` on are for NATS only."""
 

@@ -114,6 +114,7 @@ class Fits:
         self.beside: dict[tuple[int, ...], list[float]] = {} if last is None else last.beside
 
 
+# Over 12 attributes: the models are compared with each other, so they are kept side by side.
 class CandidateModels:
     """The noise models fitted to one series; `samples`: length of the record, which sets what a walk leaks.
 

@@ -24,6 +24,7 @@ APART = 6.0
 """Difference in 2 log L from which on two models count as different."""
 
 
+# Over 12 attributes: each is one finding that the verdict rests on.
 class Evidence(NamedTuple):
     """All figures that the verdict on one axis rests on."""
 

@@ -32,6 +32,7 @@ COVERAGE_TO_FILTERS = 50
 """A share of 95 % needs most."""
 
 
+# Over 12 attributes: each is one choice of what to evaluate, with its default.
 class Plan(NamedTuple):
     """What to evaluate: by default 53 noises, and the changed settings on six."""
 

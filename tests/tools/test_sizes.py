@@ -1,0 +1,268 @@
+"""Functions, classes and files stay so small that one can be read without losing the thread.
+
+A function has at most 60 lines, a file at most 400, and a class at most 12 attributes. A class with more
+states its reason in a comment directly above it:
+
+    # Over 12 attributes: each is a field of the published record.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+import pytest
+from host_support import ROOT
+
+LONGEST_FUNCTION = 60
+MOST_ATTRIBUTES = 12
+LONGEST_FILE = 400
+REASON = re.compile(r"# Over 12 attributes: (\S.{15,})")
+GENERATED = {"host/fltea/wire/layout.py", "firmware/core/messages.h"}
+"""Files that `make gen` writes: what they are made of is read instead (protocol/messages.toml)."""
+OPEN_FUNCTIONS: dict[str, int] = {
+    "host/native/mean_ahead.hpp: mean_ahead": 94,
+    "host/native/whittle_fit.hpp: score": 64,
+    "host/native/whittle_kernel.cpp: term_at": 79,
+    'tests/firmware/test_recovery.cpp: "before") {': 61,
+    'tests/firmware/test_timing.cpp: "sampler: due times keep their': 78,
+}
+"""Head of a function of C++ that has to be split -> its lines, which may not grow."""
+OPEN_CLASSES: dict[str, int] = {
+    "host/fltea/fleet/history.py: History": 13,
+    "host/fltea/fleet/program.py: Fleet": 17,
+    "host/fltea/fleet/roll.py: Sensor": 16,
+    "host/fltea/identification/load.py: _Group": 14,
+    "host/fltea/identification/sensor_events.py: _SensorRun": 19,
+    "host/fltea/recording/bag_gather.py: Gathered": 28,
+    "host/fltea/recording/bag_names.py: Layout": 16,
+    "host/fltea/recording/columns.py: Chosen": 20,
+    "host/fltea/recording/evidence.py: Choice": 15,
+    "host/fltea/recording/readers/arrays.py: _Columns": 15,
+    "host/fltea/recording/readers/ulog.py: _LogScan": 14,
+    "host/fltea/recording/sample_times.py: Elapsed": 15,
+    "host/fltea/recording/sheet.py: SheetHead": 14,
+    "host/fltea/recording/table.py: _Table": 19,
+    "host/fltea/recording/text_layout.py: LayoutFinder": 18,
+    "host/fltea/recording/text_rows.py: TextReader": 26,
+    "host/fltea/service/device_stream.py: DeviceStream": 15,
+    "host/fltea/service/ingest/loop.py: Ingest": 18,
+    "host/fltea/service/ingest/mqtt.py: MqttFrames": 16,
+    "host/fltea/service/ingest/partitions.py: Partitions": 13,
+    "host/fltea/service/sink_queue.py: SinkQueue": 18,
+    "host/fltea/sinks/mqtt/many.py: ManyMqttSink": 13,
+    "host/fltea/sinks/mqtt/sink.py: MqttSink": 18,
+    "host/fltea/sinks/page/history.py: DeviceHistory": 18,
+    "host/fltea/sinks/record.py: RecordSink": 17,
+    "host/fltea/sources/i2c/fifo_reader.py: FifoReader": 16,
+    "host/fltea/sources/i2c/source.py: I2cSource": 20,
+    "host/fltea/sources/iio/source.py: IioSource": 14,
+    "host/fltea/sources/mcap.py: McapRecording": 18,
+    "host/fltea/sources/numbering.py: ByTime": 15,
+    "host/fltea/sources/text_events.py: TextEvents": 21,
+    "host/fltea/stream/board.py: BoardEstimates": 17,
+    "host/fltea/stream/live.py: LiveFits": 15,
+    "host/fltea/stream/pipeline.py: Pipeline": 21,
+    "tools/due_emulator/bridge.py: Bridge": 14,
+    "tools/due_emulator/host_view.py: HostView": 20,
+}
+"""Class whose attributes have to be gathered in objects -> their number, which may not grow."""
+OPEN_FILES: dict[str, int] = {
+    "host/fltea/identification/run.py": 402,
+    "host/fltea/noise/parts.py": 461,
+    "host/fltea/recording/text_layout.py": 401,
+    "host/fltea/records/records.py": 452,
+    "host/fltea/spectrum/intervals.py": 424,
+    "host/fltea/spectrum/octaves.py": 418,
+    "host/fltea/spectrum/verdict.py": 406,
+    "host/fltea/stream/pipeline.py": 426,
+    "tools/due_emulator/cpu.py": 401,
+    "tests/api/test_api.py": 511,
+    "tests/cli/test_cli.py": 405,
+    "tests/recording/test_ros_bag_units.py": 527,
+    "tests/sinks/test_sinks.py": 433,
+    "host/native/axis_tracker.hpp": 550,
+    "host/native/whittle_kernel.cpp": 415,
+    "firmware/core/engine/sliced_fit.hpp": 401,
+    "tests/firmware/test_estimation.cpp": 401,
+    "tests/native/test_whittle.cpp": 401,
+}
+"""File that has to be split -> its lines, which may not grow."""
+
+PYTHON = [
+    path
+    for top in ("host", "tools", "tests")
+    for path in sorted((ROOT / top).rglob("*.py"))
+    if str(path.relative_to(ROOT)) not in GENERATED
+]
+CXX = [
+    path
+    for top in ("host/native", "firmware", "tests", "tools/due_emulator")
+    for path in sorted((ROOT / top).rglob("*.[ch]*"))
+    if path.suffix in (".cpp", ".hpp", ".h") and str(path.relative_to(ROOT)) not in GENERATED
+]
+
+
+@lru_cache(maxsize=1)
+def _parsed(text: str) -> ast.Module:
+    return ast.parse(text)
+
+
+def functions(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the name of each function of Python code, and its lines from `def` to its last."""
+    for node in ast.walk(_parsed(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node.name, (node.end_lineno or node.lineno) - node.lineno + 1
+
+
+def cxx_functions(text: str) -> Iterator[tuple[str, int]]:
+    """Yield the name of each function in C++ code, or the end of its head, and its lines to its end.
+
+    The code is formatted by clang-format: a head ends in `{`, and the next `}` that is indented like it ends
+    the function. A head that goes over several lines is counted from its last one.
+    """
+    head, begin = "", -1
+    indent: str | None = None
+    for number, line in enumerate(text.splitlines()):
+        if indent is None:
+            found = re.match(
+                r"(\s*)(?!if|for|while|switch|else|do\b|namespace|class|struct|enum|union|extern|[}#/])\S.*\{$",
+                line,
+            )
+            if found and ")" in line:
+                indent, head, begin = found.group(1), line.strip(), number
+        elif re.match(rf"{indent}}}", line):
+            named = re.search(r"(\w+)\(", head)
+            yield named.group(1) if named else head[:30], number - begin + 1
+            indent = None
+
+
+def classes(text: str) -> Iterator[tuple[str, int, str]]:
+    """Yield the name of each class, the number of its attributes, and the comment directly above it.
+
+    Attributes are the declared fields, except those of the class itself, and what methods set on `self`.
+    """
+    lines = text.splitlines()
+    for node in ast.walk(_parsed(text)) if "class " in text else ():
+        if isinstance(node, ast.ClassDef):
+            first = min([node.lineno, *(one.lineno for one in node.decorator_list)])
+            fields = {
+                one.target.id
+                for one in node.body
+                if isinstance(one, ast.AnnAssign)
+                and isinstance(one.target, ast.Name)
+                and "ClassVar" not in ast.unparse(one.annotation)
+            }
+            yield node.name, len(fields | _set_on_self(node)), lines[first - 2].strip() if first > 1 else ""
+
+
+class Measured(NamedTuple):
+    """The sizes of one file.
+
+    Attributes:
+        lines: number of lines.
+        functions: name of each function, and its lines.
+        classes: name of each class, the number of its attributes, and the comment above it.
+    """
+
+    lines: int
+    functions: list[tuple[str, int]]
+    classes: list[tuple[str, int, str]]
+
+
+@cache
+def measured() -> dict[str, Measured]:
+    """Return the sizes of all files by their names in the repository."""
+    found = {}
+    for path in PYTHON + CXX:
+        text = path.read_text(encoding="utf-8")
+        lines = len(text.splitlines())
+        name = str(path.relative_to(ROOT))
+        if path.suffix == ".py":
+            found[name] = Measured(lines, list(functions(text)), list(classes(text)))
+        else:
+            found[name] = Measured(lines, list(cxx_functions(text)), [])
+    return found
+
+
+def _set_on_self(node: ast.ClassDef) -> set[str]:
+    methods = [one for one in node.body if isinstance(one, ast.FunctionDef | ast.AsyncFunctionDef)]
+    return {
+        one.attr
+        for method in methods
+        for one in ast.walk(method)
+        if isinstance(one, ast.Attribute)
+        and isinstance(one.ctx, ast.Store)
+        and isinstance(one.value, ast.Name)
+        and one.value.id == "self"
+    }
+
+
+def test_no_function_is_longer_than_a_page() -> None:
+    long = [
+        f"{file}: {name}: {lines} lines"
+        for file, sizes in measured().items()
+        for name, lines in sizes.functions
+        if lines > OPEN_FUNCTIONS.get(f"{file}: {name}", LONGEST_FUNCTION)
+    ]
+    assert long == []
+
+
+def test_a_class_with_many_attributes_states_why() -> None:
+    wrong = []
+    for file, sizes in measured().items():
+        for name, count, above in sizes.classes:
+            has_reason = bool(REASON.fullmatch(above))
+            most = OPEN_CLASSES.get(f"{file}: {name}", MOST_ATTRIBUTES)
+            if count > most and not has_reason:
+                wrong.append(f"{file}: {name}: {count} attributes and no reason above it")
+            if count <= MOST_ATTRIBUTES and has_reason:
+                wrong.append(f"{file}: {name}: {count} attributes need no reason")
+    assert wrong == []
+
+
+def test_no_file_is_longer_than_can_be_read_at_a_time() -> None:
+    lengths = {file: sizes.lines for file, sizes in measured().items()}
+    long = {file: lines for file, lines in lengths.items() if lines > OPEN_FILES.get(file, LONGEST_FILE)}
+    assert long == {}
+
+
+def test_what_is_open_is_still_too_large() -> None:
+    lengths = {file: sizes.lines for file, sizes in measured().items()}
+    counts: dict[str, int] = {}
+    lines: dict[str, int] = {}
+    for file, sizes in measured().items():
+        counts |= {f"{file}: {name}": count for name, count, _ in sizes.classes}
+        for name, length in sizes.functions:
+            lines[f"{file}: {name}"] = max(length, lines.get(f"{file}: {name}", 0))
+    done = [name for name in OPEN_FILES if lengths.get(name, 0) <= LONGEST_FILE]
+    done += [name for name in OPEN_CLASSES if counts.get(name, 0) <= MOST_ATTRIBUTES]
+    done += [name for name in OPEN_FUNCTIONS if lines.get(name, 0) <= LONGEST_FUNCTION]
+    assert done == [], "take these out of the lists of what is open"
+
+
+@pytest.mark.parametrize("lines", [59, 60, 61])
+def test_functions_are_measured_from_head_to_end(lines: int) -> None:
+    body = "\n".join(["    x = 1"] * (lines - 1))
+    assert list(functions(f"@one\ndef a():\n{body}\n\n\ndef b(): ...\n")) == [("a", lines), ("b", 1)]
+    body = "\n".join(["  if (x) {", "    x = 1;", "  }", *["  x = 1;"] * (lines - 5)])
+    method = "struct S {\n  int b() const {\n    return 1;\n  }\n};"
+    code = f"namespace n {{\nint a(int x) {{\n{body}\n}}\n{method}\n}}\n"
+    assert list(cxx_functions(code)) == [("a", lines), ("b", 3)]
+
+
+def test_attributes_are_fields_and_what_methods_set() -> None:
+    code = """
+# Over 12 attributes: it is an example.
+@dataclass
+class A:
+    x: int
+    y: ClassVar[int] = 1
+    def set(self, other):
+        self.z = self.x
+        self.z += 1
+        other.w = self.v
+        self.u.t = 2
+"""
+    assert list(classes(code)) == [("A", 2, "# Over 12 attributes: it is an example.")]
