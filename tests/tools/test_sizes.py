@@ -74,7 +74,6 @@ OPEN_FILES: dict[str, int] = {
     "host/fltea/recording/text_layout.py": 401,
     "host/fltea/records/records.py": 452,
     "host/fltea/spectrum/intervals.py": 424,
-    "host/fltea/spectrum/octaves.py": 418,
     "host/fltea/spectrum/verdict.py": 406,
     "host/fltea/stream/pipeline.py": 426,
     "tools/due_emulator/cpu.py": 401,

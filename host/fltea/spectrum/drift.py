@@ -7,7 +7,7 @@ import numpy as np
 
 from fltea.noise.distributions import chi2_tail
 from fltea.records.arrays import Array
-from fltea.spectrum.octaves import Drift
+from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
 PERIODS = 10.0

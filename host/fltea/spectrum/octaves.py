@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from fltea import _native
 from fltea.records.arrays import Array
+from fltea.spectrum.cubic_drift import Drift, cubic_through, drift_of, is_large
 from fltea.spectrum.periodogram import LOWEST, Periodogram, check_enough
 
 WHOLE: int = _native.OCTAVES_WHOLE
@@ -36,8 +37,6 @@ SHORTEST = 64
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
-LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
-"""A cubic is subtracted from a short record too if its power is LARGE_DRIFT times that of these ordinates."""
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
 """Frequency, in rad a sample of the whole-record level, below which that level gives the spectrum; above, the
 octaves do."""
@@ -116,15 +115,6 @@ class AllanPoints(NamedTuple):
     """Effective numbers of averaged terms, (k,)."""
     samples: float
     """Number of samples from which the variances were computed."""
-
-
-class Drift(NamedTuple):
-    """The slow part that is not noise: a cubic in each unbroken stretch of the whole-record level."""
-
-    power: float
-    """Mean square of the cubics' amplitudes; for white noise of variance R it has the mean R."""
-    amplitudes: int
-    """Number of amplitudes: three for each stretch."""
 
 
 Lines = tuple[Array, Array, Array]
@@ -262,7 +252,7 @@ class Octaves:
         whole = [_whole_lines(depth, y, amplitudes) for y in stretches]
         longest = max((len(y) for y in stretches), default=0)
         n = (longest << depth) if longest else BLOCK << max(depth - 1, 0)
-        return Parts(octaves, whole, depth, _drift_of(amplitudes, depth), n)
+        return Parts(octaves, whole, depth, drift_of(amplitudes, depth), n)
 
     def cells(self, lane: int, h: float) -> list[BandCells]:
         """Return the power of each octave over time, highest band first; `h`: sampling period [s]."""
@@ -324,36 +314,6 @@ def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
     return own / 2**level, 2.0**level / _HANN_POWER / _passed(own, level)
 
 
-def _drift(values: Array) -> tuple[Array, Array]:
-    """Return the cubic through `values` (m,) of mean 0, and its amplitudes, each N(0, 1) for white noise.
-
-    Drift that ends at another value than it began with leaks into all frequencies as 1/λ², far above its own
-    frequencies. From noise, the cubic takes the power of the ordinates below LOWEST, and a few percent of
-    ordinate LOWEST.
-    """
-    basis = _cubics(len(values))
-    amplitudes = basis @ values
-    return amplitudes @ basis, amplitudes
-
-
-@functools.lru_cache(maxsize=8)
-def _cubics(m: int) -> Array:
-    """Return three orthogonal cubics (3, m) of unit power and mean 0."""
-    x = np.linspace(-1, 1, m)
-    squares = x * x
-    curve = squares - squares.mean()
-    bend = x * (squares - (squares @ squares) / squares.sum())
-    return np.stack([one / math.sqrt(one @ one) for one in (x, curve, bend)])
-
-
-def _drift_of(amplitudes: list[Array], level: int) -> Drift | None:
-    if not amplitudes:
-        return None
-    all_of_them = np.concatenate(amplitudes)
-    power = float(all_of_them @ all_of_them) / len(all_of_them) * 2.0**level
-    return Drift(power, len(all_of_them))
-
-
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
     """Return frequencies, powers and weights of the lines of the whole-record level.
 
@@ -363,9 +323,9 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
     lam, gain = _whole_gain(level, m)
     values = y.astype(np.float64)
     values -= values.mean()
-    cubic, found = _drift(values)
+    cubic, found = cubic_through(values)
     amplitudes.append(found)
-    if level or _drifts(values, found):
+    if level or is_large(values, found):
         values -= cubic
     spectrum = np.fft.rfft(values)[LOWEST : LOWEST + len(lam)]
     return lam, (spectrum.real**2 + spectrum.imag**2) * gain, np.ones(len(lam))
@@ -377,13 +337,6 @@ def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
     return own / 2**level, 2.0**level / m / _passed(own, level)
-
-
-def _drifts(values: Array, amplitudes: Array) -> bool:
-    """Return whether a short record drifts so much that the drift would leak into fitted frequencies."""
-    near = np.fft.rfft(values)[NEAR_THE_DRIFT]
-    level = float(np.mean(near.real**2 + near.imag**2)) / len(values) if near.size else 0.0
-    return float(np.mean(amplitudes**2)) > LARGE_DRIFT * level > 0
 
 
 def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[NDArray[np.float32]]:

@@ -17,6 +17,7 @@ import numpy as np
 from fltea.noise.parts import HighPass, Resonance
 from fltea.records.arrays import Array
 from fltea.spectrum.candidate_models import CandidateModels, native
+from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.drift import drift_hz, slow_power
 from fltea.spectrum.evidence import APART, LEVEL, Evidence, apart
 from fltea.spectrum.high_pass import LEAKS_AT_MOST, end_leak
@@ -24,7 +25,7 @@ from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.octave_comb import find_octave_comb
 from fltea.spectrum.octave_lines import around, find_octave_peaks
-from fltea.spectrum.octaves import BandCells, Drift
+from fltea.spectrum.octaves import BandCells
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.reading import read
 from fltea.spectrum.spectral_lines import Peak, find_peaks

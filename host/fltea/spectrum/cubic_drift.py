@@ -1,0 +1,60 @@
+"""The drift of a record, as a cubic: it is subtracted, since it would leak into all frequencies."""
+
+import functools
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fltea.records.arrays import Array
+
+LARGE_DRIFT, NEAR_THE_DRIFT = 30.0, slice(10, 30)
+"""A cubic is subtracted from a short record too if its power is LARGE_DRIFT times that of these ordinates."""
+
+
+class Drift(NamedTuple):
+    """The slow part that is not noise: a cubic in each unbroken stretch of the whole-record level."""
+
+    power: float
+    """Mean square of the cubics' amplitudes; for white noise of variance R it has the mean R."""
+    amplitudes: int
+    """Number of amplitudes: three for each stretch."""
+
+
+def cubic_through(values: Array) -> tuple[Array, Array]:
+    """Return the cubic through `values` (m,) of mean 0, and its amplitudes, each N(0, 1) for white noise.
+
+    Drift that ends at another value than it began with leaks into all frequencies as 1/λ², far above its own
+    frequencies. From noise, the cubic takes the power of the ordinates below LOWEST, and a few percent of
+    ordinate LOWEST.
+    """
+    basis = _cubics(len(values))
+    amplitudes = basis @ values
+    return amplitudes @ basis, amplitudes
+
+
+@functools.lru_cache(maxsize=8)
+def _cubics(m: int) -> Array:
+    """Return three orthogonal cubics (3, m) of unit power and mean 0."""
+    x = np.linspace(-1, 1, m)
+    squares = x * x
+    curve = squares - squares.mean()
+    bend = x * (squares - (squares @ squares) / squares.sum())
+    return np.stack([one / math.sqrt(one @ one) for one in (x, curve, bend)])
+
+
+def drift_of(amplitudes: Sequence[Array], level: int) -> Drift | None:
+    """Return the drift whose `amplitudes` were found in the stretches of a level; None: there are none."""
+    if not amplitudes:
+        return None
+    all_of_them = np.concatenate(amplitudes)
+    power = float(all_of_them @ all_of_them) / len(all_of_them) * 2.0**level
+    return Drift(power, len(all_of_them))
+
+
+def is_large(values: Array, amplitudes: Array) -> bool:
+    """Return whether a short record drifts so much that the drift would leak into fitted frequencies."""
+    near = np.fft.rfft(values)[NEAR_THE_DRIFT]
+    level = float(np.mean(near.real**2 + near.imag**2)) / len(values) if near.size else 0.0
+    return float(np.mean(amplitudes**2)) > LARGE_DRIFT * level > 0
