@@ -1,4 +1,4 @@
-// Searches the lines of an octave spectrum (host/fltea/spectrum/octave_lines.py) for the most significant
+// Searches the lines of an octave spectrum (host/fltea/spectrum/ordinates.py) for the most significant
 // peak: a stretch of lines whose mean is too far above the means of the flanks on both sides.
 //
 // Most lines are averages over blocks under Hann's window. Each has more than two degrees of freedom, and
@@ -20,7 +20,7 @@ struct Found {
     double level;  // noise level around the stretch
 };
 
-// Constants of the search. host/fltea/spectrum/spectral_lines.py has the constants that two searches share.
+// Constants of the search. host/fltea/spectrum/ordinate_peak.py has the constants that two searches share.
 constexpr double kFlank = 48;  // ordinates in the shortest flank
 constexpr double kWidestShare = 0.08;
 constexpr std::size_t kShortestFlank = 12;  // lines in a flank, regardless of the ordinates per line

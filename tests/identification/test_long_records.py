@@ -46,7 +46,7 @@ def test_peaks_are_found_in_whatever_block_they_stand(monkeypatch):
     expected = find_peaks(periodogram(y, H))
     assert expected
     for block in (100, 1000, 3777):
-        monkeypatch.setattr("fltea.spectrum.spectral_lines.AT_ONCE", block)
+        monkeypatch.setattr("fltea.spectrum.ordinate_peak.AT_ONCE", block)
         assert find_peaks(periodogram(y, H)) == expected
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from fltea.noise.distributions import f_deviate
 from fltea.records.arrays import Array
-from fltea.spectrum.octave_lines import SHORTEST_FLANK
-from fltea.spectrum.spectral_lines import FLANK, WIDEST_SHARE
+from fltea.spectrum.ordinate_peak import FLANK, WIDEST_SHARE
+from fltea.spectrum.spectral_lines import SHORTEST_FLANK
 
 LEAST_FLANK, LEAST_ORDINATES, END_FLANK, CONTINUED, HOPELESS = 4, 16.0, 4, 5.0, 0.6
 NEIGHBOURS = 4 / 9, 1 / 36

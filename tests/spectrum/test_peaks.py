@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fltea import _native
 from fltea.records.arrays import Array
-from fltea.spectrum.octave_lines import around, find_octave_peaks
+from fltea.spectrum.ordinates import around
 from fltea.spectrum.periodogram import Periodogram, periodogram
 from fltea.spectrum.spectral import _above_slow_lines
 from fltea.spectrum.spectral_lines import Peak, find_peaks
@@ -22,20 +22,19 @@ N = 60_000
 
 
 class Search(NamedTuple):
-    """A way to compute a record's spectrum, and the search for peaks in it."""
+    """A way to compute a record's spectrum, in which peaks are searched."""
 
     seen: Callable[[Array], Periodogram]
-    find: Callable[[Periodogram], tuple[Peak, ...]]
 
     def __call__(self, y: Array) -> tuple[Peak, ...]:
-        return self.find(self.seen(y))
+        return find_peaks(self.seen(y))
 
 
 def octave_lines(y: Array) -> Periodogram:
     return fed(y).periodogram(0, H)
 
 
-FILE, LIVE = Search(lambda y: periodogram(y, H), find_peaks), Search(octave_lines, find_octave_peaks)
+FILE, LIVE = Search(lambda y: periodogram(y, H)), Search(octave_lines)
 both = pytest.mark.parametrize("search", [FILE, LIVE], ids=["file", "live"])
 
 
@@ -76,7 +75,7 @@ AT_JOINTS_OF_OCTAVES = (1.09, 2.16, 2.18, 4.33, 4.35, 8.68, 8.7, 17.3, 17.45)
 )
 def test_a_line_is_found_and_left_out(search: Search, n: int, amplitude: float, hz: float) -> None:
     seen = search.seen(white(n, 1, 4)[0] + amplitude * tone(hz, n))
-    (peak,) = search.find(seen)
+    (peak,) = find_peaks(seen)
     resolution_hz = 1 / (n * H) if search is FILE else max(0.12, 0.01 * hz)
     assert peak.frequency_hz == pytest.approx(hz, abs=resolution_hz)
     # Half of a spectral line that lies at a joint between octaves.
@@ -85,7 +84,7 @@ def test_a_line_is_found_and_left_out(search: Search, n: int, amplitude: float, 
     assert peak.kind == "line" or search is LIVE
     low_hz, high_hz = peak.notch_hz
     assert low_hz < hz < high_hz < low_hz + 2
-    assert search.find(seen.without(0, [peak.notch_hz])) == ()
+    assert find_peaks(seen.without(0, [peak.notch_hz])) == ()
 
 
 @both

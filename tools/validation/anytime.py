@@ -15,10 +15,9 @@ from fltea.records.arrays import Array
 from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
 from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
 from fltea.spectrum.live_axes import FEWEST_SAMPLES
-from fltea.spectrum.octave_lines import find_octave_peaks
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import Looks, examine
-from fltea.spectrum.spectral_lines import FALSE_ALARM
+from fltea.spectrum.spectral_lines import FALSE_ALARM, find_peaks
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
 from fltea.stream.fit_times import LookTimes
@@ -109,8 +108,8 @@ def _look(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[s
     whole = sums.periodogram(0, H)
     if is_search:
         change = find_change(sums.cells(0, H), H, LEVELS[0] * by_level)
-    if is_search and find_octave_peaks(whole, LEVELS[0] * by_level):
-        found = [level for level in LEVELS if find_octave_peaks(whole, level * by_level)]
+    if is_search and find_peaks(whole, LEVELS[0] * by_level):
+        found = [level for level in LEVELS if find_peaks(whole, level * by_level)]
     return {
         "null test": e.p_all,
         # Better than white noise if -BIC > APART + 2 log(LEVEL / level).

@@ -14,8 +14,8 @@ from fltea.identification.swing_period import with_period
 from fltea.records.arrays import Array
 from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.median_filter import MedianFilter, find_median_filter
-from fltea.spectrum.octave_lines import around
 from fltea.spectrum.octaves import SHORTEST, Lines, Octaves, Parts, in_order, put_together
+from fltea.spectrum.ordinates import around
 from fltea.spectrum.periodogram import Periodogram, check_enough, periodogram
 from fltea.spectrum.spectral import Spectral, examine
 from fltea.spectrum.spectral_lines import Peak

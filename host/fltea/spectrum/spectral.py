@@ -24,8 +24,8 @@ from fltea.spectrum.high_pass import LEAKS_AT_MOST, end_leak
 from fltea.spectrum.likelihood_ratio import p_value
 from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.octave_comb import find_octave_comb
-from fltea.spectrum.octave_lines import around, find_octave_peaks
 from fltea.spectrum.octaves import BandCells
+from fltea.spectrum.ordinates import around
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned
 from fltea.spectrum.reading import read
 from fltea.spectrum.spectral_lines import Peak, find_peaks
@@ -242,9 +242,9 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
         return find_peaks(whole, false_alarm), ()
     comb = find_octave_comb(whole, false_alarm * FALSE_COMB / FALSE_PEAK)
     if comb is None:
-        return find_octave_peaks(whole, false_alarm), ()
+        return find_peaks(whole, false_alarm), ()
     try:
-        return (comb.peak, *find_octave_peaks(whole.without(0.0, comb.bands), false_alarm)), comb.bands
+        return (comb.peak, *find_peaks(whole.without(0.0, comb.bands), false_alarm)), comb.bands
     except ValueError:  # too few lines are left between the teeth
         return (comb.peak,), ()
 

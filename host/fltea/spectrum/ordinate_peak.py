@@ -1,0 +1,151 @@
+"""Search the ordinates of a periodogram for the most significant peak.
+
+Where the spectrum is flat, the ratio of a range's mean to the mean of a flank has an F distribution at any
+level. Ranges of 1, 2, 4, ... ordinates are tried; the rate of false alarms is divided by the number of trials
+(Bonferroni).
+
+At the ends of the band, the search finds lines only. Near 0 Hz the lower flank may be short. At the Nyquist
+frequency there is only a lower flank: its level is extrapolated by its rise from the first half to the
+second.
+
+host/native/octave_peak.hpp searches ordinates that are averages of different numbers. The two are not one,
+since a file of a day has millions of ordinates, which are searched in blocks here, with the exact F
+distribution; a live spectrum has a few hundred, which are searched every second.
+"""
+
+import functools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fltea.noise.distributions import f_log_tail
+from fltea.records.arrays import Array
+from fltea.spectrum.periodogram import AT_ONCE
+
+FLANK = 48
+"""Ordinates in the shortest flank; the flanks of a wide range are twice as long as the range."""
+SHORTEST_FLANK = 4
+"""Fewest ordinates in the lower flank near frequency 0."""
+END_WIDTHS = (1, 2, 4)
+"""Widths of the ranges that are tried at the ends of the band."""
+SURELY_NOT = 4.0
+"""Largest difference between the log of a range's probability and that log for an exactly known level."""
+WIDEST_SHARE = 0.08
+"""The widest stretch, as a share of all ordinates."""
+FOLDED_SHARE, FOLDED_HEIGHT, FLAT = 0.04, 5.0, 1.3
+"""Limits for a hump at the Nyquist frequency: FOLDED_SHARE, its largest width as a share of all ordinates;
+FOLDED_HEIGHT, its least mean over the level below it; FLAT, the largest ratio of the two halves of that
+level. The last one excludes noise that alternates in sign, whose spectrum falls slowly."""
+LEAST_LEVEL = 1e-12
+"""Least level over the mean; it replaces a level of 0, as simulated noise may have it."""
+
+
+def strongest_ordinates(power: Array, false_alarm: float) -> tuple[int, int, float] | None:
+    """Return begin and end of the most striking significant range, and the level around it; or None."""
+    m = len(power)
+    sums = np.zeros(m + 1)
+    np.cumsum(power, out=sums[1:])
+    widths = [1 << i for i in range(int(math.log2(max(WIDEST_SHARE * m, 1))) + 1)]
+    best = _at_the_ends(sums, false_alarm / 2)
+    folded = _at_nyquist(sums, false_alarm / 4)
+    if folded is not None and (best is None or folded[0] > best[0]):
+        best = folded
+    false_alarm /= 4
+    for width in widths:
+        flank, guard = max(FLANK, 2 * width), width
+        first, last = flank + guard, m - flank - guard - width
+        if last <= first:
+            break
+        step = max(1, width // 4)
+        top: tuple[float, int, float] = (-math.inf, 0, 0.0)
+        for begin in range(first, last, step * AT_ONCE):
+            at = np.arange(begin, min(last, begin + step * AT_ONCE), step)
+            mean = (sums[at + width] - sums[at]) / width
+            before = (sums[at - guard] - sums[at - guard - flank]) / flank
+            after = (sums[at + width + guard + flank] - sums[at + width + guard]) / flank
+            level = np.maximum(before, after)
+            ratio = mean / np.maximum(level, LEAST_LEVEL * sums[-1] / m)
+            i = int(ratio.argmax())
+            if ratio[i] > top[0]:
+                top = float(ratio[i]), int(at[i]), float(level[i])
+        highest, place, around = top
+        tried = len(range(first, last, step))
+        log_p = f_log_tail(highest, 2 * width, 2 * flank) + math.log(len(widths) * tried)
+        # Among the significant ranges the likeliest is taken, as if the level were known. A comparison of
+        # probabilities would favour wide ranges, whose flanks are longer.
+        gain = width * (highest - 1 - math.log(highest)) if highest > 0 else -math.inf
+        if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
+            best = gain, place, place + width, around
+    return None if best is None else best[1:]
+
+
+def _at_the_ends(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
+    """Return gain, begin, end and surrounding level of the likeliest line too close to an end for a flank."""
+    m = len(sums) - 1
+    at, width = _end_tries(m)
+    if not len(at):
+        return None
+    least = LEAST_LEVEL * sums[-1] / m
+    one_sided = at >= m - FLANK - 2 * width
+    half = np.where(one_sided, FLANK // 2, FLANK)
+    begin = np.maximum(at - width - half, 0)
+    below = np.maximum((sums[at - width] - sums[begin]) / (at - width - begin), least)
+    further = np.where(one_sided, (sums[begin] - sums[np.maximum(begin - half, 0)]) / half, 0.0)
+    rising = np.where(further > 0, below / np.where(further > 0, further, 1.0), 1.0)
+    next_ = np.minimum(at + 2 * width, m)
+    above = np.maximum((sums[np.minimum(next_ + FLANK, m)] - sums[next_]) / FLANK, least)
+    above[one_sided] = 0.0
+    below *= np.maximum(rising, 1.0)
+    level = np.maximum(below, above)
+    ratio = np.maximum((sums[at + width] - sums[at]) / width / level, 1.0)
+    gain = width * (ratio - 1 - np.log(ratio))
+    needed = math.log(len(at) / false_alarm)
+    for i in np.argsort(-gain)[: np.count_nonzero(gain > needed - SURELY_NOT)].tolist():
+        mean, wide = float(ratio[i] * level[i]), int(width[i])
+        # The flanks are tested separately, since a short flank is more often low by chance.
+        flanks = [(float(below[i]), int(at[i] - width[i] - begin[i])), (float(above[i]), FLANK)]
+        log_p = max(f_log_tail(mean / one, 2 * wide, 2 * many) for one, many in flanks if one > 0)
+        if log_p < -needed:
+            return float(gain[i]), int(at[i]), int(at[i]) + wide, float(level[i])
+    return None
+
+
+def _at_nyquist(sums: Array, false_alarm: float) -> tuple[float, int, int, float] | None:
+    """Return gain, begin, end and surrounding level of the likeliest hump that ends at the Nyquist frequency.
+
+    Mains at half of a sample rate of 100 Hz makes such a hump. Noise that rises towards the Nyquist frequency
+    changes by less over so few ordinates.
+    """
+    m, best = len(sums) - 1, None
+    widths = [1 << i for i in range(2, int(math.log2(max(FOLDED_SHARE * m, 1))) + 1)]
+    for width in widths:
+        flank, begin = max(FLANK, 2 * width), m - width
+        end = begin - width
+        if end - flank < FLANK:
+            break
+        level = max(float(sums[end] - sums[end - flank]) / flank, LEAST_LEVEL * sums[-1] / m)
+        further = float(sums[end - flank // 2] - sums[end - flank]) / (flank // 2)
+        ratio = float(sums[m] - sums[begin]) / width / level
+        if ratio < FOLDED_HEIGHT or 2 * level - further > FLAT * further:
+            continue
+        gain = width * (ratio - 1 - math.log(ratio))
+        log_p = f_log_tail(ratio, 2 * width, 2 * flank) + math.log(len(widths))
+        if log_p < math.log(false_alarm) and (best is None or gain > best[0]):
+            best = gain, begin, m, level
+    return best
+
+
+@functools.lru_cache(maxsize=8)
+def _end_tries(m: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the begins and the widths of the ranges to try near the ends of m ordinates."""
+    tries = [
+        (at, width)
+        for width in END_WIDTHS
+        for at in (
+            *range(SHORTEST_FLANK + width, min(FLANK + width, m - FLANK - 2 * width)),
+            *range(max(m - FLANK - 2 * width, FLANK + width), m - width + 1),
+        )
+    ]
+    at, width = np.array(tries, dtype=np.intp).reshape(-1, 2).T
+    return at, width
