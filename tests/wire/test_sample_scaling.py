@@ -4,8 +4,9 @@ import pytest
 from blocks import as_block, raw_samples
 from fltea.records.events import RawSample
 from fltea.records.records import Sample
+from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE
 from fltea.stream.decode import Decoder
-from fltea.wire.sample_scaling import resolution_dps, to_counts
+from fltea.wire.sample_scaling import to_counts
 from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,13 +33,14 @@ def test_gyro_at_every_range(range_dps: int, lsb: float) -> None:
     counts = (round(lsb * range_dps / 10), -1, 0)
     sample = scaled(raw(gyro=counts), gyro_lsb_per_dps=lsb)
     assert sample.gyro_dps == pytest.approx((range_dps / 10, -1 / lsb, 0.0))
-    assert resolution_dps(hello(gyro_lsb_per_dps=lsb)) == pytest.approx(1 / lsb)
+    assert GYROSCOPE.resolution(hello(gyro_lsb_per_dps=lsb)) == pytest.approx(1 / lsb)
 
 
 @pytest.mark.parametrize(("range_g", "lsb"), ACCEL_LSB_PER_G.items())
 def test_accel_at_every_range(range_g: int, lsb: float) -> None:
     sample = scaled(raw(accel=(int(lsb), -int(lsb) // 2, 0)), accel_lsb_per_g=lsb)
     assert sample.accel_ms2 == pytest.approx((9.80665, -4.903325, 0.0))
+    assert ACCELEROMETER.resolution(hello(accel_lsb_per_g=lsb)) == pytest.approx(9.80665 / lsb)
 
 
 def test_hand_worked_sample() -> None:
@@ -59,6 +61,7 @@ def test_what_is_not_known_stays_none() -> None:
     sample = scaled(raw())
     assert sample.accel_ms2 is None
     assert sample.temperature_c is None
+    assert ACCELEROMETER.resolution(hello(accel_lsb_per_g=0.0)) is None
     assert scaled(raw(accel=(1, 2, 3)), accel_lsb_per_g=0.0).accel_ms2 is None
 
 
@@ -69,7 +72,7 @@ def test_acceleration_without_a_scale_is_in_its_unit_already() -> None:
 def test_recording_in_dps_passes_unchanged() -> None:
     sample = scaled(raw(gyro=(0.1, -0.2)), gyro_lsb_per_dps=None)
     assert sample.gyro_dps == (0.1, -0.2)
-    assert resolution_dps(hello(gyro_lsb_per_dps=None)) is None
+    assert GYROSCOPE.resolution(hello(gyro_lsb_per_dps=None)) is None
 
 
 @given(

@@ -20,8 +20,6 @@ from fltea.identification.counts import Counts
 from fltea.identification.data_checks import DataCheck, of_axis
 from fltea.identification.forecast import Asked
 from fltea.identification.load import (
-    ACCEL_UNIT,
-    GYRO_UNIT,
     Loaded,
     Request,
     Unreadable,
@@ -31,13 +29,14 @@ from fltea.identification.load import (
 from fltea.recording.reading import Answer
 from fltea.records.arrays import Array
 from fltea.records.errors import UsageError
+from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.settings.how import How, TimeUnit
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-IN_NAMES = {GYRO_UNIT: "dps", ACCEL_UNIT: "ms2"}
+IN_NAMES = {kind.text_unit: kind.column_unit for kind in SENSOR_KINDS}
 """Spelling of each unit in the names of columns."""
 
 

@@ -21,7 +21,7 @@ from fltea.recording.kind import is_one_file
 from fltea.recording.spool import Spool
 from fltea.records.errors import UsageError
 from fltea.records.events import Values
-from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.records.whole_file import text_of, whole_file
 from fltea.settings.duration import Duration
 from fltea.settings.how import AS_IT_SAYS, How
@@ -133,7 +133,7 @@ class DeviceTime:
 
 def sample_table(decoded: Iterable[Decoded]) -> Table:
     """Return a table with one row for each sample; quantities that the recording lacks stay empty."""
-    columns = ["time_s", *(f"{axis}_dps" for axis in AXES), *(f"{axis}_ms2" for axis in ACCEL_AXES)]
+    columns = ["time_s", *(f"{axis}_{kind.column_unit}" for kind in SENSOR_KINDS for axis in kind.axes)]
     columns += ["temperature_c", "epoch", "seq", "device_us", "host_ns", "flags"]
 
     def rows() -> Iterator[list[Any]]:
@@ -141,10 +141,12 @@ def sample_table(decoded: Iterable[Decoded]) -> Table:
         for found in decoded:
             times = np.round(clock.add(found), 6).tolist()
             for time_s, s in zip(times, found.block.samples(), strict=True):
-                gyro = [*s.gyro_dps, *([None] * (len(AXES) - len(s.gyro_dps)))]
-                accel = s.accel_ms2 or (None,) * len(ACCEL_AXES)
+                values: list[Any] = []
+                for kind in SENSOR_KINDS:
+                    known = getattr(s, kind.samples_field) or ()
+                    values += [*known, *([None] * (len(kind.axes) - len(known)))]
                 place = s.epoch, s.seq, s.device_us, s.host_ns, s.flags
-                yield [time_s, *gyro, *accel, s.temperature_c, *place]
+                yield [time_s, *values, s.temperature_c, *place]
 
     return Table(columns, rows())
 

@@ -12,6 +12,7 @@ from fltea.recording.session import Whole
 from fltea.records.errors import UsageError
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import ACCEL_AXES, AXES, Corrected
+from fltea.records.sensor_kind import kind_of
 from fltea.settings.duration import Duration
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def published_table(paths: Sequence[Path], source: Any, what: What, max_gap: Dur
             "device_estimates": "estimates of a device beside the host's (--estimate-on both).",
         }
         raise UsageError(f"{paths[0]}: holds no {missing.get(what, of_samples)}")
-    units = {axis: "ms2" if axis in ACCEL_AXES else "dps" for axis in first.axes}
+    units = {axis: kind_of(axis).column_unit for axis in first.axes}
     columns = ["time_s", *OF_ALL]
     if isinstance(first, _Fit):
         columns += ["samples", *(name for axis, unit in units.items() for name in _fit_columns(axis, unit))]

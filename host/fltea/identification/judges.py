@@ -20,6 +20,7 @@ from fltea.recording.candidates import MOST_MEAN_DPS, MOST_N, USUAL
 from fltea.recording.reading import Answer
 from fltea.records.arrays import Array, median
 from fltea.records.records import ACCEL_AXES, AXES
+from fltea.records.sensor_kind import SENSOR_KINDS, kind_of
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.spectrum.median_filter import find_median_filter
 
@@ -108,8 +109,8 @@ def judge(
         gaps: where samples are missing.
         reading: how the file was read, as far as that is known.
     """
-    seen = {name: _look(read(name), one, unit_of(name), gaps) for name, one in lsb.items()}
-    kept = [data_check for names in (AXES, ACCEL_AXES) for data_check in _held(read, lsb, h, names)]
+    seen = {name: _look(read(name), one, kind_of(name).text_unit, gaps) for name, one in lsb.items()}
+    kept = [data_check for kind in SENSOR_KINDS for data_check in _held(read, lsb, h, kind.axes)]
     yield from kept
     # Where values are held regularly, some samples always equal their neighbours, which looks like turns.
     by_turns = [] if any(data_check.severity == "bad" for data_check in kept) else list(_alternating(seen, h))
@@ -176,11 +177,6 @@ def held(
             names,
         ),
     )
-
-
-def unit_of(name: str) -> str:
-    """Return the unit of an axis: deg/s for a gyroscope, m/s² for an accelerometer."""
-    return "m/s²" if name in ACCEL_AXES else "deg/s"
 
 
 def _look(y: Array, lsb: float | None, unit: str, gaps: Gaps) -> Axis:
@@ -322,7 +318,7 @@ def _is_gravity(length: float) -> bool:
 
 def _like_mems(seen: Mapping[str, Axis], h: float, unit: Answer) -> Iterator[DataCheck]:
     """Yield a data check if noise and mean at rest contradict a unit that is only assumed by convention."""
-    gyro, accel = ([seen[name] for name in names if name in seen] for names in (AXES, ACCEL_AXES))
+    gyro, accel = ([seen[name] for name in kind.axes if name in seen] for kind in SENSOR_KINDS)
     shakes = math.hypot(*(axis.rest[1] for axis in accel)) > SHAKES * math.hypot(
         *(axis.rest[0] for axis in accel)
     )

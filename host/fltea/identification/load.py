@@ -24,12 +24,12 @@ from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Trouble
 from fltea.records.records import ACCEL_AXES, AXES, Hello
+from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SENSOR_KINDS
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource, mcap_sessions, open_mcap
 from fltea.stream.decode import Decoded, Decoder
 from fltea.wire.layout import SampleFlags
-from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 MAX_GAP = 100
 """Longest gap, in samples, as `link.max_gap`; here it only decides how a break is counted."""
@@ -40,7 +40,7 @@ MOST_REPORTED = 5
 MOST_GROUPS = 8
 """Largest number of rates and scales kept at the same time, as each has its own files."""
 
-GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s²"
+GYRO_UNIT, ACCEL_UNIT = GYROSCOPE.text_unit, ACCELEROMETER.text_unit
 
 
 class Request(msgspec.Struct, frozen=True):
@@ -318,7 +318,9 @@ class _Group:
             self._at.append(self._samples)
             self._missing.append(missing)
         self._samples += len(block)
-        for names, values in ((self._gyro_names, block.gyro_dps), (ACCEL_AXES, block.accel_ms2)):
+        for kind in SENSOR_KINDS:
+            values = getattr(block, kind.samples_field)
+            names = self._gyro_names if kind is GYROSCOPE else kind.axes
             for name, column in zip(names, () if values is None else values.T, strict=False):
                 self._spool.append(name, column)
         if block.flags is not None and block.flags.any():
@@ -336,14 +338,11 @@ class _Group:
         """Return all axes by name."""
         assert self.hello is not None
         found = {}
-        for names, unit, lsb in (
-            (AXES, GYRO_UNIT, resolution_dps(self.hello)),
-            (ACCEL_AXES, ACCEL_UNIT, accel_resolution_ms2(self.hello)),
-        ):
-            for name in names:
+        for kind in SENSOR_KINDS:
+            for name in kind.axes:
                 if name in self._spool:
                     y = self._spool.mapped(name) if self._in_files else self._spool.whole(name)
-                    found[name] = Series(y, unit, lsb, gaps)
+                    found[name] = Series(y, kind.text_unit, kind.resolution(self.hello), gaps)
         return found
 
     def close(self) -> None:

@@ -47,8 +47,8 @@ from fltea.identification.workers import Workers
 from fltea.records.arrays import Array
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.kinds import FILE_TROUBLES
-from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.scarce import is_scarcity, scarcity
+from fltea.records.sensor_kind import GYROSCOPE, kind_of
 from fltea.records.temporary import work_folder
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.settings.live import LiveConfig
@@ -80,8 +80,9 @@ class Settings(msgspec.Struct, frozen=True):
 
     def of_axis(self, axis: str, channels: Sequence[str]) -> IdentifyOptions:
         """Return the options of one axis among the identified `channels`."""
-        config, names = (self.accel, ACCEL_AXES) if axis in ACCEL_AXES else (self.gyro, AXES)
-        index = [name for name in channels if name in names].index(axis)
+        kind = kind_of(axis)
+        config = self.gyro if kind is GYROSCOPE else self.accel
+        index = [name for name in channels if name in kind.axes].index(axis)
         numbers: dict[str, Any] = {}
         for key in ("bias", "R"):
             value = getattr(config, key)

@@ -10,6 +10,7 @@ import msgspec
 
 from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.fit import AxisFit, Interval, VerdictKind
+from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE
 from fltea.records.stats import (
     AxisStats,
     DeviceEstimatorStats,
@@ -19,14 +20,13 @@ from fltea.records.stats import (
     SampleStats,
 )
 
-AXES = ("gyro_x", "gyro_y", "gyro_z")
+AXES = GYROSCOPE.axes
 """Names of the gyroscope's axes, in the order of every tuple of rates."""
 
-
-ACCEL_AXES = ("accel_x", "accel_y", "accel_z")
+ACCEL_AXES = ACCELEROMETER.axes
 """Names of the accelerometer's axes, in the order of every tuple of specific forces."""
 
-GYRO_UNIT, ACCEL_UNIT = "deg/s", "m/s^2"
+GYRO_UNIT, ACCEL_UNIT = GYROSCOPE.unit, ACCELEROMETER.unit
 
 Whiteness = Literal["not rejected", "rejected"]
 """Result of the test for white noise in the newest fit. While white noise is not rejected, α is undefined."""

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from fltea.records.errors import UsageError
-from fltea.records.records import ACCEL_AXES, AXES
 from fltea.records.secret import refuse_secret
+from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.records.small_file import read_small
 from fltea.settings.device_name import NAME, device_name, device_names
 from fltea.settings.duration import Duration, in_seconds
@@ -181,7 +181,7 @@ class Config(Outputs, frozen=True):
         super().__post_init__()
         if self.source is not None:
             refuse_secret("source", self.source)
-        known = AXES + ACCEL_AXES
+        known = [axis for kind in SENSOR_KINDS for axis in kind.axes]
         for channel in self.channels or ():
             if channel not in known:
                 raise ValueError(f"channels: there is no {channel}; there are {', '.join(known)}")

@@ -1,7 +1,8 @@
 """The words for an axis's unit and present bias, for the page and the terminal."""
 
 from fltea.records.plus_minus import plus_minus
-from fltea.records.records import AXES, AxisEstimate
+from fltea.records.records import AxisEstimate
+from fltea.records.sensor_kind import kind_of
 from fltea.sinks.changes import MOVES
 
 
@@ -15,4 +16,4 @@ def bias_words(estimate: AxisEstimate | None, unit: str) -> str:
 
 def unit_of(axis: str) -> str:
     """Return the unit of an axis's samples."""
-    return "deg/s" if axis in AXES else "m/s²"
+    return kind_of(axis).text_unit

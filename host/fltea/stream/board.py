@@ -18,6 +18,7 @@ from fltea.records.events import (
     LinkDown,
 )
 from fltea.records.records import AXES, DeviceEstimates, Estimate
+from fltea.records.sensor_kind import GYROSCOPE
 from fltea.records.stats import AxisStats, DeviceEstimatorStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
@@ -75,7 +76,7 @@ class BoardEstimates:
         """Begin an epoch: a stretch of samples without a restart of the filters."""
         self.forget()
         self._fits.begin(beginning.hello.rate_hz)
-        gyro, _ = beginning.axes(self._config.channels)
+        gyro = beginning.axes(self._config.channels).get(GYROSCOPE, {})
         self._axes = gyro
         self._notices.begin()
 
@@ -123,7 +124,8 @@ class BoardEstimates:
         if self.alone:
             standing.startup_remaining = s.remaining if s else 0
             standing.axes = self._axes_stats()
-            standing.gyro = info_of(s) if s else None
+            if s:
+                standing.filters[GYROSCOPE] = info_of(s)
         return standing
 
     def _on_estimator(self, stated: DeviceEstimator) -> Iterator[Notice]:

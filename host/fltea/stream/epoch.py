@@ -11,7 +11,8 @@ import msgspec
 
 from fltea.estimator.snapshot import OnlineState
 from fltea.records.block import Block
-from fltea.records.records import ACCEL_AXES, AXES, AnyRecord, EstimatorInfo, Hello
+from fltea.records.records import AnyRecord, EstimatorInfo, Hello
+from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SensorKind
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
@@ -52,18 +53,40 @@ class Beginning(NamedTuple):
     saved: "Saved | None" = None
     missing: int = 0
 
-    def axes(self, wanted: Sequence[str] | None) -> tuple[dict[str, int], dict[str, int]]:
-        """Return both sensors' columns of the axes in `wanted`; None means all axes of the gyroscope."""
-        gyro, accel = AXES[: self.gyro_axes], ACCEL_AXES if self.accel else ()
-        return (
-            {axis: i for i, axis in enumerate(gyro) if wanted is None or axis in wanted},
-            {axis: i for i, axis in enumerate(accel) if axis in (wanted or ())},
-        )
+    def axes(self, wanted: Sequence[str] | None) -> dict[SensorKind, dict[str, int]]:
+        """Return for each sensor the columns of its axes in `wanted`; None means all axes of the gyroscope.
+
+        A sensor without such an axis is left out.
+        """
+        chosen = GYROSCOPE.axes if wanted is None else wanted
+        found = {
+            kind: {axis: i for i, axis in enumerate(available) if axis in chosen}
+            for kind, available in self._available().items()
+        }
+        return {kind: axes for kind, axes in found.items() if axes}
 
     def absent(self, wanted: Sequence[str] | None) -> list[str]:
         """Return the wanted axes that the samples do not contain."""
-        available = AXES[: self.gyro_axes] + (ACCEL_AXES if self.accel else ())
+        available = [axis for axes in self._available().values() for axis in axes]
         return [axis for axis in wanted or () if axis not in available]
+
+    def _available(self) -> dict[SensorKind, tuple[str, ...]]:
+        return {
+            GYROSCOPE: GYROSCOPE.axes[: self.gyro_axes],
+            ACCELEROMETER: ACCELEROMETER.axes if self.accel else (),
+        }
+
+
+class SavedSensor(NamedTuple):
+    """The saved state of one sensor: filters, spectral sums, and bias tracker; None where not saved."""
+
+    filters: OnlineState | None
+    sums: bytes | None
+    tracks: bytes | None
+
+
+SAVED_FIELDS = ("{}", "{}_fit", "{}_track")
+"""Names of the fields of `Saved` for one sensor, in the order of `SavedSensor`; {} stands for its name."""
 
 
 class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -80,6 +103,10 @@ class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     gyro_track: bytes | None = None
     accel_track: bytes | None = None
 
+    def of(self, kind: SensorKind) -> SavedSensor:
+        """Return the saved state of one sensor."""
+        return SavedSensor(*(getattr(self, field.format(kind.name)) for field in SAVED_FIELDS))
+
 
 @dataclass
 class Standing:
@@ -87,8 +114,7 @@ class Standing:
 
     startup_remaining: int = 0
     axes: dict[str, AxisStats] = field(default_factory=dict)
-    gyro: EstimatorInfo | None = None
-    accel: EstimatorInfo | None = None
+    filters: dict[SensorKind, EstimatorInfo] = field(default_factory=dict)
     device: DeviceEstimatorStats | None = None
     fit_period_s: float | None = None
     tracker: dict[str, TrackerStats] = field(default_factory=dict)
@@ -98,8 +124,7 @@ class Standing:
         return Standing(
             max(self.startup_remaining, of_board.startup_remaining),
             of_board.axes | self.axes,
-            self.gyro or of_board.gyro,
-            self.accel,
+            of_board.filters | self.filters,
             of_board.device,
             self.fit_period_s,
             self.tracker,

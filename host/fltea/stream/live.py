@@ -20,7 +20,8 @@ from msgspec.structs import replace
 
 from fltea.estimator.tracker import Remembered
 from fltea.records.fit import AxisFit
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Fit, Hello, Whiteness
+from fltea.records.records import Fit, Hello, Whiteness
+from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes, Looked
@@ -133,19 +134,15 @@ class LiveFits:
                 ValueError: the saved sums are not valid; nothing has changed then.
         """
         hello, saved = beginning.hello, beginning.saved or Saved()
-        gyro, accel = beginning.axes(self._config.channels)
-        identity = (_identity_of(hello), tuple(gyro), tuple(accel))
+        axes = beginning.axes(self._config.channels)
+        identity = (_identity_of(hello), *(tuple(axes.get(kind, ())) for kind in SENSOR_KINDS))
         if beginning.saved is None and identity == self._of:
             self.bridge(beginning.missing)
         else:
             h, of_live = 1.0 / hello.rate_hz, self._config.live
             self._sums = {
-                name: LiveAxes(tuple(axes), h, of_live, unit, data)
-                for name, axes, unit, data in (
-                    ("gyro", gyro, GYRO_UNIT, saved.gyro_fit),
-                    ("accel", accel, ACCEL_UNIT, saved.accel_fit),
-                )
-                if axes
+                kind.name: LiveAxes(tuple(names), h, of_live, kind.unit, saved.of(kind).sums)
+                for kind, names in axes.items()
             }
             self._accepted, self._begun, self._of = {}, None, identity
             self._rate_hz = hello.rate_hz

@@ -23,6 +23,7 @@ from fltea.records.events import Event, Ints, LinkDown, RawBlock, Trouble, host_
 from fltea.records.ports import Source
 from fltea.records.records import AnyRecord, Epoch, EpochReason, Error, Gap, Hello, Stats
 from fltea.records.repeat import OnceAMinute
+from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.records.stats import DeviceStatus, OutputStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import BY_DEVICE
@@ -175,7 +176,8 @@ class Pipeline:
         if missing:
             yield Gap(first.seq - missing, missing, epoch - 1, unix_ns, device=name)
         standing = self._standing()
-        place, infos = (first.seq, first.epoch_us, unix_ns), (standing.gyro, standing.accel)
+        place = first.seq, first.epoch_us, unix_ns
+        infos = (standing.filters.get(kind) for kind in SENSOR_KINDS)
         yield Epoch(epoch, reason, *place, hello.boot_id, *infos, resumed_after_s, device=name)
         if between:
             self._device.note_lost(between)

@@ -7,24 +7,23 @@ from fltea.estimator.lanes import Reason
 from fltea.estimator.tracker import events_of
 from fltea.records.block import Block
 from fltea.records.errors import UsageError
-from fltea.records.records import ACCEL_UNIT, GYRO_UNIT, Motion, Step
+from fltea.records.records import Motion, Step
+from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SensorKind
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream.channels import Channels
 from fltea.stream.decode import OfSensors
-from fltea.stream.epoch import Beginning, Moment, Saved, Standing
+from fltea.stream.epoch import SAVED_FIELDS, Beginning, Moment, Saved, Standing
 from fltea.stream.happenings import record_of
 from fltea.stream.live import LiveFits
 from fltea.stream.tracking import SensorTracks
-from fltea.wire.sample_scaling import accel_resolution_ms2, resolution_dps
 
 
 class Sensor(NamedTuple):
     """One sensor. `sums`: spectral sums, None if nothing is fitted. `channels`: filters, None if unused."""
 
-    name: str
-    unit: str
+    kind: SensorKind
     tracks: SensorTracks
     sums: LiveAxes | None
     channels: Channels | None
@@ -36,7 +35,7 @@ class Sensor(NamedTuple):
         of_bank: tuple[Any, int, list[bool]] = (None, 0, [False] * len(self.tracks.names))
         if channels is not None:
             of_bank = channels.bank.native, channels.bank.startup_remaining, channels.waiting
-        return self.name == "accel", self.tracks.places, self.tracks.tracker.native, *of_sums, *of_bank
+        return self.kind is ACCELEROMETER, self.tracks.places, self.tracks.tracker.native, *of_sums, *of_bank
 
     def go_by(self, fits: LiveFits | None) -> None:
         """Use the accepted fits from the next sample on."""
@@ -76,29 +75,22 @@ class Sensors:
             UsageError: a setting amounts to more samples than allowed.
         """
         config, hello, saved = self._config, beginning.hello, beginning.saved or Saved()
-        gyro, accel = beginning.axes(config.channels)
         h = 1 / hello.rate_hz
-        of_gyro = None
-        if gyro and (here := self._settings()) is not None:
-            settings = _at(here, "estimator", hello.rate_hz)
-            of_gyro = Channels(gyro, settings, h, resolution_dps(hello), GYRO_UNIT, saved.gyro)
-        of_accel = None
-        if accel:
-            settings = _at(config.accel, "accel", hello.rate_hz)
-            of_accel = Channels(accel, settings, h, accel_resolution_ms2(hello), ACCEL_UNIT, saved.accel)
-        tracks: dict[str, SensorTracks] = {}
-        for name, axes, estimator, unit, data in (
-            ("gyro", gyro, config.estimator, GYRO_UNIT, saved.gyro_track),
-            ("accel", accel, config.accel, ACCEL_UNIT, saved.accel_track),
-        ):
-            if axes:
-                tracks[name] = SensorTracks(axes, estimator, config.live, h, unit)
-                if data is not None:
-                    tracks[name].load(data)
+        filters: dict[SensorKind, Channels] = {}
+        tracks: dict[SensorKind, SensorTracks] = {}
+        for kind, axes in beginning.axes(config.channels).items():
+            estimator: EstimatorConfig = getattr(config, kind.settings)
+            here = self._settings() if kind is GYROSCOPE else estimator  # a board may estimate the gyroscope
+            if here is not None:
+                settings = _at(here, kind.settings, hello.rate_hz)
+                resolution = kind.resolution(hello)
+                filters[kind] = Channels(axes, settings, h, resolution, kind.unit, saved.of(kind).filters)
+            tracks[kind] = SensorTracks(axes, estimator, config.live, h, kind.unit)
+            if (data := saved.of(kind).tracks) is not None:
+                tracks[kind].load(data)
         sums = {} if self._fits is None else self._fits.begin(beginning)
-        channels = {"gyro": of_gyro, "accel": of_accel}
         self._all = [
-            Sensor(name, track.unit, track, sums.get(name), channels[name]) for name, track in tracks.items()
+            Sensor(kind, track, sums.get(kind.name), filters.get(kind)) for kind, track in tracks.items()
         ]
         for sensor in self._all:
             sensor.go_by(self._fits)
@@ -173,20 +165,21 @@ class Sensors:
             left = device.window_left(number)
             standing.startup_remaining = max(standing.startup_remaining, left)
             standing.axes |= dict(sensor.channels.stats())
-            if sensor.name == "gyro":
-                standing.gyro = sensor.channels.info
-            else:
-                standing.accel = sensor.channels.info
+            standing.filters[sensor.kind] = sensor.channels.info
         return standing
 
     def save(self) -> dict[str, Any]:
         """Return the state for a later run, as fields of `Saved`; empty while a start-up window fills."""
-        filters = {sensor.name: sensor.channels.save() for sensor in self._all if sensor.channels is not None}
-        if not filters or not all(filters.values()):
-            return {}
-        tracks = {f"{sensor.name}_track": sensor.tracks.save() for sensor in self._all}
-        sums = {f"{sensor.name}_fit": sensor.sums.save() for sensor in self._all if sensor.sums is not None}
-        return filters | tracks | sums
+        saved: dict[str, Any] = {}
+        for sensor in self._all:
+            channels, sums = sensor.channels, sensor.sums
+            filters = None if channels is None else channels.save()
+            if channels is not None and filters is None:
+                return {}
+            parts = filters, None if sums is None else sums.save(), sensor.tracks.save()
+            fields = (field.format(sensor.kind.name) for field in SAVED_FIELDS)
+            saved |= {field: part for field, part in zip(fields, parts, strict=True) if part is not None}
+        return saved if any(sensor.channels is not None for sensor in self._all) else {}
 
 
 def _at(config: EstimatorConfig, table: str, rate_hz: float) -> EstimatorConfig:

@@ -56,13 +56,3 @@ def to_counts(samples: Sequence[Sample], hello: Hello) -> RawBlock:
         temperature,
         np.array([sample.flags for sample in samples]),
     )
-
-
-def resolution_dps(hello: Hello) -> float | None:
-    """Return the size of one gyroscope count [deg/s], or None if the recording does not state it."""
-    return None if hello.gyro_lsb_per_dps is None else 1.0 / hello.gyro_lsb_per_dps
-
-
-def accel_resolution_ms2(hello: Hello) -> float | None:
-    """Return the size of one accelerometer count [m/s²], or None if its scale is not known."""
-    return STANDARD_GRAVITY_MS2 / hello.accel_lsb_per_g if hello.accel_lsb_per_g else None

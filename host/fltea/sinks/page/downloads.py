@@ -13,7 +13,8 @@ from fltea.documents.html_page import html_page, table
 from fltea.documents.imu_yaml import AxisNoise, Shown, imu_yaml
 from fltea.records.errors import UsageError
 from fltea.records.fit import AxisFit, Interval
-from fltea.records.records import ACCEL_AXES, AXES, Fit
+from fltea.records.records import AXES, Fit
+from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.page import facts
 from fltea.sinks.page.answer import Answer, order
@@ -89,9 +90,9 @@ def yaml_of(found: Seen) -> str:
         {
             axis: AxisNoise(_shown(fit.allan.N), _shown(fit.allan.K))
             for axis, fit in found.axes.items()
-            if axis in names and fit.allan is not None
+            if axis in kind.axes and fit.allan is not None
         }
-        for names in (AXES, ACCEL_AXES)
+        for kind in SENSOR_KINDS
     )
     if not gyro:
         raise UsageError("There is no Allan deviation of a gyroscope's axis yet: wait for its figure.")

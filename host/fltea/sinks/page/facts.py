@@ -14,6 +14,7 @@ from fltea.records.records import (
     Stats,
     Step,
 )
+from fltea.records.sensor_kind import kind_of
 from fltea.records.units import MOST_DEG
 from fltea.records.visible import visible, visible_lines
 from fltea.sinks.axis_words import unit_of
@@ -127,7 +128,7 @@ def _axis(history: DeviceHistory, name: str) -> dict[str, Any]:
         "kind": found.kind,
         "head": head,
         "rest": rest,
-        "quantity": "rate" if name in AXES else "acceleration",
+        "quantity": kind_of(name).quantity,
         "unit": unit_of(name),
     }
 

@@ -1,13 +1,13 @@
 """Keep what the page shows about one device: rows of its past, its last records, and its events."""
 
 import threading
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from fltea.records import clock
 from fltea.records.records import (
-    ACCEL_AXES,
     AXES,
     AnyRecord,
     AxisEstimate,
@@ -25,6 +25,7 @@ from fltea.records.records import (
     Stats,
     Step,
 )
+from fltea.records.sensor_kind import kind_of
 from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimateOn
 from fltea.sinks.changes import sentence
@@ -205,6 +206,6 @@ def _compared(e: DeviceAxisEstimate) -> dict[str, float | None]:
 
 
 def _value(sample: Sample, axis: str) -> float:
-    if axis in AXES:
-        return sample.gyro_dps[AXES.index(axis)]
-    return sample.accel_ms2[ACCEL_AXES.index(axis)] if sample.accel_ms2 else np.nan
+    kind = kind_of(axis)
+    values: Sequence[float] | None = getattr(sample, kind.samples_field)
+    return values[kind.axes.index(axis)] if values else np.nan

@@ -1,0 +1,84 @@
+"""The two kinds of sensors of a device: what their axes, units and fields are called, each declared once.
+
+A loop over `SENSOR_KINDS` treats gyroscope and accelerometer alike. `wire/sensors.py` lists the chips.
+"""
+
+from typing import NamedTuple, Protocol
+
+from fltea.records.units import STANDARD_GRAVITY_MS2
+
+
+class WithScales(Protocol):
+    """What states how many counts the units of both sensors have, such as `Hello`; None: not counts."""
+
+    @property
+    def gyro_lsb_per_dps(self) -> float | None:
+        """Counts in 1 deg/s."""
+
+    @property
+    def accel_lsb_per_g(self) -> float | None:
+        """Counts in 1 g."""
+
+
+class SensorKind(NamedTuple):
+    """Names and units of a gyroscope or an accelerometer."""
+
+    name: str
+    """The sensor's name in records, saved states and arrays."""
+    axes: tuple[str, str, str]
+    """Names of the axes, in the order of every tuple of samples."""
+    unit: str
+    """Unit of the samples in records."""
+    text_unit: str
+    """The same unit in texts for people, and in figures of `fltea identify`."""
+    column_unit: str
+    """The same unit in names of columns and fields: gyro_dps, accel_x_ms2."""
+    quantity: str
+    """What the sensor measures, in a word."""
+    settings: str
+    """Name of the table of settings of the sensor's filters."""
+    scale_field: str
+    """Field of `Hello` that has the number of counts in one `scale_size`."""
+    scale_size: float
+    """Size of the unit of `scale_field`, in `unit`."""
+
+    def resolution(self, hello: WithScales) -> float | None:
+        """Return the size of one count in `unit`; None if the scale is not known or samples are no counts."""
+        scale: float | None = getattr(hello, self.scale_field)
+        return self.scale_size / scale if scale else None
+
+    @property
+    def samples_field(self) -> str:
+        """Name of the field of records and blocks that has this sensor's samples: gyro_dps, accel_ms2."""
+        return f"{self.name}_{self.column_unit}"
+
+
+GYROSCOPE = SensorKind(
+    name="gyro",
+    axes=("gyro_x", "gyro_y", "gyro_z"),
+    unit="deg/s",
+    text_unit="deg/s",
+    column_unit="dps",
+    quantity="rate",
+    settings="estimator",
+    scale_field="gyro_lsb_per_dps",
+    scale_size=1.0,
+)
+ACCELEROMETER = SensorKind(
+    name="accel",
+    axes=("accel_x", "accel_y", "accel_z"),
+    unit="m/s^2",
+    text_unit="m/s²",
+    column_unit="ms2",
+    quantity="acceleration",
+    settings="accel",
+    scale_field="accel_lsb_per_g",
+    scale_size=STANDARD_GRAVITY_MS2,
+)
+SENSOR_KINDS = (GYROSCOPE, ACCELEROMETER)
+"""Both kinds, in the order in which their axes are listed."""
+
+
+def kind_of(axis: str) -> SensorKind:
+    """Return the kind of sensor that an axis belongs to; an axis of another name counts as a gyroscope's."""
+    return ACCELEROMETER if axis in ACCELEROMETER.axes else GYROSCOPE
