@@ -66,18 +66,28 @@ def test_both_paths_set_the_sensor_up_alike() -> None:
 
 
 def test_the_command(processes: Processes) -> None:
-    """Run `fltea run` on a machine with a sensor on its bus."""
+    """Run `fltea run` on a machine with a sensor on its bus.
+
+    On a busy machine the program may not run for longer than the sensor's FIFO lasts. Then samples are lost,
+    which is reported, and they are counted.
+    """
     launcher = (str(Path(__file__).with_name("pi_launcher.py")), NOISE)
     command = processes.daemon("--source", SOURCE, "--samples", *QUICK, program=launcher)
     command.wait_for(lambda: len(command.of("estimate")) >= 120, "estimates")
-    assert command.end() == (0, "")
+    said = command.end_well()
     hello = command.of("hello")[0]
     assert (hello["source"], hello["sampling_mode"]) == ("i2c:/dev/i2c-1?addr=0x68", "fifo")
     samples = command.of("sample")
-    assert [s["seq"] for s in samples] == list(range(len(samples)))
+    numbers = [s["seq"] for s in samples]
+    assert numbers[0] == 0
+    assert all(a < b for a, b in pairwise(numbers))
     assert all(a["host_ns"] < b["host_ns"] for a, b in pairwise(samples))
     assert command.of("estimate")[-1]["axes"]["gyro_z"]["fltea"]["valid"]
     stats = command.of("stats")[-1]
-    assert stats["board"]["i2c_errors"] == stats["board"]["overruns"] == 0
-    assert stats["sample_counts"]["lost"] == 0
-    assert command.of("error") == []
+    assert stats["board"]["i2c_errors"] == 0
+    counts = stats["sample_counts"]
+    assert counts["delivered"] == len(samples)
+    assert counts["delivered"] + counts["lost"] == numbers[-1] + 1
+    assert stats["board"]["overruns"] <= counts["lost"]  # the board's status is a second old at most
+    assert set(command.errors()) == ({"fifo_overflow"} if counts["lost"] else set())
+    assert said.count("\n") == said.count("fltea: fifo_overflow: ") == len(command.errors())
