@@ -202,7 +202,7 @@ def texts(draw: st.DrawFn) -> bytes:
 
 @example(text=b"t_ms,wx_rads,wy_rads,ax [g],ay [g],az [g]\n,,,", how={}, cuts=[])
 @given(text=texts(), how=st.sampled_from(HOWS), cuts=st.lists(st.integers(0, 2000), max_size=6))
-@settings(max_examples=300)
+@settings(max_examples=120)
 def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
     tmp_path_factory: pytest.TempPathFactory, text: bytes, how: dict[str, Any], cuts: list[int]
 ) -> None:
