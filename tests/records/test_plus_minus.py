@@ -39,13 +39,20 @@ OTHERS = {
     "sources/i2c/texts.py": (1, BOUND),
 }
 """How many texts of a file write ± themselves, and what for."""
+SPELLINGS = ("±", r"\xb1", r"\u00b1", "PLUS-MINUS")
+"""How Python's code may write the sign; a file that has none of them need not be parsed."""
 
 
 def texts(path: Path) -> Iterator[str]:
-    """Yield the texts of a file that a person may see: neither docstrings nor comments."""
+    """Yield the texts of a file that a person may see, if one may have the sign.
+
+    Docstrings and comments are left out.
+    """
     code = path.read_text(encoding="utf-8")
     if path.suffix != ".py":
         yield from (re.sub(r"//.*", "", line) for line in code.splitlines())
+        return
+    if not any(spelling in code for spelling in SPELLINGS):
         return
     tree = ast.parse(code)
     documents = {

@@ -114,7 +114,7 @@ def walk_events(chosen: Config, found: Iterable[Event]) -> list[Any]:
     return [*(item for event in found for item in pipeline.feed(event)), *pipeline.finish()]
 
 
-@pytest.mark.parametrize("examples", [15, slow(40)])
+@pytest.mark.parametrize("examples", [10, slow(40)])
 def test_samples_in_blocks_of_any_cut_give_the_same_records(examples: int) -> None:
     @given(stories(), st.sampled_from(SETTINGS), st.data())
     @settings(max_examples=examples)

@@ -107,11 +107,11 @@ EVENTFUL = [
 ]
 
 
-@pytest.mark.parametrize("changes", [{}, {"channels": ["gyro_y", "gyro_z", "accel_x", "accel_z"]}])
-def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(changes: dict[str, Any]) -> None:
+@pytest.mark.parametrize("channels", [["gyro_z"], ["gyro_z", "accel_x"]])
+def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(channels: list[str]) -> None:
     source = Source(unix_offset_ns=10**18)
     events = Device(source, Birth(65_000, 2**32 - 10**7)).does(EVENTFUL)
-    found, expected = both(source, events, load_config(None, PLAIN | changes))
+    found, expected = both(source, events, load_config(None, PLAIN | {"channels": channels}))
     assert_same(found, expected)
     assert {one.begins for one in of(Motion, found)} == {True, False}
     assert of(Step, found)
