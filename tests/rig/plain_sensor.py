@@ -78,7 +78,7 @@ class Sensor:
         self._window: list[Vector] = []
         self.baseline: Baseline | None = None
         self._innovations: dict[str, list[tuple[float, float] | None]] = {axis: [] for axis in axes}
-        self._white = dict.fromkeys(axes, False)
+        self._white, self._there = dict.fromkeys(axes, False), dict.fromkeys(axes, 0)
         if not self.startup_remaining:
             self._begin()
 
@@ -125,8 +125,8 @@ class Sensor:
         """
         rows = self._innovations[axis]
         rows.append((columns[5], columns[6]) if columns else None)
-        there = sum(one is not None for one in rows)
-        if columns and there % 100 == 0:
+        self._there[axis] += columns is not None
+        if columns and self._there[axis] % 100 == 0:
             self._white[axis] = whiteness(rows).is_white is True
         accepted = self._white[axis] and self.config.tuned_by != "live"
         if columns is None:

@@ -20,7 +20,8 @@ def kalman(s: System, y: Array) -> dict[str, Array]:
     for one in y:
         e, S = one - s.c @ x, s.c @ P @ s.c + s.R
         if not math.isnan(one):
-            x, P = x + P @ s.c / S * e, P - np.outer(P @ s.c, P @ s.c) / S
+            of_one = P @ s.c
+            x, P = x + of_one / S * e, P - np.outer(of_one, of_one) / S
         rows.append((of_state @ x, of_state @ P @ of_state, of_bias @ x, of_bias @ P @ of_bias, e, S))
         x, P = A @ x, A @ P @ A.T + s.Q
     state, state_var, bias, bias_var, e, S = np.array(rows).T
