@@ -1,6 +1,6 @@
 """Command lines and files that nobody writes by accident give an exit code and a sentence, never a traceback.
 
-Every option of every command takes every word of `WORDS`, as every setting does by --set; a seed chooses.
+Every option of every command takes words of `WORDS`, as every setting does by --set.
 """
 
 import os
@@ -19,7 +19,6 @@ from fltea.records import small_file
 from fltea.records.errors import FlteaError, UsageError, of_input
 from fltea.settings.config import SETTINGS
 from host_support import fltea, fltea_here
-from tiers import slow
 
 COMMANDS = typer.main.get_command(app).commands
 FAST = ["run", "--once", "--format", "none", "--startup", "50"]
@@ -187,10 +186,26 @@ def check(line: list[str], codes: tuple[int, ...] = (0, 1, 2)) -> str:
     return done.stderr
 
 
-@pytest.mark.parametrize("count", [150, slow(2500)])
-def test_every_option_takes_any_word(count: int) -> None:
-    for line in random.Random(count).sample(lines(), count):
+def test_options_take_any_word() -> None:
+    for line in random.Random(150).sample(lines(), 150):
         check(line)
+
+
+PARTS = 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(PARTS))
+def test_every_option_takes_words_of_each_kind(part: int) -> None:
+    """Each option takes three words that are a third of the list apart, so they are of several kinds.
+
+    The next option takes their neighbours, so every word is taken equally often.
+    """
+    found, n = lines(), len(WORDS)
+    of_an_option = [found[k : k + n] for k in range(0, len(found), n)]
+    for place, some in list(enumerate(of_an_option))[part::PARTS]:
+        for third in range(3):
+            check(some[(place + third * n // 3) % n])
 
 
 @pytest.mark.parametrize("kind", WHOLE)
