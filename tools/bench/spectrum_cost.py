@@ -5,6 +5,8 @@ grid, and from the last result. It is built for the emulated Due, which counts i
 machine.
 """
 
+import os
+import shutil
 import struct
 import subprocess
 import tempfile
@@ -68,7 +70,7 @@ def on_pc(samples: int, noise: str = NOISES[0]) -> Found:
     """
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "program"
-        _run("g++", "-O2", "-ffp-contract=off", *STRICT, *_defines(samples, noise), PROGRAM, "-o", program)
+        _compile(program, "g++", "-O2", "-ffp-contract=off", *_flags(samples, noise))
         return _read(subprocess.run([program], capture_output=True, check=True).stdout)
 
 
@@ -82,18 +84,8 @@ def on_due(samples: int, noise: str = NOISES[0]) -> Found:
     """
     with tempfile.TemporaryDirectory() as name:
         elf, raw = Path(name) / "program.elf", Path(name) / "program.bin"
-        script = ("-T", LINKER_SCRIPT)
-        _run(
-            "arm-none-eabi-g++",
-            *DUE,
-            *STRICT,
-            *_defines(samples, noise),
-            *script,
-            PROGRAM,
-            "-lgcc",
-            "-o",
-            elf,
-        )
+        link = ("-T", LINKER_SCRIPT, "-lgcc")
+        _compile(elf, "arm-none-eabi-g++", *DUE, *_flags(samples, noise), link=link)
         _run("arm-none-eabi-objcopy", "-O", "binary", elf, raw)
         symbols = _run("arm-none-eabi-nm", "--demangle", elf)
         (line,) = (line for line in symbols.splitlines() if line.endswith("::results"))
@@ -161,9 +153,20 @@ def _read(data: bytes) -> Found:
     return Found(hash_, alpha, alpha_std, bins, levels, (cold, warm), (spectrum, *of_fit), phases)
 
 
-def _defines(samples: int, noise: str) -> tuple[str, str]:
-    return f"-DSAMPLES={samples}", f"-DNOISE={noise}"
+def _flags(samples: int, noise: str) -> tuple[str, ...]:
+    return *STRICT, f"-DSAMPLES={samples}", f"-DNOISE={noise}"
+
+
+def _compile(program: Path, *command: str, link: tuple[str | Path, ...] = ()) -> None:
+    """Build the program; where ccache is installed, it keeps the object, which takes seconds to compile."""
+    cached = ("ccache",) if shutil.which("ccache") else ()
+    made = program.with_suffix(".o")
+    _run(*cached, *command, "-c", PROGRAM, "-o", made)
+    _run(*command, made, *link, "-o", program)
 
 
 def _run(*command: str | Path) -> str:
-    return subprocess.run([str(part) for part in command], capture_output=True, text=True, check=True).stdout
+    words = [str(part) for part in command]
+    one_place = {"CCACHE_BASEDIR": str(ROOT), "CCACHE_NOHASHDIR": "1"}  # another clone compiles the same
+    environment = os.environ | one_place
+    return subprocess.run(words, capture_output=True, text=True, check=True, env=environment).stdout
