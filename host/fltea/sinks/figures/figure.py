@@ -135,11 +135,11 @@ class Figure(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Path of the figure in JSON, as in the reference of records, after the name of the record."""
+        """Name of the record, and the path of the figure in it as the reference of records has it."""
         root = ROOTS[self.kind]
         key = {"axes": ".<axis>", "outputs": ".<output>"}.get(root.path, "")
         return ".".join(
-            part for part in (root.record.__struct_config__.tag, root.path + key, self.field) if part
+            part for part in (str(root.record.__struct_config__.tag), root.path + key, self.field) if part
         )
 
     @property
