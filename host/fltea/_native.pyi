@@ -422,7 +422,7 @@ OCTAVES_LINES: tuple[int, int]
 def half_band_gains(angles: _V) -> list[float]: ...
 
 # Returns the begin and end of the most significant peak's bins, and the level around the peak; None if there
-# is no peak. See fltea.spectrum.octave_lines.
+# is no peak. See fltea.spectrum.ordinates.
 def strongest_octave_peak(power: _V, weight: _V, false_alarm: float) -> tuple[int, int, float] | None: ...
 
 # Most state coordinates of a tracker's system.
@@ -531,6 +531,9 @@ class Device:
     def rate_hz(self) -> float | None: ...
     @property
     def clock_ppm(self) -> float | None: ...
+
+# Returns the mean time, the mean delay, the slope and its standard error. See fltea.sources.clock_fit.
+def fit_clock(device: Sequence[float], delay: Sequence[float]) -> tuple[float, float, float, float]: ...
 
 # Fits the host's clock to the device's clock.
 class Timebase:

@@ -54,6 +54,17 @@ void bind_device(nb::module_& m) {
         .def_prop_rw(
             "fit_counts", [](Device& self) { return self.native().fit_counts; },
             [](Device& self, std::int64_t seq) { self.native().fit_counts = seq; });
+    m.def(
+        "fit_clock",
+        [](const std::vector<double>& device, const std::vector<double>& delay) {
+            if (device.size() != delay.size() || device.size() < 2)
+                throw nb::value_error("a clock fit needs two arrivals, each with its time and its delay");
+            std::vector<fltea::Arrival> arrivals(device.size());
+            for (size_t i = 0; i < device.size(); ++i) arrivals[i] = {device[i], delay[i]};
+            const fltea::ClockFit fit = fltea::fit_clock_with_error(arrivals, 0);
+            return std::make_tuple(fit.centre.device, fit.centre.delay, fit.slope, fit.slope_std);
+        },
+        nb::arg("device"), nb::arg("delay"));
     nb::class_<fltea::Timebase>(m, "Timebase")
         .def(nb::init<std::int64_t>(), nb::arg("offset_ns"))
         .def("add",

@@ -1,8 +1,5 @@
-// Relates the device's clock to the host's clock by regression, within one epoch.
-//
-// The delay between sampling and arrival is never negative, but often large and in bursts (USB bridges,
-// schedulers). Only the earliest arrival of each second is therefore used. A straight line through the
-// earliest arrivals of the last ten minutes gives the host time of any sample, free of jitter.
+// Relates the device's clock to the host's clock within one epoch: the clock fit of the last ten minutes
+// (clock_fit.hpp) gives the host time of any sample, free of jitter.
 #pragma once
 
 #include <cmath>
@@ -10,6 +7,8 @@
 #include <cstdint>
 #include <deque>
 #include <limits>
+
+#include "clock_fit.hpp"
 
 namespace fltea {
 
@@ -31,12 +30,12 @@ class Timebase {
         latest_us_ = device_us;
         const double device_s = double(device_us - origin_us_) * 1e-6;
         const double delay_s = double(host_ns - origin_ns_) * 1e-9 - device_s;
-        if (!any_ || delay_s < earliest_.delay_s) earliest_ = {device_s, delay_s};
+        if (!any_ || delay_s < earliest_.delay) earliest_ = {device_s, delay_s};
         any_ = true;
         // In the first second there is no clock fit yet: each earlier arrival shifts all following times.
-        const double estimate_s = seconds_.empty()
-                                      ? device_s + earliest_.delay_s
-                                      : device_s + centre_.delay_s + slope_ * (device_s - centre_.device_s);
+        const double estimate_s =
+            seconds_.empty() ? device_s + earliest_.delay
+                             : device_s + fit_.centre.delay + fit_.slope * (device_s - fit_.centre.device);
         const std::int64_t now_ns =
             origin_ns_ + offset_ns_ + static_cast<std::int64_t>(std::nearbyint(estimate_s * 1e9));
         last_ns_ = now_ns > last_ns_ ? now_ns : last_ns_ + 1;
@@ -48,14 +47,15 @@ class Timebase {
     // times.
     double clock_ppm() const {
         bool any = false;
-        for (const Arrival& one : seconds_) any |= one.delay_s != 0;
-        return seconds_.size() >= kSecondsForPpm && any ? (1.0 / (1.0 + slope_) - 1.0) * 1e6 : kUnknown;
+        for (const Arrival& one : seconds_) any |= one.delay != 0;
+        return seconds_.size() >= kSecondsForPpm && any ? (1.0 / (1.0 + fit_.slope) - 1.0) * 1e6 : kUnknown;
     }
 
     // Samples per second of host time; NaN before the second sample.
     double rate_hz() const {
         if (!begun_ || latest_us_ == origin_us_) return kUnknown;
-        return double(latest_seq_ - first_seq_) / (double(latest_us_ - origin_us_) * 1e-6) / (1.0 + slope_);
+        return double(latest_seq_ - first_seq_) / (double(latest_us_ - origin_us_) * 1e-6) /
+               (1.0 + fit_.slope);
     }
 
   private:
@@ -64,10 +64,6 @@ class Timebase {
     static constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
     // Prior standard deviation of the clocks' ratio: a sensor's own oscillator is accurate to 1 %.
     static constexpr double kDelayStdS = 1e-3, kClockStd = 1e-2;
-
-    struct Arrival {
-        double device_s, delay_s;
-    };
 
     void begin(std::int64_t seq, std::int64_t device_us, std::int64_t host_ns) {
         begun_ = true;
@@ -82,29 +78,15 @@ class Timebase {
         if (seconds_.size() == kSecondsKept) seconds_.pop_front();
         seconds_.push_back(earliest_);
         any_ = false;
-        const double n = double(seconds_.size());
-        centre_ = {};
-        for (const Arrival& one : seconds_) {
-            centre_.device_s += one.device_s;
-            centre_.delay_s += one.delay_s;
-        }
-        centre_ = {centre_.device_s / n, centre_.delay_s / n};
-        double xx = 0, xy = 0;
-        for (const Arrival& one : seconds_) {
-            const double x = one.device_s - centre_.device_s, y = one.delay_s - centre_.delay_s;
-            xx += x * x;
-            xy += x * y;
-        }
-        const double ratio = kDelayStdS / kClockStd;
-        slope_ = xy / (xx + ratio * ratio);
+        fit_ = fit_clock(seconds_, kDelayStdS / kClockStd);
     }
 
     std::int64_t offset_ns_, first_seq_ = 0, latest_seq_ = 0, latest_us_ = 0;
     std::int64_t origin_us_ = 0, origin_ns_ = 0, second_end_us_ = 0;
     std::int64_t last_ns_ = std::numeric_limits<std::int64_t>::min();
     std::deque<Arrival> seconds_;  // earliest arrival of each finished second
-    Arrival earliest_ = {}, centre_ = {};
-    double slope_ = 0;
+    Arrival earliest_ = {};        // times in s
+    ClockFit fit_;
     bool begun_ = false, any_ = false;
 };
 

@@ -68,6 +68,10 @@ class ArrivalWatch:
         return self._rate(now_ns)
 
     def _slope(self) -> float:
+        """Return the change of the delay per second.
+
+        It is a median and no `clock_fit`, since a jump that is not yet known as one would bend a fitted line.
+        """
         late, host = np.array(self._whiles).T
         return float(np.median(np.diff(late) / np.diff(host)))
 

@@ -1,6 +1,5 @@
 """Listen to a device for some seconds: open its port, decode what it sends, and summarise that."""
 
-import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ from fltea.records import clock
 from fltea.records.events import LinkDown, Opened, RawBlock, Reads, TransportEvent, Trouble
 from fltea.records.records import Hello
 from fltea.records.stats import DeviceStatus, LinkStats
+from fltea.sources.clock_fit import fit_clock
 from fltea.sources.serial import SerialSource
 from fltea.sources.wire_events import SILENCE_S
 from fltea.stream.decode import Decoded, Decoder
@@ -127,8 +127,5 @@ def drift(arrivals: list[tuple[int, int]]) -> Drift | None:
     earliest = [int(np.flatnonzero(block == b)[np.argmin(delay_s[block == b])]) for b in np.unique(block)]
     if len(earliest) < BLOCKS_NEEDED:
         return None
-    x, y = device_s[earliest], delay_s[earliest]
-    x, y = x - x.mean(), y - y.mean()
-    slope = float(x @ y / (x @ x))
-    variance = float(np.sum((y - slope * x) ** 2)) / (len(x) - 2)
-    return Drift((1.0 / (1.0 + slope) - 1.0) * 1e6, math.sqrt(variance / float(x @ x)) * 1e6)
+    fit = fit_clock(device_s[earliest].tolist(), delay_s[earliest].tolist())
+    return Drift((1.0 / (1.0 + fit.slope) - 1.0) * 1e6, fit.slope_std * 1e6)

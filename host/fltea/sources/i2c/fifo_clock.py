@@ -6,8 +6,9 @@ after the loss.
 
 import math
 from collections import deque
-from statistics import linear_regression
 from typing import NamedTuple
+
+from fltea.sources.clock_fit import fit_clock
 
 NS_PER_S = 1_000_000_000
 BLOCKS_KEPT = 60
@@ -38,7 +39,7 @@ class FifoClock:
 
     `rate_hz`: nominal sampling rate. `clock_error`: largest relative error of this rate before any
     measurement. `next`: number of the next sample. A sample always arrives later than it was taken, by a
-    varying delay. So only the earliest arrival in every second is used.
+    varying delay. So only the earliest arrival in every second is used (`clock_fit`).
     """
 
     def __init__(self, rate_hz: float, clock_error: float) -> None:
@@ -133,12 +134,12 @@ class FifoClock:
         if len(self._blocks) < 2:
             return
         (first, first_ns), (last, _) = self._blocks[0], self._blocks[-1]
-        line = linear_regression(
+        fit = fit_clock(
             [number - first for number, _ in self._blocks],
             [seen_ns - first_ns for _, seen_ns in self._blocks],
         )
-        self._period_ns = line.slope
-        self._reference = (last, first_ns + line.intercept + line.slope * (last - first))
+        self._period_ns = fit.slope
+        self._reference = (last, first_ns + fit.at(last - first))
 
     def _time_of(self, number: int) -> float:
         assert self._reference is not None

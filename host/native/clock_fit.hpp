@@ -1,0 +1,67 @@
+// Fits a device's clock to the host's: a straight line through the earliest arrivals.
+//
+// The delay between sampling and arrival is never negative, but often large and in bursts (USB bridges,
+// schedulers). Therefore each user takes only the earliest arrival of each second or so, and fits a line by
+// least squares. The slope of the delay is the difference of the two clocks' rates.
+//
+// The users: timebase.hpp (times of live samples and of recordings), sources/i2c/fifo_clock.py (a sensor
+// without a time of its own), machine/doctor/hearing.py (difference of the clocks with its standard error).
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+namespace fltea {
+
+struct Arrival {
+    double device, delay;  // time by the device's clock, and how much later the sample arrived
+};
+
+struct ClockFit {
+    Arrival centre = {};  // mean of the arrivals; the line passes through it
+    double slope = 0;     // change of the delay per unit of the device's clock
+    // Standard error of the slope, by the residuals; infinite with fewer than three arrivals.
+    double slope_std = std::numeric_limits<double>::infinity();
+
+    double at(double device) const { return centre.delay + slope * (device - centre.device); }
+};
+
+// `arrivals`: a container of `Arrival`, not empty. `prior`: standard deviation of a delay over that of the
+// slope, by prior knowledge, in the device's unit of time; 0 if nothing is known of the slope, which takes
+// arrivals at two times at least.
+template <typename Arrivals>
+ClockFit fit_clock(const Arrivals& arrivals, double prior) {
+    ClockFit fit;
+    const double n = double(arrivals.size());
+    for (const Arrival& one : arrivals) {
+        fit.centre.device += one.device;
+        fit.centre.delay += one.delay;
+    }
+    fit.centre = {fit.centre.device / n, fit.centre.delay / n};
+    double xx = 0, xy = 0;
+    for (const Arrival& one : arrivals) {
+        const double x = one.device - fit.centre.device, y = one.delay - fit.centre.delay;
+        xx += x * x;
+        xy += x * y;
+    }
+    fit.slope = xy / (xx + prior * prior);
+    return fit;
+}
+
+// As `fit_clock`, with the standard error.
+template <typename Arrivals>
+ClockFit fit_clock_with_error(const Arrivals& arrivals, double prior) {
+    ClockFit fit = fit_clock(arrivals, prior);
+    if (arrivals.size() < 3) return fit;
+    double xx = prior * prior, left = 0;
+    for (const Arrival& one : arrivals) {
+        const double x = one.device - fit.centre.device, off = one.delay - fit.at(one.device);
+        xx += x * x;
+        left += off * off;
+    }
+    fit.slope_std = std::sqrt(left / (double(arrivals.size()) - 2) / xx);
+    return fit;
+}
+
+}  // namespace fltea
