@@ -85,7 +85,7 @@ class Ordinates(NamedTuple):
         """Return the median number of ordinates in a value."""
         return 1.0 if self.weight is None else float(np.median(self.weight))
 
-    def count(self, begin: int, end: int) -> float:
+    def ordinates_in(self, begin: int, end: int) -> float:
         """Return the number of ordinates in the values from `begin` to before `end`."""
         return float(end - begin) if self.weight is None else float(self.weight[begin:end].sum())
 
@@ -94,7 +94,7 @@ class Ordinates(NamedTuple):
         power = self.power[begin:end]
         if self.weight is None:
             return float(power.mean())
-        return float(self.weight[begin:end] @ power) / self.count(begin, end)
+        return float(self.weight[begin:end] @ power) / self.ordinates_in(begin, end)
 
     def power_over(self, begin: int, end: int, level: float) -> float:
         """Return the power above `level` from `begin` to before `end`, in the unit of `total`."""
@@ -120,9 +120,11 @@ class Ordinates(NamedTuple):
         return 0.0 if self.spread is None else float(self.spread[i]) / 4
 
     def _chosen(self, choose: Callable[[Any], Any]) -> "Ordinates":
-        columns = (self.lam, self.power, self.weight, self.averaged, self.spread)
-        lam, power, *others = (None if column is None else choose(column) for column in columns)
-        return Ordinates(lam, power, self.h, self.n, *others)
+        weight, averaged, spread = (
+            None if column is None else choose(column) for column in (self.weight, self.averaged, self.spread)
+        )
+        lam, power = choose(self.lam), choose(self.power)
+        return Ordinates(lam, power, self.h, self.n, weight, averaged, spread)
 
 
 def averaged_of(weight: Array) -> NDArray[np.bool_]:

@@ -137,7 +137,9 @@ def _extent(lines: Ordinates, found: Found) -> tuple[int, int]:
     least = 0.0 if lines.weight is None else SKIRT
 
     def above(begin: int, end: int) -> bool:
-        return lines.mean(begin, end) > found.level * (1 + max(2 / math.sqrt(lines.count(begin, end)), least))
+        return lines.mean(begin, end) > found.level * (
+            1 + max(2 / math.sqrt(lines.ordinates_in(begin, end)), least)
+        )
 
     left, right = max(found.start - 1, 0), min(found.stop + 1, len(lines.lam))
     while left > piece and above(left - piece, left):

@@ -177,8 +177,8 @@ class Pipeline:
             yield Gap(first.seq - missing, missing, epoch - 1, unix_ns, device=name)
         standing = self._standing()
         place = first.seq, first.epoch_us, unix_ns
-        infos = (standing.filters.get(kind) for kind in SENSOR_KINDS)
-        yield Epoch(epoch, reason, *place, hello.boot_id, *infos, resumed_after_s, device=name)
+        gyro, accel = (standing.filters.get(kind) for kind in SENSOR_KINDS)
+        yield Epoch(epoch, reason, *place, hello.boot_id, gyro, accel, resumed_after_s, device=name)
         if between:
             self._device.note_lost(between)
             yield Gap(first.seq - between, between, epoch, unix_ns, device=name)
