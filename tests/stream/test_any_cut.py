@@ -78,7 +78,11 @@ def check_any_reads(
 def test_bytes_of_the_same_moments_give_the_same_records_however_they_are_read(
     story: Story, places: list[float], together: list[int], changes: dict[str, Any]
 ) -> None:
-    check_any_reads(story, places, together, changes)
+    """Reads that are only cut, or only joined, are among those drawn: without places, or one by one."""
+    moments, chosen = story.moments(), config(changes)
+    whole = walk(chosen, moments)
+    assert walk(chosen, list(torn(moments, places)), together) == whole
+    assert walk(chosen, moments, [len(moments)]) == whole
 
 
 @pytest.mark.parametrize("what", HAPPENINGS)
