@@ -62,7 +62,7 @@ test-all: test  ## both tiers
 # What the tests need compiled, made while something else takes the other core: .ci/run.
 test-prepared: .venv/.dev
 	@$(TESTS) --collect-only -q >/dev/null
-	@$(MAKE) --no-print-directory -C tests/native BUILD=$(CURDIR)/build/tests-native tests >/dev/null
+	@$(MAKE) --no-print-directory -C tests/native BUILD=$(CURDIR)/build/tests-native prepared >/dev/null
 
 # Parts that need nothing of each other; `make --jobs=2 --output-sync lint` runs two at a time.
 LINT := lint-types lint-style lint-cppcheck lint-generated

@@ -155,7 +155,7 @@ void tracker(bool with_system, const std::uint8_t* data, std::size_t n) {
     Lane lane, again;
     if (!load(lane, numbers)) return;
     for (const std::uint64_t lost : kLost) {
-        for (std::size_t i = 0; i < 300; ++i) lane.next(y[i]);
+        for (std::size_t i = 0; i < 100; ++i) lane.next(y[i]);
         lane.skip(lost);
     }
     (void)lane.axis().whiteness().ljung_box();
@@ -164,7 +164,7 @@ void tracker(bool with_system, const std::uint8_t* data, std::size_t n) {
 }
 
 void lanes(int kind, const std::uint8_t* data, std::size_t n) {
-    const std::size_t count = 3, rows = 128;
+    const std::size_t count = 3, rows = 64;  // more than the window
     const engine::LaneSettings one = {std::log(0.01), 0, 0.01, 0.15, 0.0235, 0.5,  0.06, 0,
                                       0.17,           0, -0.1, 0.06, 0,      0.17, 0,    10};
     const std::vector<engine::LaneSettings> settings(count, one);

@@ -19,7 +19,6 @@ LONG = ",".join(
 """Test cases that take four fifths of the total time."""
 
 
-@pytest.mark.timeout(600)  # a first build with sanitizers on a small machine
 @pytest.mark.parametrize(
     "cases", [f"--test-case-exclude={LONG}", slow(f"--test-case={LONG}")], ids=["short", "long"]
 )
@@ -30,7 +29,6 @@ def test_doctest_with_sanitizers(cases: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_the_reader_of_ports_has_no_races() -> None:
     make(NATIVE, TESTS, "thread_tests")
     done = subprocess.run([TESTS / "thread_tests"], capture_output=True, text=True, check=False)
@@ -38,12 +36,10 @@ def test_the_reader_of_ports_has_no_races() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_headers_compile_with_the_flags_of_the_device() -> None:
     make(NATIVE, TESTS, "strict")
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
     make(NATIVE, TESTS, "fuzz")
