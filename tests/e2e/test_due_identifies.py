@@ -16,9 +16,6 @@ from spectrum_probe import BoardSpectrum
 from tools.due_emulator.noise import recorded_world
 from tools.due_run import Arrival
 
-# Its first use compiles the probe, which takes a while.
-pytestmark = pytest.mark.timeout(300)
-
 BOTH = {"estimator.estimate_on": "both"}
 EVERY = 10
 RECORDINGS = ("mpu6050_sunsided_10min.npz", "mpu6050_tomisuarez_100s.npz")

@@ -23,10 +23,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from sample_by_sample import Supervisor
 
-# The first test compiles the probes.
-pytestmark = pytest.mark.timeout(300)
-
-
 # Examples are not shrunk: a failing one is as short as any other, and shrinking takes minutes.
 NO_SHRINKING = (Phase.explicit, Phase.generate)
 

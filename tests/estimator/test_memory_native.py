@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from memory_probe import DIRECT, SETS, Memory, math
 from tiers import slow
 
-# The first test of each instruction set compiles its probe.
-pytestmark = pytest.mark.timeout(300)
 EPS = {"f": 2.0**-24, "d": 2.0**-53, "w": 2.0**-53}
 
 finite = st.floats(allow_nan=False, allow_infinity=False)

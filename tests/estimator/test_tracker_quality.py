@@ -108,9 +108,7 @@ def best(name: str, known: int = 4000) -> float:
     return math.sqrt(max(float(variance), 0.0))
 
 
-def made(
-    spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator, lanes: int = SERIES
-) -> Array:
+def made(spectrum: Callable[[Array], Array], n: int, rng: np.random.Generator, lanes: int = SERIES) -> Array:
     """Return series of n samples with this spectrum, (lanes, n), each cut from a ring many times longer."""
     ring = 2 ** math.ceil(math.log2(8 * n))
     lam = 2 * np.pi * (np.arange(ring // 2) + 0.5) / ring

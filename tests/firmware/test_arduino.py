@@ -80,7 +80,6 @@ def lost(run: Run) -> tuple[list[str], int, int]:
     return reasons, counts.lost, counts.delivered
 
 
-@pytest.mark.timeout(300)  # a first build with sanitizers on a small machine
 def test_parts_of_the_port(build: Path) -> None:
     done = subprocess.run([build / "bus"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -98,7 +97,6 @@ def test_the_sketch_is_short() -> None:
     assert len((SKETCH / "fltea.ino").read_text().splitlines()) <= 40
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("mode", ["timer", "data_ready"])
 def test_ten_quiet_seconds(build: Path, mode: str) -> None:
     quiet = run(build, "10", mode=mode)

@@ -34,7 +34,6 @@ def made_by(compiler: str, goal: str) -> Path:
 
 
 @compilers
-@pytest.mark.timeout(600)  # a first build with sanitizers on a small machine
 def test_doctest_with_sanitizers(compiler: str) -> None:
     tests = made_by(compiler, "tests") / "tests"
     left_out = [f"--test-case-exclude={LONG}"] if compiler == "g++" else []
@@ -43,18 +42,15 @@ def test_doctest_with_sanitizers(compiler: str) -> None:
 
 
 @compilers
-@pytest.mark.timeout(300)
 def test_core_compiles_in_both_modes_with_the_flags_of_the_firmware(compiler: str) -> None:
     made_by(compiler, "strict")
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_clang_tidy_and_cppcheck_find_nothing() -> None:
     made_by("clang++", "check")
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_fuzzer_finds_nothing_in_a_fixed_number_of_inputs() -> None:
     made_by("clang++", "fuzz")

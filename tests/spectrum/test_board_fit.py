@@ -20,9 +20,6 @@ from spectrum_probe import BoardFit, BoardSpectrum, board_quantile
 
 from tools.validation.device import SIGMA, agreement, drawn
 
-# The first test compiles the probe.
-pytestmark = pytest.mark.timeout(300)
-
 WHITE, FRACTIONAL = 1, 2
 NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),

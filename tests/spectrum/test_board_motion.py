@@ -6,9 +6,6 @@ from identify_support import H, long_recursion
 from numpy.typing import NDArray
 from spectrum_probe import BoardSpectrum, track_sensor
 
-# The first test compiles the probe.
-pytestmark = pytest.mark.timeout(300)
-
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 AHEAD = 100
 """Number of samples in the next second."""

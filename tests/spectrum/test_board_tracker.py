@@ -11,9 +11,6 @@ from identify_support import H, ar, long_recursion
 from numpy.typing import NDArray
 from spectrum_probe import BoardSpectrum
 
-# The first test compiles the probe.
-pytestmark = pytest.mark.timeout(300)
-
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 OFFSET = 37.3
 R = 5.3
