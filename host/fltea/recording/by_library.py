@@ -17,7 +17,7 @@ import numpy as np
 
 from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.process_limits import OUT_OF_MEMORY, ProcessLimits
-from fltea.recording.reader_process import FAILED, LENGTH
+from fltea.recording.reader_blocks import FAILED, LENGTH
 from fltea.recording.sheet import Sheet, SheetHead, Text, TextHead, with_sample
 from fltea.records.errors import UsageError
 from fltea.records.scarce import is_scarcity

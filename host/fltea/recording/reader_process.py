@@ -9,7 +9,6 @@ import contextlib
 import fcntl
 import importlib.util
 import os
-import struct
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
@@ -27,6 +26,7 @@ from fltea.recording.formats import FORMATS, Kind
 from fltea.recording.kind import is_of_this_process
 from fltea.recording.process_limits import ProcessLimits, not_started
 from fltea.recording.quota import Quota
+from fltea.recording.reader_blocks import FAILED, LENGTH
 from fltea.recording.reading import ASK, Answer, Missing, NotStated, asked_with, given_options
 from fltea.recording.sample_times import Floats
 from fltea.recording.sheet import Sheet, SheetHead, TextHead, open_sheet
@@ -34,10 +34,6 @@ from fltea.records.errors import UsageError
 from fltea.settings.extras import how_to_install
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
-
-LENGTH = struct.Struct("<I")
-FAILED = (1 << 32) - 1
-"""Number that the process sends instead of a length, if an error message follows."""
 
 
 def open_in_process(kind: Kind, path: Path, how: How, limits: Limits, file: BinaryIO | None = None) -> Stored:
