@@ -129,11 +129,13 @@ def test_all_files_of_a_recording_are_used_or_named(
             *words, "-s", *source, "--rotate-s", "0.4", command=command, program=launcher
         )
         wait_until(lambda: len(files(folder)) > 6, "the files")
-        assert program.end()[0] == 0
+        said = program.end_well()
+    # A sensor's FIFO runs over if a busy machine does not run the program for a while.
+    lossless = kind is not i2c or "fifo_overflow" not in said
     whole = files(folder)
     summary = json.loads(fltea_here("info", "--json", folder).stdout)
     assert (summary["files"], summary["whole"], summary["breaks"]) == (len(whole), True, 0)
-    assert samples_of(folder) == summary["samples"] > 100
+    assert samples_of(folder, lossless) == summary["samples"] > 100
     whole[1].write_bytes(whole[1].read_bytes().replace(b"format", b"farmat", 1))
     for one in (["info"], IDENTIFY, [*REPLAY, "-s"]):
         done = fltea_here(*one, f"replay:{folder}" if one[-1] == "-s" else folder)
@@ -141,12 +143,12 @@ def test_all_files_of_a_recording_are_used_or_named(
         assert f"not all of the recording was read, the rest is used: {whole[1]}: " in done.stderr
 
 
-def samples_of(folder: Path) -> int:
-    """Return how many samples `replay:` and `identify` find; they are consecutive."""
+def samples_of(folder: Path, lossless: bool) -> int:
+    """Return how many samples `replay:` and `identify` find; they are consecutive if none was lost."""
     done = fltea_here(*REPLAY, "-s", f"replay:{folder}")
     assert done.returncode == 0, done.stderr
     seqs = [one["seq"] for one in map(json.loads, done.stdout.splitlines()) if one["class"] == "sample"]
-    assert seqs == list(range(seqs[0], seqs[0] + len(seqs)))
+    assert seqs == list(range(seqs[0], seqs[0] + len(seqs))) if lossless else seqs == sorted({*seqs})
     done = fltea_here(*IDENTIFY, folder)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["files"][0]["samples"]["samples"] == len(seqs)
