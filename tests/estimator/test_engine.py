@@ -54,7 +54,7 @@ def test_every_estimate_equals_the_reference(number: int, seed: int) -> None:
     # The accuracy is limited by the order of summation of the past and the last digit of h^α. Both stay near
     # 1e-14 as long as the filters are stable; a filter that diverges amplifies them, in the reference as
     # well.
-    n = 4000
+    n = 2500
     tuning = EXAMPLE if number else GYROSCOPE
     y, u = example(number, n, seed) if number else (white(n, 1, seed)[:, 0], np.zeros(n))
     expected = reference_run(tuning, y, u, np.zeros(n, dtype=bool))

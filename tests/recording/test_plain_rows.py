@@ -30,7 +30,7 @@ def bits(value: float) -> bytes:
     return struct.pack("d", value)
 
 
-@settings(max_examples=600)
+@settings(max_examples=200)
 @given(NUMBERS)
 @example("0.1")
 @example("123456789012345678")
