@@ -192,10 +192,12 @@ def test_a_board_that_sags_in_mid_transfer_frees_the_bus() -> None:
     assert max(clocks) > 0
 
 
-def test_the_readme_shows_the_figures_of_the_committed_image(case: tuple[Expected, DueRun, Measured]) -> None:
+def test_the_readme_shows_the_figures_of_the_committed_image(
+    case: tuple[DueExpected, DueRun, Measured],
+) -> None:
     """The runs are those of the tests above."""
     readme = (ROOT / "firmware/README.md").read_text(encoding="utf-8")
-    (name,) = (name for name, expected in EXPECTED.items() if expected is case[0])
+    (name,) = (one.name for one in DUE_CASES if one.expected is case[0])
     row = line(cells(name, case[2].outcome))
     assert row in readme, "make it true again by `make faults ARGS=board`"
 
