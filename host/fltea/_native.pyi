@@ -115,7 +115,7 @@ class Round:
     def __init__(self, capacity: int, tick_ns: int, texts: int) -> None: ...
 
     # Adds the device on the next port; ports are numbered from 0.
-    def add(self, wire: WireLine, device: Device, latency_ns: int) -> None: ...
+    def add(self, wire: PortDecoder, device: Device, latency_ns: int) -> None: ...
 
     # As PortReader.add.
     def open(self, port: int, descriptor: int, closes: bool, latency_ns: int) -> None: ...
@@ -179,7 +179,7 @@ class PortReader:
 # The items that arrive over one port, given out one by one: see fltea.sources.wire_events. Times are int64.
 # `silence_ns`, `tick_ns`: time without bytes after which silence or a tick is reported; `repeat_ns`: least
 # time between two reports of the same trouble.
-class WireLine:
+class PortDecoder:
     def __init__(self, silence_ns: int, tick_ns: int, repeat_ns: int) -> None: ...
 
     # Offset to Unix time of the newest item that `next` has returned.
@@ -353,7 +353,7 @@ class Bank:
     def retune(self, settings: NDArray[np.float64]) -> None: ...
 
     # Sets α and f of an axis (with `joint`: α and β), and their covariance, from the live fit.
-    def believe(
+    def set_filter_model(
         self,
         axis: int,
         alpha: float,

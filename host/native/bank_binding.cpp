@@ -128,17 +128,17 @@ class Bank : public fltea::BankPart {
         lanes().retune(table);
     }
 
-    void believe(size_t axis, double alpha, double parameter, double alpha_variance, double covariance,
-                 double parameter_variance) {
-        const fltea::engine::Belief belief = {alpha, parameter, alpha_variance, covariance,
-                                              parameter_variance};
+    void set_filter_model(size_t axis, double alpha, double parameter, double alpha_variance,
+                          double covariance, double parameter_variance) {
+        const fltea::engine::FilterModel filter_model = {alpha, parameter, alpha_variance, covariance,
+                                                         parameter_variance};
         const double all = alpha + parameter + alpha_variance + covariance + parameter_variance;
         const std::lock_guard<std::mutex> alone(mutex_);
         if (axis >= bank_.axes() || !std::isfinite(all) || alpha < 0 || alpha > 2 || alpha_variance < 0 ||
             parameter_variance < 0 || covariance * covariance > alpha_variance * parameter_variance) {
-            throw nb::value_error("an axis cannot believe this");
+            throw nb::value_error("an axis cannot use this filter model");
         }
-        lanes().believe(axis, belief);
+        lanes().set_filter_model(axis, filter_model);
     }
 
     // `known`: for each axis, alpha and f with their standard deviations, or None.
@@ -249,8 +249,9 @@ void bind_bank(nb::module_& m) {
              nb::arg("compressed"), nb::arg("accuracy"), nb::arg("window"), nb::arg("settings"),
              nb::arg("bias"), nb::arg("live"))
         .def("retune", &Bank::retune, nb::arg("settings"))
-        .def("believe", &Bank::believe, nb::arg("axis"), nb::arg("alpha"), nb::arg("parameter"),
-             nb::arg("alpha_variance"), nb::arg("covariance"), nb::arg("parameter_variance"))
+        .def("set_filter_model", &Bank::set_filter_model, nb::arg("axis"), nb::arg("alpha"),
+             nb::arg("parameter"), nb::arg("alpha_variance"), nb::arg("covariance"),
+             nb::arg("parameter_variance"))
         .def("know", &Bank::know, nb::arg("known"))
         .def("newest", &Bank::newest, nb::arg("axis"))
         .def("restarts", &Bank::restarts)

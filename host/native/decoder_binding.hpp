@@ -5,4 +5,4 @@
 
 void bind_decoder(nanobind::module_& m);
 void bind_port_reader(nanobind::module_& m);
-void bind_wire_line(nanobind::module_& m);
+void bind_port_decoder(nanobind::module_& m);

@@ -47,12 +47,12 @@ struct Retune {
         engine.retune(settings);
     }
 };
-struct Believe {
+struct SetFilterModel {
     std::size_t lane;
-    const Belief& belief;
+    const FilterModel& filter_model;
     template <class P>
     void operator()(P engine) {
-        engine.believe(lane, belief);
+        engine.set_filter_model(lane, filter_model);
     }
 };
 struct Run {
@@ -120,8 +120,9 @@ void retune(void* engine, const EngineShape& shape, const LaneSettings* settings
     Retune action = {settings};
     with_packs(engine, shape, action);
 }
-void believe(void* engine, const EngineShape& shape, std::size_t lane, const Belief& belief) {
-    Believe action = {lane, belief};
+void set_filter_model(void* engine, const EngineShape& shape, std::size_t lane,
+                      const FilterModel& filter_model) {
+    SetFilterModel action = {lane, filter_model};
     with_packs(engine, shape, action);
 }
 void run(void* engine, const EngineShape& shape, const Block& block) {
@@ -165,7 +166,7 @@ const Backend FLTEA_JOIN(engine_, FLTEA_INSTRUCTION_SET) = {FLTEA_STRING(FLTEA_I
                                                             storage,
                                                             start,
                                                             retune,
-                                                            believe,
+                                                            set_filter_model,
                                                             run,
                                                             watch,
                                                             reset,

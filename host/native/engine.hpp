@@ -37,7 +37,7 @@ struct LaneSettings {
 
 // Estimate from which a lane continues: means and variances of the order and of the parameter (f of `triple`,
 // beta of `joint`), and, for `joint` only, their covariance.
-struct Belief {
+struct FilterModel {
     double alpha, parameter;
     double alpha_variance, covariance, parameter_variance;
 };
@@ -89,7 +89,8 @@ struct Backend {
     // stay.
     void (*retune)(void* storage, const EngineShape& shape, const LaneSettings* settings);
     // Replaces the estimated order and parameter of one lane. Its state and its memory stay.
-    void (*believe)(void* storage, const EngineShape& shape, std::size_t lane, const Belief& belief);
+    void (*set_filter_model)(void* storage, const EngineShape& shape, std::size_t lane,
+                             const FilterModel& filter_model);
     void (*run)(void* storage, const EngineShape& shape, const Block& block);
     void (*watch)(void* storage, const EngineShape& shape, const Block& block, const Watch& watch);
     // Restarts the lanes whose mask is not 0.

@@ -43,7 +43,9 @@ class LaneRunner {
     // Applies other settings from the next row on, one entry per lane.
     void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
 
-    void believe(std::size_t lane, const engine::Belief& belief) { engine_.believe(lane, belief); }
+    void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
+        engine_.set_filter_model(lane, filter_model);
+    }
 
     // Runs rows of all lanes. `y`: (rows, lanes), finite where not missing. `missing`: (rows, lanes), or
     // null. `valid`: (rows, lanes), 0 or 1. Appends each lane that becomes invalid to `lost`, in row order;

@@ -16,8 +16,8 @@
 #include "engine_binding.hpp"
 #include "frame.h"
 #include "messages.h"
-#include "whittle_binding.hpp"
 #include "tracker_model_binding.hpp"
+#include "whittle_binding.hpp"
 
 namespace nb = nanobind;
 
@@ -166,5 +166,5 @@ NB_MODULE(_native, m) {
     bind_mcap(m);
     bind_port_reader(m);
     bind_round(m);
-    bind_wire_line(m);
+    bind_port_decoder(m);
 }

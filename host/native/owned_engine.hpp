@@ -34,8 +34,8 @@ class OwnedEngine {
     // Applies other settings from the next row on, one entry per lane.
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
     // Applies from the next row on.
-    void believe(std::size_t lane, const engine::Belief& belief) {
-        backend_.believe(storage_, shape_, lane, belief);
+    void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
+        backend_.set_filter_model(storage_, shape_, lane, filter_model);
     }
     void run(const engine::Block& block) { backend_.run(storage_, shape_, block); }
     void watch(const engine::Block& block, const engine::Watch& under) {

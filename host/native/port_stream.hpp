@@ -8,11 +8,11 @@
 #include <vector>
 
 #include "device.hpp"
-#include "line_item.hpp"
+#include "port_decoder.hpp"
+#include "port_item.hpp"
 #include "port_reader.hpp"
 #include "run_printer.hpp"
 #include "run_rows.hpp"
-#include "wire_line.hpp"
 
 namespace fltea {
 
@@ -29,7 +29,7 @@ enum class PortStop : int {
 
 class PortStream {
   public:
-    PortStream(WireLine& wire, Device& device, std::vector<RunPrinter*>& printers)
+    PortStream(PortDecoder& wire, Device& device, std::vector<RunPrinter*>& printers)
         : wire_(wire), device_(device), printers_(printers) {}
 
     // Whether the caller wants rows, printed lines, or the raw bytes.
@@ -42,7 +42,7 @@ class PortStream {
     bool is_waiting() const { return is_busy_ || is_lost_ || rows_.rows() > 0 || !reads_.reads.empty(); }
     // Whether bytes came since the port was last lost.
     bool has_worked() const { return has_worked_; }
-    const LineItem& item() const { return item_; }
+    const PortItem& item() const { return item_; }
     const Advanced& advanced() const { return advanced_; }
     const SampleColumns& samples() const { return samples_; }
     const Device& device() const { return device_; }
@@ -91,7 +91,7 @@ class PortStream {
         wire_.silent(now_ns);
     }
 
-    PortStop walk(std::int64_t now_ns) {
+    PortStop run(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
                 if (rows_.rows() > 0) return PortStop::kRows;  // samples are delivered before later items
@@ -130,32 +130,32 @@ class PortStream {
     static constexpr std::size_t kMostRows = 512, kMostBytes = 1 << 16;
 
     // A caller that keeps the raw bytes receives those of a HELLO before its content.
-    bool says_hello() const { return item_.kind == LineItem::kFrame && item_.type == Hello::type(); }
+    bool says_hello() const { return item_.kind == PortItem::kFrame && item_.type == Hello::type(); }
 
     PortStop next() {
         item_ = wire_.next();
-        if (item_.kind != LineItem::kDone) now_ns_ = item_.host_ns;
+        if (item_.kind != PortItem::kDone) now_ns_ = item_.host_ns;
         switch (item_.kind) {
-            case LineItem::kDone:
+            case PortItem::kDone:
                 wire_.resume(taken_ns_);
                 is_busy_ = false;
                 return PortStop::kNothing;
-            case LineItem::kSamples:
+            case PortItem::kSamples:
                 samples_ = item_.samples;
                 has_samples_ = true;
                 at_ = 0;
                 return PortStop::kNothing;
-            case LineItem::kBad:
+            case PortItem::kBad:
                 return PortStop::kNothing;
-            case LineItem::kSameHello:  // devices repeat their HELLO once a second
+            case PortItem::kSameHello:  // devices repeat their HELLO once a second
                 if (device_.place.knows_hello() && item_.host_ns < device_.stats_due_ns)
                     return PortStop::kNothing;
                 return PortStop::kItem;
-            case LineItem::kTick:
+            case PortItem::kTick:
                 return item_.host_ns < device_.stats_due_ns ? PortStop::kNothing : PortStop::kItem;
-            case LineItem::kFrame:
-            case LineItem::kRefusedVersion:
-            case LineItem::kTrouble:
+            case PortItem::kFrame:
+            case PortItem::kRefusedVersion:
+            case PortItem::kTrouble:
                 break;
         }
         return PortStop::kItem;
@@ -191,11 +191,11 @@ class PortStream {
         has_new_rows_ = false;
     }
 
-    WireLine& wire_;
+    PortDecoder& wire_;
     Device& device_;
     std::vector<RunPrinter*>& printers_;
     PortNews news_, reads_;
-    LineItem item_;
+    PortItem item_;
     SampleColumns samples_ = {};
     Advanced advanced_ = {};
     std::size_t at_ = 0;

@@ -40,11 +40,11 @@ class Round {
         : reader_(capacity), tick_ns_(tick_ns), texts_(texts) {}
 
     PortReader& reader() { return reader_; }
-    PortStream& line(std::size_t port) { return *ports_[port].walk; }
+    PortStream& stream(std::size_t port) { return *ports_[port].stream; }
     std::size_t size() const { return ports_.size(); }
 
     void add(std::unique_ptr<PortStream> walk, std::vector<RunPrinter*>* printers, std::int64_t latency_ns) {
-        ports_.push_back({std::move(walk), printers, latency_ns, stamp_now().host_ns + tick_ns_});
+        ports_.push_back({std::move(stream), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 
     // Call this when the port was opened or failed. The port's silence is counted from now on.
@@ -58,7 +58,7 @@ class Round {
     void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {
-            if (ports_[port].is_left) walk(port, now_ns, happened);
+            if (ports_[port].is_left) run(port, now_ns, happened);
         }
         const bool has_text =
             std::any_of(texts_.begin(), texts_.end(), [](const Text& text) { return !text.bytes.empty(); });
@@ -72,9 +72,9 @@ class Round {
             const bool ticks = now_ns >= one.tick_ns;
             if (ticks) {
                 one.tick_ns = now_ns + tick_ns_;
-                one.walk->tick(now_ns);
+                one.stream->tick(now_ns);
             }
-            if (ticks || now_ns >= one.walk->due_ns()) walk(port, now_ns, happened);
+            if (ticks || now_ns >= one.stream->due_ns()) run(port, now_ns, happened);
         }
     }
 
@@ -87,7 +87,7 @@ class Round {
 
   private:
     struct Port {
-        std::unique_ptr<PortStream> walk;
+        std::unique_ptr<PortStream> stream;
         std::vector<RunPrinter*>* printers;
         std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which a silent port is due for a tick
         bool has_ended = false;
@@ -104,11 +104,11 @@ class Round {
             waited_ns_ = std::max(waited_ns_, now_ns - due_ns);
             one.tick_ns = news.reads.back().stamp.host_ns + tick_ns_;
         }
-        one.walk->give(std::move(news), now_ns);
-        walk(port, now_ns, happened);
+        one.stream->give(std::move(news), now_ns);
+        run(port, now_ns, happened);
     }
 
-    void walk(std::size_t port, std::int64_t now_ns, std::vector<Happened>& happened) {
+    void run(std::size_t port, std::int64_t now_ns, std::vector<Happened>& happened) {
         Port& one = ports_[port];
         if (one.has_ended) {
             one.is_left = false;
@@ -116,7 +116,7 @@ class Round {
         }
         PortStop stop = PortStop::kFault;
         try {
-            stop = one.walk->walk(now_ns);
+            stop = one.stream->run(now_ns);
         } catch (const std::exception& error) {  // an error of one device does not stop the others
             one.fault = error.what();
             one.has_ended = true;
@@ -127,7 +127,7 @@ class Round {
             if (printer.size() == 0) continue;
             Text& to = texts_[text];
             to.bytes.insert(to.bytes.end(), printer.data(), printer.data() + printer.size());
-            to.parts.push_back({one.walk->now_ns(), printer.records()});
+            to.parts.push_back({one.stream->now_ns(), printer.records()});
             printer.clear();
         }
         if (one.is_left) happened.push_back({static_cast<int>(port), stop});
@@ -136,7 +136,7 @@ class Round {
     std::int64_t due_ns() const {
         std::int64_t due = Device::kNever;
         for (const Port& one : ports_) {
-            if (!one.has_ended) due = std::min(due, std::min(one.tick_ns, one.walk->due_ns()));
+            if (!one.has_ended) due = std::min(due, std::min(one.tick_ns, one.stream->due_ns()));
         }
         return due;
     }

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "device_binding.hpp"
+#include "port_decoder_binding.hpp"
 #include "port_read_binding.hpp"
 #include "round.hpp"
-#include "wire_line_binding.hpp"
 
 namespace nb = nanobind;
 
@@ -87,7 +87,7 @@ class Round {
     // Adds the next port. Ports are numbered in the order in which they are added.
     void add(nb::object wire, nb::object device, std::int64_t latency_ns) {
         auto& of_device = nb::cast<device_binding::Device&>(device);
-        auto& of_wire = nb::cast<wire_line_binding::WireLine&>(wire);
+        auto& of_wire = nb::cast<port_decoder_binding::PortDecoder&>(wire);
         kept_.append(nb::make_tuple(wire, device));
         round_.add(std::make_unique<PortStream>(of_wire.native(), of_device.native(), of_device.printers()),
                    &of_device.printers(), latency_ns);
@@ -151,13 +151,13 @@ class Round {
   private:
     PortStream& at(std::size_t port) {
         if (port >= round_.size()) throw nb::index_error("no such port");
-        return round_.line(port);
+        return round_.stream(port);
     }
 
     static nb::object told(PortStream& line, PortStop stop) {
         switch (stop) {
             case PortStop::kItem:
-                return wire_line_binding::as_tuple(line.item());
+                return port_decoder_binding::as_tuple(line.item());
             case PortStop::kStop: {
                 const fltea::Advanced& found = line.advanced();
                 return nb::make_tuple(static_cast<int>(found.stop), line.stopped_ns(),

@@ -142,7 +142,7 @@ def told_of(speed, for_s, step_s=0.02):
     while real_s < for_s:
         real_s += step_s
         board_s += step_s * speed(real_s)
-        if (words := pace.look(real_s, board_s)) is not None:
+        if (words := pace.check(real_s, board_s)) is not None:
             found.append((real_s, words))
     return found
 

@@ -83,7 +83,7 @@ def test_a_format_that_was_asked_for_is_left_alone() -> None:
 
 def test_the_warning_is_shown_with_what_the_figures_then_mean(capsys: pytest.CaptureFixture[str]) -> None:
     pace = Pace()
-    warning = pace.look(1.0, 0.4)
+    warning = pace.check(1.0, 0.4)
     assert warning is not None
     demo.pass_on(io.StringIO(f"due_emulator: {warning}\ndue_emulator: {warning}\n"))
     first, meaning, second = capsys.readouterr().err.splitlines()

@@ -91,7 +91,7 @@ def test_of_200_sensors_the_three_bad_ones_stand_out(
     for kind, content in {**said, "fit": {}}.items():
         sent = stranger.publish(f"fltea/{HOSTILE}/{kind}", json.dumps(content), qos=1, retain=True)
         sent.wait_for_publish(PATIENCE_S)
-    running = start("--history", tmp_path / "fleet.db", "--look-every", "500ms")
+    running = start("--history", tmp_path / "fleet.db", "--compare-every", "500ms")
     wait_until(lambda: sum(running.ask("api/summary")["axes"].values()) == 3 * SENSORS, "all fits")
     wait_until(lambda: len({one["device_id"] for one in running.ask("api/summary")["odd"]}) == 3, "a look")
     found = running.ask("api/summary")
@@ -132,7 +132,7 @@ def test_alerts_are_published_and_a_broker_that_went_comes_back(
         on_message=lambda client, data, m: heard.append((m.topic, json.loads(m.payload))),
         on_connect=lambda client, *_: client.subscribe("fltea/fleet/#"),
     )
-    running = start("--look-every", "200ms")
+    running = start("--compare-every", "200ms")
     wait_until(lambda: sum(topic == "fltea/fleet/alert" for topic, _ in heard) == 4, "alerts")
     wait_until(lambda: '"count": 4' in json.dumps(heard), "the list of alerts")
     told = [alert for topic, alert in heard if topic == "fltea/fleet/alert"]

@@ -128,9 +128,12 @@ def test_nothing_is_kept_of_a_start_up_window_or_with_a_constant_axis() -> None:
         ({"whiteness": b""}, "innovations"),
         ({"whiteness": b"\xff" * 8}, "innovations"),
         ({"whiteness": bytes(3 * 8 * 25)}, "innovations"),
-        ({"beliefs": {"gyro_x": FilterModel(0.5, 0.1, 0.4, 0.1, -1.0, 0.1)}}, "gyro_x cannot go on with"),
         (
-            {"tuned": ("gyro_x",), "beliefs": {"gyro_x": FilterModel(2.5, 0, 0, 0, 0, 0)}},
+            {"filter_models": {"gyro_x": FilterModel(0.5, 0.1, 0.4, 0.1, -1.0, 0.1)}},
+            "gyro_x cannot go on with",
+        ),
+        (
+            {"tuned": ("gyro_x",), "filter_models": {"gyro_x": FilterModel(2.5, 0, 0, 0, 0, 0)}},
             "gyro_x cannot go on",
         ),
         ({"supervisors": b""}, "supervisors"),

@@ -110,7 +110,7 @@ def test_a_saved_bank_goes_on_with_what_it_was_told() -> None:
     assert state is not None
     other = Bank(AXES, CONFIG, H, None, msgspec.convert(msgspec.to_builtins(state), type(state)))
     assert (other.variances, other.tuned) == (bank.variances, bank.tuned)
-    assert other.beliefs == bank.beliefs == {"gyro_z": BELIEF}
+    assert other.filter_models == bank.filter_models == {"gyro_z": BELIEF}
     assert other.save() == state
     a, b = bank.run(y), other.run(y)
     for name in COLUMNS:
@@ -176,7 +176,7 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
         np.testing.assert_array_equal(std[:, [0, 2]], own_std[:, [0, 2]])
     assert bank.found("gyro_y") == (own.alpha[-1, 1], own.alpha_std[-1, 1])
     bank.retune({"gyro_y": Variances(0.003, 0.011)})
-    assert not bank.beliefs
+    assert not bank.filter_models
 
 
 @pytest.mark.parametrize(
@@ -189,13 +189,13 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
         BELIEF._replace(alpha_std=math.nan),
     ],
 )
-def test_a_bank_refuses_a_belief_that_cannot_be(belief: FilterModel) -> None:
+def test_a_bank_refuses_a_belief_that_cannot_be(filter_model: FilterModel) -> None:
     bank, _ = begun()
     before = dict(bank.variances)
     for axis in ("gyro_x", "gyro_y"):
         with pytest.raises(ValueError, match="cannot go on with"):
-            bank.retune({"gyro_x": Variances(0.1, 0.1)}, {axis: belief if axis == "gyro_x" else BELIEF})
-    assert (bank.variances, bank.beliefs) == (before, {})
+            bank.retune({"gyro_x": Variances(0.1, 0.1)}, {axis: filter_model if axis == "gyro_x" else BELIEF})
+    assert (bank.variances, bank.filter_models) == (before, {})
 
 
 def test_a_constant_axis_cannot_be_told() -> None:

@@ -60,7 +60,7 @@ def test_what_was_filtered_before_the_last_samples_is_the_same_to_the_bit(
     model.refilter(remembered, to_come)
     for tracker, own in ((one, model), (other, whole)):
         tracker.run(noise(to_come, seed=2))
-        tracker.go_by(0, own)
+        tracker.use_model(0, own)
     assert one.x(0)[0] == other.x(0)[0]
     np.testing.assert_array_equal(one.x(0)[1], other.x(0)[1])
     for column, expected in zip(after(one), after(other), strict=True):
@@ -95,7 +95,7 @@ def test_where_more_has_happened_the_tracker_filters_all(name: str) -> None:
     model.refilter(remembered, 100)
     for tracker, own in ((one, model), (other, whole)):
         MEANWHILE[name](tracker)
-        tracker.go_by(0, own)
+        tracker.use_model(0, own)
     assert one.save() == other.save()
 
 
@@ -106,7 +106,7 @@ def test_lost_samples_are_samples_of_which_nothing_is_known() -> None:
     for tracker, own in ((one, model), (other, whole)):
         tracker.run(noise(70, seed=2))
         tracker.skip(30)
-        tracker.go_by(0, own)
+        tracker.use_model(0, own)
     for column, expected in zip(after(one), after(other), strict=True):
         np.testing.assert_array_equal(column, expected)
 
@@ -115,8 +115,8 @@ def test_a_model_is_taken_by_one_tracker_after_the_other() -> None:
     one, other, remembered = begun(5000)
     model = TrackerModel(RULES, *MODELS["rivals"])
     model.refilter(remembered, 0)
-    one.go_by(0, model)
-    other.go_by(0, model)
+    one.use_model(0, model)
+    other.use_model(0, model)
     alone = after(other)
     for column, expected in zip(after(one), alone, strict=True):
         np.testing.assert_array_equal(column, expected)
@@ -147,7 +147,7 @@ def test_models_are_made_in_threads_while_the_walk_goes_on() -> None:
             thread.join()
             made = models[lane]
             assert made is not None
-            walks.go_by(lane, made)
+            walks.use_model(lane, made)
             alone.set(lane, *list(MODELS.values())[lane])
     for one, other in zip(found, expected, strict=True):
         for column, right in zip(one, other, strict=True):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.roll import Roll
-from fltea.fleet.summary import Look, counts, look, rows, table
+from fltea.fleet.summary import Comparison, compare, counts, rows, table
 from fltea.records.fit import AxisFit
 
 from tools import fleet_fits, fleet_load
@@ -45,12 +45,12 @@ def fleet(sensors: int, bad: int) -> tuple[Roll, list[fleet_load.Bad]]:
 @pytest.mark.parametrize(("sensors", "bad"), [(100, 3), (200, 3), (300, 6), (150, 0)])
 def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -> None:
     roll, ones = fleet(sensors, bad)
-    seen = look(roll, 1.0)
+    seen = compare(roll, 1.0)
     found = {(int(odd.device_id, 16), odd.axis) for odd in seen.odd}
     assert found == {(one.place, one.axis) for one in ones}
     assert len(counts(roll, 1.0)["axes"]) >= 9  # verdicts
     assert not roll.bad
-    assert look(roll, 1000.0).odd == []  # they are silent
+    assert compare(roll, 1000.0).odd == []  # they are silent
     if (sensors, bad) == (200, 3):
         assert {one.quantity for one in seen.odd} >= {"N", "density", "B", "K"}
         total, first = table(rows(roll, seen, 1.0), "K", "down", "odd", 0, 50)
@@ -61,7 +61,7 @@ def test_the_bad_ones_are_exactly_those_that_stand_out(sensors: int, bad: int) -
 
 def test_an_alert_needs_three_looks_and_ends_after_three() -> None:
     roll, _ = fleet(60, 1)
-    alerts, seen, nothing = Alerts(), look(roll, 1.0), Look([], {})
+    alerts, seen, nothing = Alerts(), compare(roll, 1.0), Comparison([], {})
     told = [alerts.update(roll, seen, 1.0, float(number)) for number in range(LOOKS)]
     assert [len(one) for one in told] == [0, 0, 2]  # N and its density
     assert {alert.state for alert in told[-1]} == {"raised"}

@@ -53,7 +53,7 @@ class Stage:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(program, "Listener", Broker)
         self.said: list[str] = []
-        self.fleet = Fleet(Plan(MqttConfig(broker="x"), look_every_s=1.0), self.said.append)
+        self.fleet = Fleet(Plan(MqttConfig(broker="x"), compare_every_s=1.0), self.said.append)
         assert isinstance(self.fleet.listener, Broker)
         self.broker = self.fleet.listener
         self.now = 0.0
@@ -166,4 +166,4 @@ def test_the_summary_says_how_long_a_look_takes(stage: Stage, monkeypatch: pytes
     with monkeypatch.context() as clock:
         clock.setattr(program.time, "perf_counter", lambda: next(times_s))
         stage.fleet.look_now()
-    assert stage.fleet.summary()["look_ms"] == 250.0
+    assert stage.fleet.summary()["comparison_ms"] == 250.0

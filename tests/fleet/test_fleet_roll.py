@@ -10,14 +10,14 @@ from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.clock import Clock
 from fltea.fleet.messages import KINDS
 from fltea.fleet.roll import Roll
-from fltea.fleet.summary import COLUMNS, Look, counts, look, rows, table
+from fltea.fleet.summary import COLUMNS, Comparison, compare, counts, rows, table
 from fltea.records.fit import AxisFit, FitAllan, Interval
 from fltea.records.records import Fit
 from hypothesis import given
 from hypothesis import strategies as st
 
 HELLO = b'{"class":"hello","rate_hz":100.0,"sensor":"MPU-9250","boot_id":7}'
-NOBODY = Look([], {})
+NOBODY = Comparison([], {})
 
 
 def fit(seq: int = 1000, **axis: object) -> bytes:
@@ -79,7 +79,7 @@ def test_the_bias_is_shown_beside_the_newest_fit_and_nobody_is_judged_by_it() ->
         roll.take(f"{name}/fit", fit(), 2.0)
         roll.take(f"{name}/stats", stats(50.0 if number == 7 else 0.25), 3.0)
         roll.take(f"{name}/fit", fit(1100), 4.0)
-    seen = look(roll, 4.0)
+    seen = compare(roll, 4.0)
     assert seen.odd == []
     assert {group[2] for group in seen.usual} == {"density"}
     row = rows(roll, seen, 4.0)[7]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from fltea.identification.forecast_judge import Judgement, judged, learned
+from fltea.identification.forecast_judge import Judgement, fitted_system, judged
 from fltea.noise.parts import LowPass, Part, Relaxation, Walk, White
 from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter
@@ -25,7 +25,7 @@ def relaxing(seed: int, sigma: float, tau_s: float) -> Array:
 
 def of_half(y: Array, *parts: Part) -> Judgement:
     half = y[: len(y) // 2]
-    return judged(learned(parts, half, H), y, len(half), H)
+    return judged(fitted_system(parts, half, H), y, len(half), H)
 
 
 def fails(found: Judgement) -> tuple[bool, bool]:

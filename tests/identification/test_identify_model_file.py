@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from fltea.identification.axis import IdentifyOptions, look
+from fltea.identification.axis import IdentifyOptions, analyse
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, Lorentzian, draw, draws, model_spectrum, modelled
@@ -183,11 +183,11 @@ def test_a_model_has_the_spectrum_of_what_was_identified(name: str) -> None:
         "AR(2)": lambda: ar((1.5, -0.9), n, 1, 14)[0] + white(n, 1, 15)[0],
         "order": lambda: draw(AxisModel(PARTS["order"]), H, n, np.random.default_rng(3))[0],
     }[name]()
-    looked = look(y, H)
+    analysis = analyse(y, H)
     peak = Peak("line", 20.0, 0.1, 0.01, 5.0, (19.0, 21.0))
-    model = modelled(looked.figures.model, (peak,), 2.0, H)
+    model = modelled(analysis.figures.model, (peak,), 2.0, H)
     assert model.resonances == (Lorentzian(20.0, 0.1, 0.04),)
-    data = looked.summed.seen.evidence.candidates.data
+    data = analysis.summed.seen.evidence.candidates.data
     off = (data.power[0] / model_spectrum(AxisModel(model.parts), data.lam, H) - 1) * np.sqrt(data.counts)
     assert np.abs(off[data.counts >= 8]).max() < 5
     assert abs(off.mean()) < 0.3

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from fltea.identification import figures, report
-from fltea.identification.axis import IdentifyOptions, identified, look, with_copies
+from fltea.identification.axis import IdentifyOptions, analyse, identified, with_copies
 from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.curves import LAGS, ORDERS, curves, profile
 from fltea.identification.load import Request, Unreadable
@@ -244,9 +244,9 @@ def test_curves_agree_with_the_result() -> None:
     x = long_recursion(0.7, -0.12, 3000, 3) + 0.3 * white(3000, 1, 4)[0]
     options = IdentifyOptions(estimator=QUICK, shuffles=30)
     copies = estimate(x, H, QUICK, None, range(30), 0)
-    looked = look(x, H, options)
-    result = with_copies(identified(looked, None, options), [copies])
-    found = curves(looked, None, options)
+    analysis = analyse(x, H, options)
+    result = with_copies(identified(analysis, None, options), [copies])
+    found = curves(analysis, None, options)
     assert result.fltea.alpha is not None
     assert found.path.alpha[-1] == pytest.approx(result.fltea.alpha, abs=1e-3)
     assert found.path.t_s[-1] == pytest.approx(30)
@@ -261,20 +261,20 @@ def test_curves_agree_with_the_result() -> None:
 
 def test_curves_without_copies() -> None:
     options = IdentifyOptions(estimator=QUICK, shuffles=0)
-    looked = look(white(2000, 1, 1)[0], H, options)
-    found = curves(looked, None, options)
+    analysis = analyse(white(2000, 1, 1)[0], H, options)
+    found = curves(analysis, None, options)
     assert np.isfinite(found.path.alpha).any()
     assert np.isnan(found.path.white_alpha).all()
 
 
 def test_the_profile_has_the_interval_of_the_order() -> None:
     y = long_recursion(0.6, -0.19, 60_000, 0) + 0.5 * white(60_000, 1, 10)[0]
-    looked = look(y, H)
-    alpha = looked.verdict.order.alpha
+    analysis = analyse(y, H)
+    alpha = analysis.verdict.order.alpha
     assert alpha.value is not None
     assert alpha.low is not None
     assert alpha.high is not None
-    deviance = profile(looked.summed.seen.evidence.candidates, ORDERS)
+    deviance = profile(analysis.summed.seen.evidence.candidates, ORDERS)
     assert np.interp(alpha.value, ORDERS, deviance) < 0.5
     for end in (alpha.low, alpha.high):
         assert np.interp(end, ORDERS, deviance) == pytest.approx(CRITICAL, abs=1.5)

@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from fltea.identification.axis import IdentifyOptions, look
-from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.axis import IdentifyOptions, analyse
+from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.identification.navigation_filter import TOLD_S, NavigationFilter, navigation_filter
 from fltea.identification.noise_model import AxisModel, draw
 from fltea.noise.parts import AnyPart, Arfima, LowPass, Order, Relaxation, Walk, White
@@ -37,8 +37,8 @@ def noise(name: str, n: int, rng: np.random.Generator) -> Array:
     return draw(AxisModel(NOISES[name]), H, n, rng)[0]
 
 
-def tracked(y: Array) -> Learned:
-    return learned(look(y, H, OPTIONS).figures.model.parts(H), y, H)
+def tracked(y: Array) -> FittedSystem:
+    return fitted_system(analyse(y, H, OPTIONS).figures.model.parts(H), y, H)
 
 
 def by_the_page(plain: NavigationFilter, at_rest: Array, t_s: float, folder: Path) -> tuple[float, float]:
@@ -100,7 +100,7 @@ def test_a_slope_is_a_walk_of_the_bias() -> None:
     squares = []
     for seed in range(6):
         y = np.random.default_rng((seed, 8)).normal(size=N) * 0.1 + slope * H * np.arange(N)
-        plain = navigation_filter(learned([White(0.01)], y, H), y, H)
+        plain = navigation_filter(fitted_system([White(0.01)], y, H), y, H)
         squares.append(
             [
                 (one.t_s * (slope * (N * H + one.t_s / 2) - plain.bias) / one.filter) ** 2

@@ -8,7 +8,7 @@ import pytest
 from fltea.api.recording import open as open_recording
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import in_agreement
-from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.identification.load import Request
 from fltea.identification.run import identify_all
 from fltea.identification.shared_walk import shared_walk
@@ -30,7 +30,7 @@ def axes(shares: tuple[float, ...], seed: int) -> dict[str, Array]:
     }
 
 
-def mean_step(one: Learned) -> float:
+def mean_step(one: FittedSystem) -> float:
     return float(one.walk.weights @ one.walk.steps)
 
 
@@ -38,7 +38,7 @@ def test_together_they_know_their_walk_better() -> None:
     """K is nearer the truth than for each axis alone, by about √3."""
     off: dict[str, list[float]] = {"own": [], "shared": []}
     for seed in range(15):
-        own = {name: learned([White(0.01)], y, H) for name, y in axes((300.0,) * 3, seed).items()}
+        own = {name: fitted_system([White(0.01)], y, H) for name, y in axes((300.0,) * 3, seed).items()}
         shared = shared_walk(own, H)
         if shared["gyro_x"] is own["gyro_x"]:
             continue
@@ -50,7 +50,7 @@ def test_together_they_know_their_walk_better() -> None:
 
 
 def test_axes_that_differ_have_a_walk_of_their_own() -> None:
-    own = {name: learned([White(0.01)], y, H) for name, y in axes((0.0, 0.0, 3000.0), 1).items()}
+    own = {name: fitted_system([White(0.01)], y, H) for name, y in axes((0.0, 0.0, 3000.0), 1).items()}
     assert shared_walk(own, H) == own
 
 
@@ -60,7 +60,7 @@ def test_axes_whose_parts_walk_have_nothing_but_bounds_in_common() -> None:
     own, bounded = {}, {"own": 0.0, "shared": 0.0}
     for axis, size in zip("xyz", (0.05, 0.07, 0.1), strict=True):
         y = rng.normal(size=N) * 0.1 + gauss_markov(rng, N, H, size, 15.0)
-        own[f"gyro_{axis}"] = learned([White(0.01), Walk(size * np.sqrt(2 / 15.0))], y, H)
+        own[f"gyro_{axis}"] = fitted_system([White(0.01), Walk(size * np.sqrt(2 / 15.0))], y, H)
     shared = shared_walk(own, H)
     for kind, found in (("own", own), ("shared", shared)):
         bounded[kind] = min(one.walk.weights[np.isfinite(one.walk.taus)].sum() for one in found.values())
@@ -76,16 +76,16 @@ def test_axes_whose_parts_walk_have_nothing_but_bounds_in_common() -> None:
 
 def test_one_axis_and_axes_that_are_not_alike_stay_as_they_are() -> None:
     y = axes((300.0,) * 3, 2)
-    walking = {"gyro_y": learned([White(0.01), Walk(0.003)], y["gyro_y"], H)}
-    alone = {"gyro_x": learned([White(0.01)], y["gyro_x"], H)}
+    walking = {"gyro_y": fitted_system([White(0.01), Walk(0.003)], y["gyro_y"], H)}
+    alone = {"gyro_x": fitted_system([White(0.01)], y["gyro_x"], H)}
     assert shared_walk(alone, H) == alone
-    mixed = walking | {name: learned([White(0.01)], y[name], H) for name in ("gyro_x", "gyro_z")}
+    mixed = walking | {name: fitted_system([White(0.01)], y[name], H) for name in ("gyro_x", "gyro_z")}
     assert shared_walk(mixed, H)["gyro_y"] is walking["gyro_y"]
 
 
 def test_sensors_are_kept_apart() -> None:
     y = axes((300.0,) * 3, 2)
-    own = {name: learned([White(0.01)], one, H) for name, one in y.items()}
+    own = {name: fitted_system([White(0.01)], one, H) for name, one in y.items()}
     found = in_agreement({"gyro_x": own["gyro_x"], "accel_x": own["gyro_y"], "gyro_y": None}, H)
     assert found == {"gyro_x": own["gyro_x"], "accel_x": own["gyro_y"]}
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from fltea.identification.allan import allan_of
 from fltea.identification.allan_file import COLUMNS
-from fltea.identification.axis import IdentifyOptions, Looked, look
+from fltea.identification.axis import AxisAnalysis, IdentifyOptions, analyse
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.conclusions import tracked_of
 from fltea.identification.findings import rows
@@ -60,14 +60,14 @@ def relaxing(rng: np.random.Generator, n: int) -> Array:
     return white(rng, n) + gauss_markov(rng, n, H, 0.01, 30.0)
 
 
-def looks(noise: Noise, n: int, count: int, seed: int) -> list[Looked]:
-    return [look(noise(np.random.default_rng((seed, i)), n), H) for i in range(count)]
+def looks(noise: Noise, n: int, count: int, seed: int) -> list[AxisAnalysis]:
+    return [analyse(noise(np.random.default_rng((seed, i)), n), H) for i in range(count)]
 
 
-def drift_rate(looked: Looked) -> Interval:
-    tracked = tracked_of(looked)
+def drift_rate(analysis: AxisAnalysis) -> Interval:
+    tracked = tracked_of(analysis)
     assert tracked is not None
-    return tracked_drift_rate(tracked, looked.y, H)
+    return tracked_drift_rate(tracked, analysis.y, H)
 
 
 # --- B ---
@@ -202,7 +202,7 @@ def test_only_n_where_the_curve_is_that_of_white_noise() -> None:
             )
     assert inside >= 8
     slow = white(np.random.default_rng(10), 60_000) + 0.004 * np.sin(np.arange(60_000) * H * 2 * np.pi / 900)
-    curve = allan_of(look(slow, H, IdentifyOptions(from_hz=0.05)), GYRO_UNIT)
+    curve = allan_of(analyse(slow, H, IdentifyOptions(from_hz=0.05)), GYRO_UNIT)
     left = band(curve)
     assert left.leaves_at_s is not None
     assert 1 < left.to_s < left.leaves_at_s
@@ -229,7 +229,7 @@ def test_the_drift_rate_of_a_walk_holds_no_drift() -> None:
 def test_a_ramp_is_seen_in_white_noise() -> None:
     rate = 1e-3
     y = white(np.random.default_rng(12), 30_000) + rate * H * np.arange(30_000)
-    found = drift_rate(look(y, H))
+    found = drift_rate(analyse(y, H))
     assert 0 < found.low < rate < found.high
 
 
@@ -247,11 +247,11 @@ def test_the_drift_rate_holds_the_truth(noise: Noise) -> None:
 
 
 def test_a_forecast_is_made_of_what_its_system_has() -> None:
-    tracked = tracked_of(look(walk(1e-3)(np.random.default_rng(14), 60_000), H))
+    tracked = tracked_of(analyse(walk(1e-3)(np.random.default_rng(14), 60_000), H))
     assert tracked is not None
     assert made_of(tracked).startswith("white")
     assert "walk of the offset" in made_of(tracked)
-    constant = tracked_of(look(white(np.random.default_rng(15), 60_000), H))
+    constant = tracked_of(analyse(white(np.random.default_rng(15), 60_000), H))
     assert constant is not None
     weights = np.where(constant.walk.steps == 0, constant.walk.weights, 0.0)
     still = constant.walk._replace(weights=weights / weights.sum())

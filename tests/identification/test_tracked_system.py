@@ -6,7 +6,7 @@ import yaml
 from fltea.documents.imu_yaml import imu_yaml
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
-from fltea.identification.forecast_judge import learned
+from fltea.identification.forecast_judge import fitted_system
 from fltea.identification.kalibr import axis_noise
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.navigation_filter import slope_of
@@ -38,7 +38,7 @@ def test_three_answers() -> None:
     for share, count in counts.items():
         K = np.sqrt(share / H) * 0.1 / N
         for seed in range(20):
-            found = offset_walk_found(learned([White(0.01)], walking(share, seed), H), H, Interval())
+            found = offset_walk_found(fitted_system([White(0.01)], walking(share, seed), H), H, Interval())
             count[found.said] += 1
             assert (found.K.value is not None) == (found.said == "walks") == (found.at_most is None)
             assert (found.tells_s is not None) == (found.said == "not told")
@@ -54,14 +54,15 @@ def test_three_answers() -> None:
 
 def test_as_long_a_record_as_is_said_would_tell() -> None:
     not_notified = [
-        offset_walk_found(learned([White(0.01)], walking(100.0, k), H), H, Interval()) for k in range(20)
+        offset_walk_found(fitted_system([White(0.01)], walking(100.0, k), H), H, Interval())
+        for k in range(20)
     ]
     lengths = [found.tells_s for found in not_notified if found.tells_s is not None]
     n = round(float(np.median(lengths)) / H)
     certain = 0
     for seed in range(10):
         longer = walking(100.0 * (n / N) ** 2, seed, n)
-        certain += offset_walk_found(learned([White(0.01)], longer, H), H, Interval()).said == "walks"
+        certain += offset_walk_found(fitted_system([White(0.01)], longer, H), H, Interval()).said == "walks"
     assert certain >= 5
 
 

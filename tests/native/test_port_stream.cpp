@@ -8,11 +8,11 @@
 #include <random>
 #include <string>
 
+#include "port_decoder_rig.hpp"
 #include "port_stream.hpp"
-#include "wire_line_rig.hpp"
 
 using namespace fltea;
-using namespace wire_line_rig;
+using namespace port_decoder_rig;
 
 namespace {
 
@@ -112,7 +112,7 @@ class Taker {
   private:
     void take_all(std::int64_t now_ns) {
         for (PortStop stop = PortStop::kItem; stop != PortStop::kNothing;) {
-            stop = walk_.walk(now_ns);
+            stop = walk_.run(now_ns);
             for (RunPrinter* one : printers_) {
                 print(std::string(one->data(), one->size()));
                 one->clear();
@@ -159,10 +159,10 @@ class Taker {
         }
         rows.clear();
     }
-    void on_item(const LineItem& item) {
+    void on_item(const PortItem& item) {
         say("item " + std::to_string(item.kind) + " at " + std::to_string(item.host_ns));
-        if (item.kind == LineItem::kTick) device_.stats_due_ns = item.host_ns + kSecondNs;
-        if (item.kind != LineItem::kFrame || item.type != Hello::type()) return;
+        if (item.kind == PortItem::kTick) device_.stats_due_ns = item.host_ns + kSecondNs;
+        if (item.kind != PortItem::kFrame || item.type != Hello::type()) return;
         if (walk_.wants_reads) CHECK(bytes.size() == given_);
         const std::uint8_t boot = item.bytes[6];
         if (boot == 13) {  // a device that cannot be used
@@ -196,7 +196,7 @@ class Taker {
         device_.fit_due = device_.judged().seq + 13;
     }
 
-    WireLine wire_{kTimes};
+    PortDecoder wire_{kTimes};
     Device device_;
     std::vector<RunPrinter*> printers_;
     std::unique_ptr<RunPrinter> printer_;
@@ -211,7 +211,7 @@ void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     for (std::size_t begin = 0; begin < all.reads.size();) {
         std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));
         const std::int64_t before_ns = begin == 0 ? 0 : all.reads[begin - 1].stamp.host_ns;
-        while (end > begin + 1 && all.reads[end - 1].stamp.host_ns - before_ns > WireLine::kStallNs) --end;
+        while (end > begin + 1 && all.reads[end - 1].stamp.host_ns - before_ns > PortDecoder::kStallNs) --end;
         to.give(all, begin, end, end == all.reads.size());
         begin = end;
     }

@@ -72,7 +72,7 @@ def test_each_time_that_the_date_goes_wrong_is_reported_once(monkeypatch: pytest
     monkeypatch.setattr(time, "time_ns", lambda: NOW_NS + ahead_ns)
     for years, expected in ((0, 0), (150, 1), (150, 1), (0, 1), (150, 2)):
         ahead_ns = years * YEAR_NS
-        watch.look()
+        watch.check()
         assert told == ["clock_wrong"] * expected
 
 

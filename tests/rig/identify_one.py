@@ -11,7 +11,14 @@ from fltea.identification.data_checks import DataCheck
 from fltea.identification.forecast import Asked
 from fltea.identification.left_out import without
 from fltea.identification.load import Series
-from fltea.identification.one_axis import MOST_LOOKS, LookedAt, concluded, examine, run_fltea, with_events
+from fltea.identification.one_axis import (
+    MOST_ANALYSES,
+    FlteaInput,
+    concluded,
+    examine,
+    run_fltea,
+    with_events,
+)
 from fltea.identification.sensor_events import watch
 from fltea.settings.live import LiveConfig
 
@@ -33,7 +40,7 @@ def identify_series(
         ValueError: The series is too short or constant.
     """
     found = examine(series, h, options, figures, known)
-    for _ in range(1, MOST_LOOKS):
+    for _ in range(1, MOST_ANALYSES):
         events = watch({"y": series}, (), {"y": found.tracked}, h, live or LiveConfig())["y"]
         if events.left_out.is_like(found.left_out):
             break
@@ -45,6 +52,6 @@ def identify_series(
         found = concluded(
             found, conclude(rest, h, options, found.tracked, K, forecast, events.at_end, events.steps)
         )
-    (fits,) = run_fltea([LookedAt.of(series, found, options)], h)
+    (fits,) = run_fltea([FlteaInput.of(series, found, options)], h)
     found = msgspec.structs.replace(found, result=with_fltea(found.result, fits))
     return with_events(found, events)

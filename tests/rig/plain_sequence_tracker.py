@@ -119,14 +119,14 @@ class PlainSequenceTracker:
         self._rate_hz = hello.rate_hz
         if boot != before or sensor_began or is_another_rate:
             self._watch.begin()
-            self._believe()
+            self._set_filter_models()
         return is_news
 
     def on_link_down(self) -> None:
         """Accept no sample until the next HELLO, since another device may have been plugged in."""
         self.hello, self._disagreed = None, False
         self._watch.begin()
-        self._believe()
+        self._set_filter_models()
 
     def on_break(self, reason: EpochReason) -> None:
         """Take note that a recording says its next sample begins an epoch.
@@ -142,7 +142,7 @@ class PlainSequenceTracker:
         if self.contradicts:
             self.rate_differs += 1
             if self._compare(raw) == "agrees":
-                self._believe()
+                self._set_filter_models()
             return None
         if hello is None:
             self.before_hello += 1
@@ -187,7 +187,7 @@ class PlainSequenceTracker:
             self.contradicts = self.news = True
         return found
 
-    def _believe(self) -> None:
+    def _set_filter_models(self) -> None:
         if self.contradicts and self._reason is None:
             self._reason = "discontinuity"
         self.contradicts = self.news = False

@@ -8,7 +8,7 @@ import numpy as np
 from fltea.noise.parts import Relaxation, White
 from fltea.records.fit import AxisFit, FitSpectrum, Interval
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.live_axes import Looked, Noise
+from fltea.spectrum.live_axes import AxisRefit, Noise
 from fltea.spectrum.octaves import Octaves
 from numpy.typing import NDArray
 
@@ -44,20 +44,20 @@ class QuickAxes:
         self.octaves.skip(count)
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
-        return {axis: look().fit for axis, look in self.look(curves=curves, last=last).items()}
+        return {axis: refit().fit for axis, refit in self.refit(curves=curves, last=last).items()}
 
-    def look(
+    def refit(
         self, *, curves: bool, last: bool = False, fresh: bool = False
-    ) -> dict[str, Callable[[], Looked]]:
+    ) -> dict[str, Callable[[], AxisRefit]]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None
         seen, end = self.octaves.save(), " at the end" if last else ""
-        looked = {axis: self._look(axis, seen, spectrum, end) for axis in self.axes}
-        return {axis: partial(dict.__getitem__, looked, axis) for axis in self.axes}
+        refitted = {axis: self._refit(axis, seen, spectrum, end) for axis in self.axes}
+        return {axis: partial(dict.__getitem__, refitted, axis) for axis in self.axes}
 
     def save(self) -> bytes:
         return b"quick" + self.octaves.save()
 
-    def _look(self, axis: str, seen: bytes, spectrum: FitSpectrum | None, end: str) -> Looked:
+    def _refit(self, axis: str, seen: bytes, spectrum: FitSpectrum | None, end: str) -> AxisRefit:
         digest = hashlib.sha256(seen + axis.encode()).digest()
         p, alpha = max(0.0, digest[0] / 127 - 1), digest[1] / 200
         noise = Noise((White(0.2), Relaxation(0.1, 0.1 + alpha)), p < 0.01, self.samples)
@@ -75,4 +75,4 @@ class QuickAxes:
             left_out={"lost": self.octaves.counts(0).lost},
             spectrum=spectrum,
         )
-        return Looked(fit, noise)
+        return AxisRefit(fit, noise)

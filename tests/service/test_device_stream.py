@@ -21,11 +21,11 @@ def test_what_is_printed_states_each_fit_as_soon_as_it_counts(size: int) -> None
     hub, output, blocks = Hub(lambda error: None), io.BytesIO(), Memory(capacity=100_000)
     hub.add(NdjsonSink(output, samples=True))
     hub.add(blocks)
-    walk = DeviceStream(Source(), load_config(None, SMALL | {"live.period_s": 0.5}), hub, None)
+    stream = DeviceStream(Source(), load_config(None, SMALL | {"live.period_s": 0.5}), hub, None)
     for boot in range(2):
-        walk.take(hello(boot_id=boot))
+        stream.take(hello(boot_id=boot))
         for begin in range(0, 600, size):
-            walk.take(raw(range(600 * boot + begin, 600 * boot + min(begin + size, 600))))
+            stream.take(raw(range(600 * boot + begin, 600 * boot + min(begin + size, 600))))
     assert closed(hub)
     assert len(of(Fit, blocks.items)) > 4
     assert output.getvalue().splitlines() == [record_json(one) for one in records_of(blocks.items)]

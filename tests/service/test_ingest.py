@@ -10,7 +10,7 @@ from fltea.service.ingest.floods import BURST_BYTES, MESSAGE_BYTES, SECOND_BYTES
 from fltea.service.ingest.inbox import Inbox
 from fltea.service.ingest.losses import Losses
 from fltea.service.pressure import LATE_NS, LOOKS, QUIET_NS, STEP_NS, Pressure
-from fltea.stream.fit_times import LookTimes
+from fltea.stream.fit_times import RefitTimes
 from fltea.stream.fit_worker import FitWorker
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,17 +59,17 @@ def test_names_that_are_made_up_take_nobodys_place_and_are_told() -> None:
     for part in (b"first", b"second"):
         inbox.put("real", part)
     assert [m[:2] for m in inbox.take(0)[0]] == [("real", b"first"), ("real", b"second")]
-    ((kind, text, *_),) = losses.look(0)
+    ((kind, text, *_),) = losses.check(0)
     assert kind == "devices_refused"
     assert "301 names were heard once" in text
-    assert not list(losses.look(1)), "once a minute"
+    assert not list(losses.check(1)), "once a minute"
 
 
 def test_names_are_told_so_that_no_terminal_obeys_them() -> None:
     inbox = Inbox(2, 1 << 24)
     inbox.put("\x1b[2J" + "x" * 500, b"")
     inbox.take(0)
-    ((_, text, *_),) = Losses(inbox, "mqtt://broker").look(0)
+    ((_, text, *_),) = Losses(inbox, "mqtt://broker").check(0)
     assert text.isprintable()
     assert len(text) < 400
 
@@ -116,7 +116,7 @@ def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm()
     for k in range(60):
         now_ns += S
         pressure.waited(2 * LATE_NS)
-        pressure.look(now_ns)
+        pressure.check(now_ns)
         assert kinds or k < LOOKS - 1, "devices that begin together are no reason"
     assert fit_worker.slower == 2 ** len(kinds) == 64
     assert set(kinds) == {"fits_slowed"}
@@ -125,19 +125,19 @@ def test_fits_come_more_rarely_while_messages_wait_and_oftener_when_it_is_calm()
         while fit_worker.slower == before:
             now_ns += S
             pressure.waited(LATE_NS // 10)
-            pressure.look(now_ns)
+            pressure.check(now_ns)
         assert now_ns - since_ns >= min(QUIET_NS, STEP_NS)
     assert fit_worker.slower == 1
     assert len(kinds) == 6
 
 
 def test_another_pace_counts_from_the_next_look_on() -> None:
-    times, found = LookTimes(100.0, grows=False, every=True), []
+    times, found = RefitTimes(100.0, grows=False, every=True), []
     times.begin(100)
     for number in range(1, 5001):
         if number >= times.check:
             found.append(times.at(number, number, 1000 if 200 <= number < 3000 else 100, noticed=False))
-    assert [look.counts for look in found if look][:6] == [150, 700, 1500, 2500, 3050, 3150]
+    assert [check.counts for check in found if check][:6] == [150, 700, 1500, 2500, 3050, 3150]
 
 
 def test_a_shared_load_slows_every_device_alike() -> None:
@@ -200,7 +200,7 @@ def test_whoever_floods_loses_its_own_and_is_named(is_stream: bool, monkeypatch:
     size = len(message) + MESSAGE_BYTES
     assert taken == pytest.approx((BURST_BYTES + 60 * SECOND_BYTES) / size, rel=0.01)
     assert inbox.overflow_bytes == {"flood": (6000 - taken) * len(message)}
-    ((kind, text, *_),) = losses.look(0)
+    ((kind, text, *_),) = losses.check(0)
     assert kind == "frames_overflow"
     assert f"flood ({(6000 - taken) * len(message)} bytes)" in text
     assert "which floods" in text

@@ -10,12 +10,12 @@ def test_a_lease_is_free_once_nobody_has_renewed_it_by_the_lookers_clock() -> No
     sightings, lease = Sightings(), json.encode(Lease("other", 5))
     assert is_free(sightings.of("lease.0"), 0)
     for now_s in (0.0, 2.0, 4.0):
-        sightings.look({"lease.0": (int(now_s), lease), "worker.a": (1, b"")}, now_s)
+        sightings.check({"lease.0": (int(now_s), lease), "worker.a": (1, b"")}, now_s)
     assert not is_free(sightings.of("lease.0"), 4 + LEASE_S - 0.1)
     assert is_free(sightings.of("lease.0"), 4 + LEASE_S)
     assert sightings.fresh("worker.", LEASE_S - 0.1) == ["worker.a"]
     assert not sightings.fresh("worker.", LEASE_S)
-    sightings.look({"lease.0": (9, json.encode(Lease("", 5)))}, 5.0)
+    sightings.check({"lease.0": (9, json.encode(Lease("", 5)))}, 5.0)
     assert is_free(sightings.of("lease.0"), 5.0), "it was given back"
     assert lease_of(b"rubbish") == Lease("")
 

@@ -10,7 +10,7 @@ from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed
 from fltea.records.records import Epoch, Error, Gap, Hello, Stats
 from fltea.service.hub import Hub
-from fltea.service.ingest.devices import Line
+from fltea.service.ingest.devices import OpenDevice
 from fltea.service.ingest.inbox import Left, Served
 from fltea.service.ingest.kept import Kept, pack, unpack
 from fltea.service.ingest.loop import Ingest
@@ -83,8 +83,8 @@ class Worker:
         )  # type: ignore[arg-type, return-value]
 
     @property
-    def lines(self) -> dict[str, Line]:
-        return self.ingest.devices.lines
+    def opened(self) -> dict[str, OpenDevice]:
+        return self.ingest.devices.opened
 
     def say(self, device: str, second: int, mark: int, partition: int = 0) -> None:
         arrived_ns = 1000 * S + second * S - self.receiver.unix_offset_ns
@@ -107,7 +107,7 @@ class Worker:
     def keep(self, device: str = "a") -> Kept:
         """Take and store the device's snapshot now."""
         self.take_snapshots()
-        wait_until(lambda: self.ingest.snapshots.store(self.lines), "the snapshots")
+        wait_until(lambda: self.ingest.snapshots.store(self.opened), "the snapshots")
         return self.kept(device)
 
     def kept(self, device: str = "a") -> Kept:
@@ -116,9 +116,9 @@ class Worker:
         return kept
 
     def take_snapshots(self) -> None:
-        for line in self.lines.values():
-            line.kept_ns = -(10**18)
-        self.ingest.snapshots.keep_due(self.lines, self.ingest.walked, 0)
+        for device in self.opened.values():
+            device.kept_ns = -(10**18)
+        self.ingest.snapshots.keep_due(self.opened, self.ingest.walked, 0)
 
     def end(self) -> "Worker":
         assert closed(self.hub)
@@ -172,7 +172,7 @@ def test_a_snapshot_is_not_stored_before_outputs_have_what_it_follows() -> None:
     worker.hear(range(8, 9))
     assert worker.kept().mark == 6
     worker.sink.go.set()
-    wait_until(lambda: worker.ingest.snapshots.store(worker.lines), "the snapshot")
+    wait_until(lambda: worker.ingest.snapshots.store(worker.opened), "the snapshot")
     assert worker.kept().mark == 8, "not what was walked since"
     worker.end()
 
@@ -218,7 +218,7 @@ def test_a_partition_that_is_another_ones_is_not_walked_and_its_devices_are_forg
     assert worker.receiver.done == {0: 7, 1: 8}
     worker.ingest.inbox.post(Left(0))
     worker.turn()
-    assert set(worker.lines) == {"b"}
+    assert set(worker.opened) == {"b"}
     worker.say("b", 4, 10, partition=1)
     worker.say("b", 5, 11, partition=0)
     assert worker.receiver.done == {0: 7, 1: 10}, "a name is of one partition"
@@ -234,7 +234,7 @@ def test_once_a_message_was_left_out_none_is_walked_until_it_comes_again() -> No
     worker.receiver.mine = {0}  # the partition is taken again; the notice is still in the inbox
     worker.hear([5, 6])
     worker.ingest.inbox.post(Left(0))
-    kept = Kept(3, 1003 * S, worker.lines["a"].walk.hello)
+    kept = Kept(3, 1003 * S, worker.opened["a"].stream.hello)
     worker.ingest.inbox.post(Served(0, {"a": kept}, 4))
     worker.hear(range(3, 8))
     items = worker.end().sink.items
@@ -274,9 +274,9 @@ def test_a_snapshot_goes_with_its_device_and_never_because_of_a_clock() -> None:
         worker.keep(name)
     worker.ingest._on_partition(Left(1))
     assert set(worker.receiver.kept) == {"a", "b"}, "who has it now goes on with it"
-    for line in worker.lines.values():
-        line.heard_ns = line.looked_ns = -(10**18)
-    worker.ingest.look(host_ns())
+    for device in worker.opened.values():
+        device.heard_ns = device.checked_ns = -(10**18)
+    worker.ingest.check(host_ns())
     assert set(worker.receiver.kept) == {"b"}
     worker.end()
 
@@ -288,11 +288,11 @@ def test_nobody_is_called_silent_while_the_stream_is_read_behind_its_time(later:
     for k in range(4):
         worker.ingest.inbox.put("a", second_of(0, k), 0, k + 1, host_ns() - 3600 * S + k * S)
         worker.turn()
-    for line in worker.lines.values():
-        line.looked_ns = -(10**18)
+    for device in worker.opened.values():
+        device.checked_ns = -(10**18)
     if later:
         worker.ingest.catching_up._behind_ns.clear()
-    worker.ingest.look(host_ns())
+    worker.ingest.check(host_ns())
     assert worker.kinds().count("silent") == later
 
 
@@ -353,14 +353,14 @@ def test_a_device_that_another_let_in_is_believed_at_once() -> None:
     worker.hear([1])
     worker.say("b", 1, 3)
     assert worker.ingest.inbox.admission.turned_away["candidate"] == 1
-    assert {name: line.mark for name, line in worker.lines.items()} == {"a": 2}
+    assert {name: device.mark for name, device in worker.opened.items()} == {"a": 2}
 
 
 def nothing(worker: Worker) -> None: ...
 
 
 def stands_still(worker: Worker) -> None:
-    worker.ingest.hearing.looked_ns -= 60 * S
+    worker.ingest.hearing.checked_ns -= 60 * S
 
 
 def is_cut_off(worker: Worker) -> None:
@@ -369,7 +369,7 @@ def is_cut_off(worker: Worker) -> None:
 
 def has_just_come_back(worker: Worker) -> None:
     worker.receiver.connected = False
-    worker.ingest.look(host_ns())
+    worker.ingest.check(host_ns())
     worker.receiver.connected = True
 
 
@@ -382,9 +382,9 @@ def test_nobody_is_silent_or_forgotten_while_nobody_could_be_heard(act: Callable
     worker.ingest.catching_up._behind_ns.clear()
     act(worker)
     for name, ago_s in (("a", 300), ("b", 1000)):
-        line = worker.lines[name]
-        line.looked_ns = line.heard_ns = host_ns() - ago_s * S
-    worker.ingest.look(host_ns())
+        device = worker.opened[name]
+        device.checked_ns = device.heard_ns = host_ns() - ago_s * S
+    worker.ingest.check(host_ns())
     could_hear = act is nothing
-    assert list(worker.lines) == (["a"] if could_hear else ["a", "b"])
+    assert list(worker.opened) == (["a"] if could_hear else ["a", "b"])
     assert worker.kinds().count("silent") == could_hear

@@ -176,7 +176,7 @@ def test_what_is_turned_away_just_before_the_end_is_told_of() -> None:
     scene = Scene(queue_bytes=1_000_000)
     scene.sink.go.set()
     wait_until(lambda: scene.samples == 100 * len(DEVICES) * SECONDS, "all samples")
-    scene.ingest.hearing.looked_ns = host_ns() + 10**12  # no check of silence until the end
+    scene.ingest.hearing.checked_ns = host_ns() + 10**12  # no check of silence until the end
     scene.ingest.inbox.put("bad name<b>", second_of(0, 0))
     scene.end()
     assert [one.kind for one in of(Error, scene.sink.items)] == ["devices_refused"]

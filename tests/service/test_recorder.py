@@ -71,13 +71,13 @@ def test_a_source_without_a_wire_is_recorded_from_then_on(tmp_path: Path) -> Non
     hub, recorder = made(tmp_path)
     config = load_config(None, {"name": "due", "estimator.startup": 20, "estimator.window": 50})
     source = SyntheticSource("n=900&seed=1", realtime=False)
-    walk = DeviceStream(source, config, hub, None)
+    stream = DeviceStream(source, config, hub, None)
     said: Hello | None = None
     seen = 0
     for event in source.events():
         if isinstance(event, Hello):
             said = event
-        walk.take(event)
+        stream.take(event)
         seen += len(getattr(event, "sequence", ()))
         if seen >= 300 and not recorder.view("due").on and not list(tmp_path.iterdir()):
             began = seen
@@ -85,7 +85,7 @@ def test_a_source_without_a_wire_is_recorded_from_then_on(tmp_path: Path) -> Non
         if seen >= 600 and recorder.view("due").on:
             recorder.stop("due")
             ended = seen
-    walk.finish()
+    stream.finish()
     assert closed(hub)
     (path,) = tmp_path.iterdir()
     seqs = [sample.seq for sample in of(Sample, replay(path))]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from fltea.identification.axis import look
+from fltea.identification.axis import analyse
 from fltea.identification.data_checks import axis_data_checks
 from fltea.identification.judges import held
 from fltea.records.arrays import Array
@@ -44,7 +44,7 @@ def noisy(n: int, *what: float, seed: int = 1) -> Array:
     "what", [(1.0, 1, 5.0), (0.37123, 1, 5.0), (1.0037, 3, 8.0), (2.0, 2, 4.0), (1.0, 1, 8.0, 1)]
 )
 def test_a_glitch_in_each_period_of_a_file(what: tuple[float, ...], seed: int) -> None:
-    found = look(noisy(6000, *what, seed=seed), H)
+    found = analyse(noisy(6000, *what, seed=seed), H)
     (peak,) = found.summed.seen.evidence.peaks
     assert found.verdict.kind == peak.kind == "comb"
     assert peak.repeats is not None
@@ -60,7 +60,7 @@ def test_a_glitch_in_each_period_of_a_file(what: tuple[float, ...], seed: int) -
 
 @pytest.mark.parametrize("n", [3000, 20_000, 60_000])
 def test_more_data_do_not_say_less(n: int) -> None:
-    assert look(noisy(n, 1.0, 1, 5.0), H).verdict.kind == "comb"
+    assert analyse(noisy(n, 1.0, 1, 5.0), H).verdict.kind == "comb"
 
 
 @pytest.mark.parametrize("n", [3000, 20_000, 60_000])
@@ -107,16 +107,16 @@ def test_no_comb_where_there_is_none(name: str) -> None:
     for n, seeds in ((3000, 15), (20_000, 5)):
         for seed in range(seeds):
             y = NO_COMB[name](n, seed)
-            assert all(peak.repeats is None for peak in look(y, H).summed.seen.evidence.peaks)
+            assert all(peak.repeats is None for peak in analyse(y, H).summed.seen.evidence.peaks)
             assert find_octave_comb(fed(y).periodogram(0, H)) is None
 
 
 def test_few_lines_are_no_comb_and_a_wave_is_one() -> None:
     """Mains hum with two harmonics stays spectral lines; a sawtooth has a dozen harmonics, and is no
     glitch."""
-    assert look(hum(20_000, 3), 1 / 400).verdict.kind == "line"
+    assert analyse(hum(20_000, 3), 1 / 400).verdict.kind == "line"
     wave = 2 * sawtooth(2 * np.pi * np.arange(20_000) / 83.7)
-    found = look(white(20_000, 1, 1)[0] + wave, H)
+    found = analyse(white(20_000, 1, 1)[0] + wave, H)
     peak = found.summed.seen.evidence.peaks[0]
     assert peak.repeats is not None
     assert peak.repeats.shape == "wave"
@@ -127,14 +127,14 @@ def test_few_lines_are_no_comb_and_a_wave_is_one() -> None:
 
 def test_beside_other_noise_it_is_said_too() -> None:
     slow = lfilter([0.2], [1, -0.95], white(20_000, 1, 9)[0])
-    found = look(noisy(20_000, 1.0, 1, 6.0) + slow, H)
+    found = analyse(noisy(20_000, 1.0, 1, 6.0) + slow, H)
     assert found.verdict.kind in ("relaxations", "fractional or relaxations")
     assert "There is also something that happens every 1.00 s (a glitch of 10 ms" in found.verdict.text
 
 
 def test_the_samples_are_not_those_of_the_glitches() -> None:
     y = noisy(20_000, 1.0, 1, 10.0)
-    found = look(y, H)
+    found = analyse(y, H)
     (stretch,) = found.stretches
     changed = np.flatnonzero(stretch.y != y)
     assert len(changed) / len(y) < 0.05
@@ -188,7 +188,7 @@ def median(y: Array, samples: int) -> Array:
 def test_a_median_filter_is_named(samples: int, step: float) -> None:
     y = median(white(20_000, 1, samples)[0], samples)
     y = np.rint(y / step) * step if step else y
-    found = look(y, H)
+    found = analyse(y, H)
     assert found.verdict.kind == "low-pass"
     assert f"White noise through a median filter of about {samples} samples." in found.verdict.what
     assert "resonance" not in found.verdict.text
@@ -211,7 +211,7 @@ def replaced(y: Array, samples: int) -> Array:
 
 
 def test_hampels_filter_is_named() -> None:
-    found = look(replaced(white(20_000, 1, 3)[0], 5), H)
+    found = analyse(replaced(white(20_000, 1, 3)[0], 5), H)
     assert found.verdict.kind == "low-pass"
     assert "Hampel" in found.verdict.what
 
@@ -254,7 +254,7 @@ def wandering(n: int, rate_hz: float, seed: int) -> Array:
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 98.0, 99.0, 100.0, 101.0, 200.0])
 def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
     """Aliasing folds the hum to frequency 0 at rates of 25 and 50 Hz, and to half the rate at 100 Hz."""
-    found = look(wandering(20_000, rate_hz, 4), 1 / rate_hz)
+    found = analyse(wandering(20_000, rate_hz, 4), 1 / rate_hz)
     assert found.verdict.kind == "resonance"
     N = found.figures.level.N
     assert N.value is not None
@@ -267,13 +267,13 @@ def test_a_walk_is_no_line(slowness: float) -> None:
     """The few slow waves of a random walk have a flat distribution of values, as a spectral line has."""
     for seed in range(6):
         walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])
-        found = look(white(20_000, 1, seed)[0] + walk, H)
+        found = analyse(white(20_000, 1, seed)[0] + walk, H)
         assert "wanders about" not in found.verdict.text
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_behind_a_slow_low_pass_is_no_line(seed: int) -> None:
     y = 10 * lfilter(*butter(2, 0.02), white(20_000, 1, seed)[0]) + 0.3 * white(20_000, 1, seed + 50)[0]
-    found = look(y, H)
+    found = analyse(y, H)
     assert found.verdict.kind == "low-pass"
     assert "or of the program that wrote the file" in found.verdict.next

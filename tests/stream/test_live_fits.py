@@ -14,7 +14,7 @@ from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Stats
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import live
-from fltea.stream.fit_times import Look, LookTimes, turn
+from fltea.stream.fit_times import Refit, RefitTimes, turn
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
 from host_support import hello
@@ -104,30 +104,30 @@ def test_turns_are_spread_over_the_period(devices: int, period: int) -> None:
     assert max(b - a for a, b in itertools.pairwise([*turns, period])) <= 3 * period / devices + 1
 
 
-def looks_of(samples: int, *, every: bool, period: int = 100) -> list[tuple[int, Look]]:
-    times, found = LookTimes(100.0, grows=True, every=every), []
+def refits_of(samples: int, *, every: bool, period: int = 100) -> list[tuple[int, Refit]]:
+    times, found = RefitTimes(100.0, grows=True, every=every), []
     times.begin(period)
     while (number := times.due) <= samples:
-        look = times.at(number, number, period, noticed=False)
-        assert look is not None
-        found.append((number, look))
+        refit = times.at(number, number, period, noticed=False)
+        assert refit is not None
+        found.append((number, refit))
     return found
 
 
 def test_looks_follow_the_growth_of_the_record() -> None:
-    found = looks_of(2_000_000, every=True)
+    found = refits_of(2_000_000, every=True)
     numbers = [number for number, _ in found]
     assert numbers[:100] == list(range(100, 10_100, 100))
     assert all(100 <= b - a <= min(a / 100 + 100, 6000) for a, b in itertools.pairwise(numbers))
     assert 400 <= sum(number <= 360_000 for number in numbers) <= 500
-    searches = [number for number, look in found if look.settles]
+    searches = [number for number, refit in found if refit.settles]
     assert all(a / 10 <= b - a <= a / 10 + 100 for a, b in itertools.pairwise(searches) if a > 1000)
     assert 65 <= sum(number <= 360_000 for number in searches) <= 72
-    assert searches == [number for number, _ in looks_of(2_000_000, every=False)]
+    assert searches == [number for number, _ in refits_of(2_000_000, every=False)]
 
 
 def test_curves_of_many_devices_come_every_fourth_period() -> None:
-    drawn = [number for number, look in looks_of(30_000, every=True, period=2500) if look.curves]
+    drawn = [number for number, refit in refits_of(30_000, every=True, period=2500) if refit.curves]
     assert drawn == [2500, 12_500, 22_500]
 
 
@@ -144,7 +144,7 @@ def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     """70 samples are lost several times; the fitted record may begin long before the epoch."""
 
     def accepted(*, every: bool) -> list[int]:
-        times, found = LookTimes(100.0, grows=True, every=every), []
+        times, found = RefitTimes(100.0, grows=True, every=every), []
         times.begin(period)
         taken, counts, noticed = before, 0, False
         for number in range(1, 40_001):
@@ -154,11 +154,11 @@ def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
             noticed = noticed or number in news
             if number < times.check:
                 continue
-            look = times.at(number, taken, period, noticed=noticed, busy=number < counts)
-            if look is not None:
-                assert look.counts > number
-                counts, noticed = look.counts, False
-                if look.settles:
+            refit = times.at(number, taken, period, noticed=noticed, busy=number < counts)
+            if refit is not None:
+                assert refit.counts > number
+                counts, noticed = refit.counts, False
+                if refit.settles:
                     found.append(number)
         return found
 
@@ -166,15 +166,15 @@ def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
 
 
 def test_something_that_is_noticed_is_looked_at_within_the_second() -> None:
-    times = LookTimes(100.0, grows=True, every=True)
+    times = RefitTimes(100.0, grows=True, every=True)
     times.begin(100)
     while times.due < 50_000:
         times.at(times.due, times.due, 100, noticed=False)
     at = times.check
     assert at < times.due - 100
     assert times.at(at, at, 100, noticed=False) is None
-    look = times.at(at + 100, at + 100, 100, noticed=True)
-    assert look == Look(settles=False, fresh=True, curves=False, counts=at + 150)
+    refit = times.at(at + 100, at + 100, 100, noticed=True)
+    assert refit == Refit(settles=False, fresh=True, curves=False, counts=at + 150)
 
 
 def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:

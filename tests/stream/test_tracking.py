@@ -16,7 +16,7 @@ from fltea.records.fit import AxisFit, Interval, VerdictKind
 from fltea.records.records import Corrected, CorrectedAxis, Estimate, Motion, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
-from fltea.spectrum.live_axes import Looked, Noise
+from fltea.spectrum.live_axes import AxisRefit, Noise
 from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tracking import SensorTracks
 from host_support import hello
@@ -46,8 +46,8 @@ def sensor(bias: float | str = "startup") -> SensorTracks:
 def accepted(
     one: SensorTracks, verdict: VerdictKind, noise: Noise | None = None, before: AcceptedFit = NO_FIT
 ) -> AcceptedFit:
-    looked = Looked(AxisFit(verdict, "", "deg/s", 1e-9), noise)
-    return before.followed_by(looked, one.learner("gyro_x"))
+    refitted = AxisRefit(AxisFit(verdict, "", "deg/s", 1e-9), noise)
+    return before.followed_by(refitted, one.maker("gyro_x"))
 
 
 def test_each_sample_has_its_bias_from_the_sixteenth_on() -> None:
@@ -64,7 +64,7 @@ def test_each_sample_has_its_bias_from_the_sixteenth_on() -> None:
 def test_whatever_a_fit_finds_is_tracked_or_leaves_what_was(part: Part) -> None:
     one, y = sensor(), np.random.default_rng(1).standard_normal((1000, 1))
     one.run(y)
-    one.go_by("gyro_x", accepted(one, "white", Noise((White(1.0), part), drifts=False, samples=1000)))
+    one.use_model("gyro_x", accepted(one, "white", Noise((White(1.0), part), drifts=False, samples=1000)))
     assert np.isfinite(one.run(y).bias).all()
 
 
@@ -136,7 +136,7 @@ def test_a_verdict_stands_once_two_fits_agree(kinds: list[VerdictKind], stands: 
 
 def test_what_stands_is_what_the_columns_say() -> None:
     one = sensor()
-    one.go_by(
+    one.use_model(
         "gyro_x",
         accepted(one, "fractional")._replace(stands=AxisFit("fractional", "", "deg/s", alpha=Interval(0.5))),
     )
@@ -155,10 +155,10 @@ def test_a_short_fit_counts_only_if_it_makes_the_samples_much_likelier_than_the_
     for k in range(1, len(y)):
         y[k] -= a * y[k - 1]
     one.run(y)
-    one.go_by("gyro_x", accepted(one, "white", Noise((White(float(y.var())),), False, 1000)))
+    one.use_model("gyro_x", accepted(one, "white", Noise((White(float(y.var())),), False, 1000)))
     assert dict(one.stats())["gyro_x"].model == "walks"
     alternating = Noise((White(1e-4), Alternating(float(y.std()), 0.03)), False, 1000)
-    one.go_by("gyro_x", accepted(one, "undecided", alternating))
+    one.use_model("gyro_x", accepted(one, "undecided", alternating))
     assert dict(one.stats())["gyro_x"].model != "walks"
 
 
@@ -166,7 +166,7 @@ def test_a_mean_of_samples_is_a_noise_that_it_can_go_by() -> None:
     """The number of averaged samples is an integer and must not be rounded like a measured figure."""
     one = sensor()
     one.run(drifting(4000, 0.0))
-    one.go_by("gyro_x", accepted(one, "low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
+    one.use_model("gyro_x", accepted(one, "low-pass", Noise((White(0.02), Mean(4)), False, 4000)))
     assert dict(one.stats())["gyro_x"].model != "walks"
 
 
@@ -174,7 +174,7 @@ def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one = sensor()
     y = drifting(6000, 0.001)
     found = one.run(y)
-    one.go_by("gyro_x", accepted(one, "white", Noise((White(0.02),), False, 6000)))
+    one.use_model("gyro_x", accepted(one, "white", Noise((White(0.02),), False, 6000)))
     stats = dict(one.stats())["gyro_x"]
     K = stats.K
     # The bias drifts more than the white noise makes the angle walk: 0.14 deg/s √(0.01 s · 60 s).
@@ -197,9 +197,9 @@ def test_a_constant_offset_does_not_walk() -> None:
 
 def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []
-    go_by = Tracker.go_by
+    use_model = Tracker.use_model
     monkeypatch.setattr(
-        Tracker, "go_by", lambda self, lane, model: (made.append(lane), go_by(self, lane, model))
+        Tracker, "go_by", lambda self, lane, model: (made.append(lane), use_model(self, lane, model))
     )
     one = sensor()
     one.run(drifting(4000, 0.0))
@@ -207,7 +207,7 @@ def test_a_model_that_is_the_same_is_not_made_again(monkeypatch: pytest.MonkeyPa
     for samples, sigma in ((4000, 0.1), (4400, 0.101), (4400, 0.12), (9000, 0.12)):
         noise = Noise((White(0.02), Relaxation(sigma, 0.5)), False, samples)
         known = accepted(one, "relaxations", noise, known)
-        one.go_by("gyro_x", known)
+        one.use_model("gyro_x", known)
     assert len(made) == 3
 
 

@@ -46,12 +46,12 @@ def with_(**changes: Interval) -> AxisFit:
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
     """The order of the same fit is handed over, with deviations from the wider side of each interval."""
-    belief = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
-    assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), belief)
+    filter_model = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
+    assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), filter_model)
     # More white noise and less state noise, or the reverse: the data barely distinguish them, and need not.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
-    assert handed_over(open_, None) == (Variances(0.01, 0.02), belief)
-    assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), belief)
+    assert handed_over(open_, None) == (Variances(0.01, 0.02), filter_model)
+    assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), filter_model)
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def test_a_fit_tunes_from_the_sample_after_it_on(variant: str) -> None:
             handed = handed_over(one, before)
             assert one.null_p is not None
             if one.null_p < ANYTIME_LEVEL and handed is not None:
-                bank.retune({axis: handed.variances}, {axis: handed.belief})
+                bank.retune({axis: handed.variances}, {axis: handed.filter_model})
                 details += 1
     assert details > 3
     for axis, stats in pipeline.stats().axes.items():
@@ -155,10 +155,10 @@ def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"
         rows = y[begin : begin + 1500]
         found = bank.run(rows)
         fits.add(rows)
-        for axis, look in fits.look(curves=False, fresh=True).items():
-            handed = handed_over(look().fit, bank.variances[axis] if axis in bank.tuned else None)
+        for axis, refit in fits.refit(curves=False, fresh=True).items():
+            handed = handed_over(refit().fit, bank.variances[axis] if axis in bank.tuned else None)
             if handed is not None:
-                bank.retune({axis: handed.variances}, {axis: handed.belief})
+                bank.retune({axis: handed.variances}, {axis: handed.filter_model})
     assert bank.tuned == set(axes)
     for value, std, truth in ((found.alpha, found.alpha_std, 0.5), (found.f, found.f_std, -2.0)):
         assert np.count_nonzero(np.abs(value[-1] - truth) <= 1.96 * std[-1]) >= 10

@@ -103,11 +103,11 @@ def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
         time.sleep(of.settle_s)
         _still_runs(daemon, folder)
         watch = Watch({"daemon": daemon.pid, "feeder": feeder.pid, "reader": os.getpid()})
-        looks: list[dict[str, Share]] = []
-        while len(looks) < LOOKS:
+        last_refit: list[dict[str, Share]] = []
+        while len(last_refit) < LOOKS:
             time.sleep(max(1.0, of.seconds - 1.0) / LOOKS)
             _still_runs(daemon, folder)
-            looks.append(watch.end())
+            last_refit.append(watch.end())
         while not (folder / "fed.npz").exists():
             time.sleep(0.1)
         time.sleep(0.5)
@@ -118,9 +118,9 @@ def run_once(of: Setting, program: Program = PRESENT) -> dict[str, Any]:
         recorded = _recorded_bytes(folder / "records", of.devices) if of.record else fed["bytes"]
     return {
         **of._asdict(),
-        **looks[-1]["daemon"]._asdict(),
-        **{f"{name}_percent": looks[-1][name].cpu_percent for name in ("feeder", "reader")},
-        "memory_mb": [round(look["daemon"].rss_mb, 1) for look in looks],
+        **last_refit[-1]["daemon"]._asdict(),
+        **{f"{name}_percent": last_refit[-1][name].cpu_percent for name in ("feeder", "reader")},
+        "memory_mb": [round(look["daemon"].rss_mb, 1) for look in last_refit],
         **_arrived(reader, fed, watch.begin_ns),
         "unrecorded_bytes": int((fed["bytes"] - recorded).sum()),
     }

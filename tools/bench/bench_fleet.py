@@ -39,11 +39,11 @@ def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
         quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
         sender = started(stack, "tools.fleet_load", *load, **quiet)
         wait_until(lambda: _asked(f"{page}api/summary")["fits"] > 0, "the first fit")
-        watch, looks = Watch({"fleet": fleet.pid, "broker": mosquitto.process.pid}), []
+        watch, last_refit = Watch({"fleet": fleet.pid, "broker": mosquitto.process.pid}), []
         while sender.poll() is None:
             begin_s = time.monotonic()
             _asked(f"{page}api/table?count=50")
-            looks.append(time.monotonic() - begin_s)
+            last_refit.append(time.monotonic() - begin_s)
             time.sleep(1.0)
         shares = watch.end()
         sent = json.loads(sender.stdout.read())
@@ -54,7 +54,7 @@ def measure(devices: int = SENSORS, rounds: int = ROUNDS) -> dict[str, Any]:
         "taken": taken,
         "lost": sent["fits"] - taken,
         "messages_per_s": round(sent["published"] / sent["seconds"], 1),
-        "table_s": round(statistics.median(looks), 4),
+        "table_s": round(statistics.median(last_refit), 4),
         **rounded(shares),
         "load_before": round(load_before, 2),
     }

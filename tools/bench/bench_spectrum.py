@@ -38,7 +38,7 @@ NOISES = {
 
 def measure() -> dict[str, Any]:
     """Return the bytes of memory, and median and largest processor time of each work over the rounds."""
-    works = [*_octaves(), *_allan(), *_models(), *_looks()]
+    works = [*_octaves(), *_allan(), *_models(), *_last_refits()]
     times = in_turns({name: partial(cpu_seconds, run) for name, _, _, run in works}, REPETITIONS)
     timed = [
         {
@@ -61,12 +61,12 @@ def measure() -> dict[str, Any]:
 
 def _medians(timed: list[dict[str, Any]]) -> dict[str, float]:
     """Return the median over the noises, for each kind of refit and length."""
-    looks: dict[str, list[float]] = {}
+    last_refit: dict[str, list[float]] = {}
     for one in timed:
         kind, _, noise = one["work"].partition(": ")
         if noise in NOISES:
-            looks.setdefault(kind, []).append(one["median"])
-    return {kind: round(statistics.median(each), 2) for kind, each in looks.items()}
+            last_refit.setdefault(kind, []).append(one["median"])
+    return {kind: round(statistics.median(each), 2) for kind, each in last_refit.items()}
 
 
 def text(figures: dict[str, Any]) -> str:
@@ -75,8 +75,8 @@ def text(figures: dict[str, Any]) -> str:
     lines = [f"{r['work']:<52}{r['median']:>9.2f} ({r['largest']:.2f}) {r['unit']}" for r in figures["works"]]
     lane, saved = figures["lane_bytes"], figures["allan_bytes_saved"]
     sizes = f"bytes: a lane's spectrum {lane:,}, saved Allan sums {saved:,}"
-    looks = ", ".join(f"{kind} {ms:.2f}" for kind, ms in figures["looks_ms"].items())
-    return "\n".join([head, *lines, f"median of the noises, ms: {looks}", sizes])
+    last_refit = ", ".join(f"{kind} {ms:.2f}" for kind, ms in figures["looks_ms"].items())
+    return "\n".join([head, *lines, f"median of the noises, ms: {last_refit}", sizes])
 
 
 Work = tuple[str, str, float, Callable[[], object]]
@@ -144,7 +144,7 @@ def _models() -> list[Work]:
     ]  # fmt: skip
 
 
-def _looks() -> list[Work]:
+def _last_refits() -> list[Work]:
     """Return refits of an axis without new samples, without and with a model search."""
 
     def made(axes: LiveAxes, *, fresh: bool) -> Looked:

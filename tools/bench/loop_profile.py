@@ -77,7 +77,7 @@ class InlineWorker(FitWorker):
         return made
 
 
-class Looks:
+class LastRefit:
     """Counts which part was at work at each tick of the timer of processor time."""
 
     def __init__(self, worker: InlineWorker) -> None:
@@ -106,7 +106,7 @@ def measure() -> dict[str, Any]:
 
 def _measure(at_once: int) -> dict[str, Any]:
     source, worker = FedSource("profile", prompt=False), InlineWorker()
-    looks = Looks(worker)
+    last_refit = LastRefit(worker)
     pipeline = Pipeline(source, load_config(None, {"source": "serial:profile"}), fit_worker=worker)
     reads = list(_reads(at_once))
     with FileIO(os.devnull, "wb") as stream:
@@ -121,7 +121,7 @@ def _measure(at_once: int) -> dict[str, Any]:
 
         list(source.wire.feed(Opened(0), 0))
         process(reads[: WARM_UP // at_once])
-        before = signal.signal(signal.SIGPROF, looks)
+        before = signal.signal(signal.SIGPROF, last_refit)
         signal.setitimer(signal.ITIMER_PROF, LOOK_S, LOOK_S)
         begin_s = time.process_time()
         process(reads[WARM_UP // at_once :])
@@ -129,8 +129,8 @@ def _measure(at_once: int) -> dict[str, Any]:
         signal.setitimer(signal.ITIMER_PROF, 0)
         signal.signal(signal.SIGPROF, before)
     us = 1e6 * cpu_s / (len(reads) - WARM_UP // at_once)
-    total = sum(looks.seen.values())
-    shares = {part: us * looks.seen[part] / total for part in (*PARTS, OTHER, BESIDE)}
+    total = sum(last_refit.seen.values())
+    shares = {part: us * last_refit.seen[part] / total for part in (*PARTS, OTHER, BESIDE)}
     return {"us_a_read": us, "times_looked": total, "parts_us": shares}
 
 

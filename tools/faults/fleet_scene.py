@@ -46,7 +46,7 @@ class FleetScene:
         if history is not None:
             flags = ("--history", history / HISTORY, "--history-every", "1ms", *flags)
         self._folder = history
-        self._flags = ("--mqtt", f"127.0.0.1:{port}", "--listen", "0", "--look-every", "200ms", *flags)
+        self._flags = ("--mqtt", f"127.0.0.1:{port}", "--listen", "0", "--compare-every", "200ms", *flags)
         self.publisher = stage.closing(Publisher("127.0.0.1", self.broker.port, "fltea"))
         self.sensors = [sensor(place, []) for place in range(SENSORS)]
         self.turn = self.fits = 0

@@ -9,7 +9,7 @@ import math
 import zlib
 
 import numpy as np
-from fltea.identification.about_levels import look_at
+from fltea.identification.about_levels import analyse_series
 from fltea.identification.allan import averaging_factors, differences, overlapping
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.load import GYRO_UNIT, Series
@@ -45,9 +45,9 @@ def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
     n, h = round(duration_s * RATE_HZ), 1 / RATE_HZ
     y = NOISES[name].draw(n, RATE_HZ, np.random.default_rng([zlib.crc32(name.encode()), n]))
     try:
-        looked, *_ = look_at(Series(y, GYRO_UNIT, None), h, IdentifyOptions(), None)
-        peaks = looked.summed.seen.evidence.peaks
-        model = modelled(looked.figures.model, peaks, float(looked.y.std(ddof=1)), h)
+        analysis, *_ = analyse_series(Series(y, GYRO_UNIT, None), h, IdentifyOptions(), None)
+        peaks = analysis.summed.seen.evidence.peaks
+        model = modelled(analysis.figures.model, peaks, float(analysis.y.std(ddof=1)), h)
         check_possible(model, h)
     except ValueError:
         return []
@@ -62,7 +62,7 @@ def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
     return [
         {
             "noise": name,
-            "model": names(looked.figures.model.kinds),
+            "model": names(analysis.figures.model.kinds),
             "lines": len(model.resonances),
             "points": len(factors),
             "mean_off": float(np.abs(off).max()),

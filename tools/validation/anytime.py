@@ -16,7 +16,7 @@ from fltea.spectrum.drift import FALSE_ALARM as FALSE_DRIFT
 from fltea.spectrum.evidence import ANYTIME_LEVEL, APART, LEVEL, Evidence
 from fltea.spectrum.live_axes import FEWEST_SAMPLES
 from fltea.spectrum.octaves import Octaves
-from fltea.spectrum.spectral import Looks, examine
+from fltea.spectrum.spectral import LastRefit, examine
 from fltea.spectrum.spectral_lines import FALSE_ALARM, find_peaks
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
@@ -69,7 +69,7 @@ def axis(noise: str, samples: int, seed: int) -> list[Row]:
     """Return the highest level at which each rule is silent all the time."""
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
-    sums, looks, taken, of = Octaves(1), Looks(), 0, _look if noise in WHITE else _claim
+    sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _look if noise in WHITE else _claim
     times = LookTimes(1 / H, grows=True, every=True)
     times.begin(PERIOD)
     lowest: dict[str, float] = {}
@@ -80,26 +80,26 @@ def axis(noise: str, samples: int, seed: int) -> list[Row]:
             taken += part
         look = times.at(taken, taken, PERIOD, noticed=False)
         if is_search := look is not None and look.fresh:
-            looks.forget()
+            last_refit.forget()
         if taken >= FEWEST_SAMPLES:
-            for rule, p in of(sums, looks, taken, is_search=is_search).items():
+            for rule, p in of(sums, last_refit, taken, is_search=is_search).items():
                 lowest[rule] = min(lowest.get(rule, 1.0), p)
     if noise in WHITE:
         lowest["any rule"] = min(level for rule, level in lowest.items() if rule != "verdict")
     return [{"noise": noise, "samples": samples, "lowest": lowest}]
 
 
-def _evidence(sums: Octaves, looks: Looks, taken: int) -> Evidence:
+def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
     whole, drift = sums.lines_and_drift(0, H)
     cells = sums.cells(0, H)
     return examine(
-        whole, taken * H, taken, cells=cells, drift=drift, level=ANYTIME_LEVEL, looks=looks
+        whole, taken * H, taken, cells=cells, drift=drift, level=ANYTIME_LEVEL, last_refit=last_refit
     ).evidence
 
 
-def _look(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[str, float]:
+def _look(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
     """The levels from which on the rules speak now; some do only where everything is searched for."""
-    e = _evidence(sums, looks, taken)
+    e = _evidence(sums, last_refit, taken)
     f = e.candidates
     bic = min(f.bic(one) for one in (f.plain, f.ordered) if one is not None)
     by_level = FALSE_ALARM / LEVEL
@@ -123,9 +123,9 @@ def _look(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[s
     }
 
 
-def _claim(sums: Octaves, looks: Looks, taken: int, *, is_search: bool) -> dict[str, float]:
+def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
     """Whether the noise is called fractional now: below every level, or below none."""
-    return {"fractional": 0.0 if decide(_evidence(sums, looks, taken)).kind == "fractional" else 1.0}
+    return {"fractional": 0.0 if decide(_evidence(sums, last_refit, taken)).kind == "fractional" else 1.0}
 
 
 def tables(rows: list[Row]) -> list[Table | str]:

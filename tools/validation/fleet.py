@@ -57,8 +57,8 @@ def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float
     rows: list[Row] = []
     for seed in range(first, first + count):
         record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
-        looks = [msgspec.structs.replace(fit, spectrum=None) for fit in fits(record, at, rate_hz)]
-        rows.append({"noise": noise, "rate_hz": rate_hz, "fits": msgspec.to_builtins(looks)})
+        last_refit = [msgspec.structs.replace(fit, spectrum=None) for fit in fits(record, at, rate_hz)]
+        rows.append({"noise": noise, "rate_hz": rate_hz, "fits": msgspec.to_builtins(last_refit)})
     return rows
 
 
@@ -99,27 +99,29 @@ def share_of_fleets(
     result already is an alert.
     """
     rng = np.random.default_rng(sensors)
-    figures = [_all_figures(looks, rate_hz) for looks in pool]
+    figures = [_all_figures(last_refit, rate_hz) for last_refit in pool]
     ever: Counter[str] = Counter()
-    times_odd, looks = 0, len(pool[0])
+    times_odd, last_refit = 0, len(pool[0])
     for _ in range(count):
         members = rng.choice(len(pool), sensors, replace=False)
         factors = np.exp(rng.normal(0, differ, sensors))
         fleet = [(pool[i], figures[i], float(factor)) for i, factor in zip(members, factors, strict=True)]
-        turns: Any = [rng.integers(looks, size=sensors)] if ages else np.arange(looks)[:, np.newaxis]
+        turns: Any = (
+            [rng.integers(last_refit, size=sensors)] if ages else np.arange(last_refit)[:, np.newaxis]
+        )
         seen = [_odd_at(fleet, np.broadcast_to(turn, sensors)) for turn in turns]
         times_odd += sum(map(bool, seen))
         quantities = set().union(*seen)
         ever.update(quantities)
         ever["any"] += bool(quantities)
     found = {name: times / count for name, times in ever.items()}
-    return {"any": 0.0, **found, "look": times_odd / count / (1 if ages else looks)}
+    return {"any": 0.0, **found, "look": times_odd / count / (1 if ages else last_refit)}
 
 
-def _all_figures(looks: Fits, rate_hz: float) -> list[dict[str, Figure]]:
+def _all_figures(last_refit: Fits, rate_hz: float) -> list[dict[str, Figure]]:
     """Return the figures of one sensor for each comparison."""
     found: list[dict[str, Figure]] = []
-    for fit in looks:
+    for fit in last_refit:
         found.append(figures_of(fit, rate_hz, found[-1] if found else {}))
     return found
 
@@ -128,11 +130,11 @@ def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
     """Return the figures by which any sensor is called odd, with each sensor at its own number in `turns`."""
     logarithmic = {quantity.name for quantity in QUANTITIES if quantity.log}
     roll = Roll()
-    for place, ((looks, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):
+    for place, ((last_refit, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):
         sensor = roll.sensors[str(place)] = Sensor(str(place), 0.0, 0.0)
         scaled = {
             name: Figure(*(factor * end for end in figure)) if name in logarithmic else figure
             for name, figure in figures[turn].items()
         }
-        sensor.axes["gyro_x"] = Axis(looks[turn].verdict, "", looks[turn].unit, 0, scaled, 0.0)
+        sensor.axes["gyro_x"] = Axis(last_refit[turn].verdict, "", last_refit[turn].unit, 0, scaled, 0.0)
     return {one.quantity for one in look(roll, 0.0).odd}

@@ -8,8 +8,8 @@ import zlib
 from typing import Any
 
 import numpy as np
-from fltea.identification.axis import IdentifyOptions, look
-from fltea.identification.forecast_judge import judged, learned
+from fltea.identification.axis import IdentifyOptions, analyse
+from fltea.identification.forecast_judge import fitted_system, judged
 
 from tools.validation.runner import Options, Row, Task
 from tools.validation.states import NOISES, H, state, white
@@ -34,8 +34,8 @@ def judge(name: str, series: int) -> list[Row]:
     for number in range(series):
         y = OFFSET + state(parts, rng, N) + white(parts, rng, N)
         half = y[: N // 2]
-        found = look(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
-        for one in judged(learned(found, half, H), y, N // 2, H).heading:
+        found = analyse(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
+        for one in judged(fitted_system(found, half, H), y, N // 2, H).heading:
             rows.append(
                 {"noise": name, "series": number, **{k: getattr(one, k) for k in one.__struct_fields__}}
             )

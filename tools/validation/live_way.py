@@ -61,7 +61,7 @@ class LiveSensor:
         while begin < len(y):
             end = min(len(y), begin + self._due - self._at)
             for axis, accepted in self._settled.items():
-                self._tracks.go_by(axis, accepted)
+                self._tracks.use_model(axis, accepted)
             found.append(self._tracks.run(y[begin:end]))
             events = self._tracks.events
             self._live.add(y[begin:end], left_out(found[-1].moving, events))

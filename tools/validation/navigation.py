@@ -9,8 +9,8 @@ import math
 import zlib
 
 import numpy as np
-from fltea.identification.axis import IdentifyOptions, look
-from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.axis import IdentifyOptions, analyse
+from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.identification.navigation_filter import NavigationFilter, navigation_filter
 from fltea.identification.shared_walk import shared_walk
 from fltea.noise.parts import Part, Relaxation, Walk
@@ -109,9 +109,9 @@ def measure(name: str, series: int) -> list[Row]:
     return rows
 
 
-def _learned(y: Array) -> Learned:
-    parts = look(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
-    return learned(parts, y, H)
+def _learned(y: Array) -> FittedSystem:
+    parts = analyse(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
+    return fitted_system(parts, y, H)
 
 
 def _noise(name: str, rng: np.random.Generator, n: int) -> Array:

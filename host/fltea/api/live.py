@@ -195,11 +195,11 @@ class Live:
                 strictly, so that all of them together give few false alarms.
         """
         found: dict[str, AxisFit] = {}
-        for axis, model_search in self._live.look(curves=curves, last=last).items():
+        for axis, model_search in self._live.refits(curves=curves, last=last).items():
             fitted = model_search()
             found[axis] = fitted.fit
-            self._settled[axis] = self._settled[axis].followed_by(fitted, self._tracks.learner(axis))
-            self._tracks.go_by(axis, self._settled[axis])
+            self._settled[axis] = self._settled[axis].followed_by(fitted, self._tracks.maker(axis))
+            self._tracks.use_model(axis, self._settled[axis])
         return LiveReport(found, self.samples, self.rate_hz)
 
     def heading_std(self, t_s: float) -> dict[str, float]:

@@ -9,21 +9,28 @@ from numpy.typing import ArrayLike
 
 from fltea.api._check import in_python, one_axis, period_s, python_words, scale
 from fltea.api.identified import Identified
-from fltea.identification.about_levels import look_at
+from fltea.identification.about_levels import analyse_series
 from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
-from fltea.identification.axis import AxisResult, IdentifyOptions, Looked, described, fltea_axis, with_fltea
+from fltea.identification.axis import (
+    AxisAnalysis,
+    AxisResult,
+    IdentifyOptions,
+    described,
+    fltea_axis,
+    with_fltea,
+)
 from fltea.identification.axis_checks import checks_of
 from fltea.identification.conclusions import conclude, in_agreement, tracked_of
 from fltea.identification.data_checks import DataCheck, withheld
 from fltea.identification.event_checks import event_checks
 from fltea.identification.fltea_fit import fltea_fits
 from fltea.identification.forecast import Asked
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.judges import judge_one
 from fltea.identification.left_out import LeftOut
 from fltea.identification.load import Series
-from fltea.identification.one_axis import MOST_LOOKS
+from fltea.identification.one_axis import MOST_ANALYSES
 from fltea.identification.sensor_events import AxisEvents, watch
 from fltea.identification.slow_noise import with_slow_noise
 from fltea.records.arrays import Array
@@ -81,11 +88,11 @@ class Examined(NamedTuple):
     """An analysed axis, still without conclusions from its tracked system."""
 
     series: Series
-    looked: Looked
+    analysis: AxisAnalysis
     found: AxisResult
     data_checks: tuple[DataCheck, ...]
     why: str
-    tracked: Learned | None
+    tracked: FittedSystem | None
     known: Sequence[DataCheck]
     left_out: LeftOut
 
@@ -106,7 +113,7 @@ def watched_looks(
 ) -> dict[str, Watched]:
     """Return the axes with their events, analysed without steps and motion, and with FLTEA's estimates."""
     last = dict(examined)
-    for _ in range(1, MOST_LOOKS):
+    for _ in range(1, MOST_ANALYSES):
         events = watch(axes, accel, agreed(last, h), h, LiveConfig())
         again = [name for name, one in last.items() if not events[name].left_out.is_like(one.left_out)]
         if not again:
@@ -114,13 +121,13 @@ def watched_looks(
         for name in again:
             with contextlib.suppress(ValueError):  # too few samples are left: keep the result
                 last[name] = examine(axes[name], h, options, last[name].known, events[name].left_out)
-    fits = fltea_fits([fltea_axis(one.looked, one.series.lsb, options) for one in last.values()], h)
+    fits = fltea_fits([fltea_axis(one.analysis, one.series.lsb, options) for one in last.values()], h)
     for (name, one), its in zip(last.items(), fits, strict=True):
         last[name] = one._replace(found=with_fltea(one.found, its))
     return {name: Watched(one, events[name]) for name, one in last.items()}
 
 
-def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, Learned]:
+def agreed(examined: Mapping[str, Examined], h: float) -> dict[str, FittedSystem]:
     """Return the tracked systems of a recording's axes by name, as far as they have one."""
     return in_agreement({name: one.tracked for name, one in examined.items()}, h)
 
@@ -141,33 +148,33 @@ def examine(
         known: data checks of the recording as a whole that concern the axis.
         left_out: steps and motion to leave out; None: what seems to be motion, as no model is known yet.
     """
-    looked, series, out, telegraph = look_at(series, h, options, left_out)
-    fltea_axis(looked, series.lsb, options).why_not(h)
-    found = described(looked)
-    data_checks = (*known, *checks_of(looked, series, found, telegraph))
+    analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
+    fltea_axis(analysis, series.lsb, options).why_not(h)
+    found = described(analysis)
+    data_checks = (*known, *checks_of(analysis, series, found, telegraph))
     why = withheld(data_checks)
-    tracked = None if why else tracked_of(looked, telegraph)
-    return Examined(series, looked, found, data_checks, why, tracked, known, out)
+    tracked = None if why else tracked_of(analysis, telegraph)
+    return Examined(series, analysis, found, data_checks, why, tracked, known, out)
 
 
 def of_series(
     axis: str,
     watched: Watched,
     options: IdentifyOptions,
-    tracked: Learned | None,
+    tracked: FittedSystem | None,
     *,
     forecast: Asked = False,
 ) -> Identified:
     """Return the results for an axis with its events. `tracked`: its tracked system."""
-    (series, looked, found, data_checks, _, _, _, out), events = watched
+    (series, analysis, found, data_checks, _, _, _, out), events = watched
     is_left_out = out.is_like(events.left_out)
     data_checks = (*event_checks(events, series.unit, is_left_out=is_left_out), *data_checks)
     if why := withheld(data_checks):
         tracked, found = None, doubted(found)
-    h = looked.h
+    h = analysis.h
     curve = None
     with contextlib.suppress(ValueError):  # all stretches are too short for an Allan deviation
-        curve = allan_of(looked, series.unit)
+        curve = allan_of(analysis, series.unit)
     follows = tracked and conclude(
         series, h, options, tracked, found.level.K, forecast, events.at_end, events.steps
     )
@@ -192,7 +199,7 @@ def of_series(
         odds=found.verdict.odds,
         allan=None if curve is None else curve.of_fit,
         allan_curve=curve,
-        spectrum=spectrum_of(looked.summed.lines, looked.figures.model),
+        spectrum=spectrum_of(analysis.summed.lines, analysis.figures.model),
         now=follows and follows.now,
         forecast=follows and follows.forecast,
         walk=follows and follows.walk,

@@ -71,7 +71,7 @@ class _Recorder:
         self._folder = Path(config.record.folder or ".")
         self._live = sys.stderr.isatty()
         self._date = DateWatch(self._report)
-        self._date.look()
+        self._date.check()
         self._status_ns = clock.host_ns()
 
     def take(self, event: Event) -> None:
@@ -85,7 +85,7 @@ class _Recorder:
         now_ns = clock.host_ns()
         if now_ns - self._status_ns >= (STATUS_NS if self._live else STATUS_QUIET_NS):
             self._status_ns = now_ns
-            self._date.look()
+            self._date.check()
             self._say(self.summary(), passing=True)
 
     @property

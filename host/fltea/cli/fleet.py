@@ -117,7 +117,7 @@ class SensorOptions:
     silent_after: Annotated[
         str, typer.Option(metavar="TIME", help="A sensor that sends nothing for this time is silent.")
     ] = "90s"
-    look_every: Annotated[
+    compare_every: Annotated[
         str, typer.Option(metavar="TIME", help="Time between comparisons of all sensors.")
     ] = "5s"
     most: Annotated[
@@ -221,7 +221,7 @@ def _plan(broker: "MqttConfig", kept: HistoryOptions, sensors: SensorOptions) ->
         _seconds("--history-every", kept.history_every),
         _seconds("--keep", kept.keep),
         _seconds("--silent-after", sensors.silent_after),
-        _seconds("--look-every", sensors.look_every),
+        _seconds("--compare-every", sensors.compare_every),
         sensors.most,
     )
 

@@ -41,8 +41,8 @@ class Bank:
 
     `axes`: names, at least one. `h`: sampling period [s]. `resolution`: size of one LSB in the sensor's unit,
     None if unknown. `state`: a result of `save`, to continue without a start-up window. `variances`:
-    variances in use for each axis. `tuned`: axes whose variances were set by `retune`. `beliefs`: filter
-    models that were set with these variances.
+    variances in use for each axis. `tuned`: axes whose variances were set by `retune`. `filter_models`:
+    filter models that were set with these variances.
 
     Raises:
         ValueError: no filter works with the settings, or the state does not fit them or is not valid.
@@ -67,7 +67,7 @@ class Bank:
         self._settings: LaneSettings | None = None
         self.variances: dict[str, Variances] = {}
         self.tuned: set[str] = set()
-        self._believe({})
+        self._set_filter_models({})
         if state is not None:
             self._resume(state)
         elif not self.startup_remaining:
@@ -111,35 +111,36 @@ class Bank:
         return [Lost(*one) for one in self.native.skip(count)]
 
     def retune(
-        self, variances: Mapping[str, Variances], beliefs: Mapping[str, FilterModel] | None = None
+        self, variances: Mapping[str, Variances], filter_models: Mapping[str, FilterModel] | None = None
     ) -> None:
         """Change the variances of axes, from the next sample on, and for later restarts.
 
-        The filters keep their states and memory. `beliefs`: orders and parameters with which some of these
-        axes continue, since their present estimates were made with other variances. Raises ValueError, and
-        changes nothing, in the start-up window, for unknown or constant axes, and for variances and beliefs
-        that no filter works with.
+        The filters keep their states and memory. `filter_models`: orders and parameters with which some of
+        these axes continue, since their present estimates were made with other variances. Raises ValueError,
+        and changes nothing, in the start-up window, for unknown or constant axes, and for variances and
+        beliefs that no filter works with.
         """
-        beliefs = beliefs or {}
+        filter_models = filter_models or {}
         if self.baseline is None or self._settings is None:
             raise ValueError("the start-up window is not full")
         for axis in variances:
             if axis not in self.axes or axis in self.baseline.constant_axes:
                 raise ValueError(f"{axis} is not estimated")
-        for axis, belief in beliefs.items():
-            if axis not in variances or not belief.is_sound:
-                raise ValueError(f"{axis} cannot go on with {belief}")
+        for axis, filter_model in filter_models.items():
+            if axis not in variances or not filter_model.is_sound:
+                raise ValueError(f"{axis} cannot go on with {filter_model}")
         in_use = {**self.variances, **variances}
         settings = self._settings_of([in_use[axis] for axis in self.axes])
         self.native.retune(native_table(settings.table(len(self.axes))))
         self._settings, self.variances = settings, in_use
         self.tuned |= set(variances)
-        for axis, belief in beliefs.items():
+        for axis, filter_model in filter_models.items():
             joint = self._config.variant == "joint"
-            numbers = belief.of_joint() if joint else belief.of_triple()
-            self.native.believe(self.axes.index(axis), *numbers)
-        self._believe(
-            {axis: one for axis, one in self.beliefs.items() if axis not in variances} | {**beliefs}
+            numbers = filter_model.of_joint() if joint else filter_model.of_triple()
+            self.native.set_filter_model(self.axes.index(axis), *numbers)
+        self._set_filter_models(
+            {axis: one for axis, one in self.filter_models.items() if axis not in variances}
+            | {**filter_models}
         )
 
     def found(self, axis: str) -> tuple[float, float]:
@@ -195,14 +196,14 @@ class Bank:
             supervisors,
             Q,
             tuple(axis for axis in self.axes if axis in self.tuned),
-            self.beliefs,
+            self.filter_models,
             whiteness,
         )
 
-    def _believe(self, beliefs: dict[str, FilterModel]) -> None:
+    def _set_filter_models(self, filter_models: dict[str, FilterModel]) -> None:
         """Note the filter models from which the standard deviations of α and f are computed from now on."""
-        self.beliefs = beliefs
-        known = map(beliefs.get, self.axes)
+        self.filter_models = filter_models
+        known = map(filter_models.get, self.axes)
         self.native.know([one and (one.alpha, one.alpha_std, one.f, one.f_std) for one in known])
 
     def _settings_of(self, variances: Sequence[Variances]) -> LaneSettings:
@@ -247,7 +248,7 @@ class Bank:
         self._instruction_set = state.instruction_set
         self._begin(Baseline(state.bias_dps, state.R, ()), state.Q)
         self.tuned = set(state.tuned)
-        self._believe(state.beliefs)
+        self._set_filter_models(state.filter_models)
         assert self._settings is not None
         if self._settings.digest(len(self.axes)) != state.settings:
             raise ValueError("it was saved with other settings")

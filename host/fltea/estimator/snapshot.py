@@ -16,8 +16,8 @@ MOST_RESTARTS = 1 << 52
 class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A saved baseline, and the filters that continue from it.
 
-    `R`, `Q`: variances in use. `tuned`: axes whose variances came from a fit. `beliefs`: filter models of
-    that fit. `engine`: state of the native filters with their memory. `checksum`: CRC-32 of `engine`.
+    `R`, `Q`: variances in use. `tuned`: axes whose variances came from a fit. `filter_models`: filter models
+    of that fit. `engine`: state of the native filters with their memory. `checksum`: CRC-32 of `engine`.
     `instruction_set`: instruction set with which the filters ran. `settings`: `LaneSettings.digest` of the
     engine's settings. `whiteness`: sums over the innovations, for the test of whiteness. `supervisors`: state
     of the supervisors.
@@ -34,7 +34,7 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     supervisors: bytes | None = None
     Q: tuple[float, ...] | None = None
     tuned: tuple[str, ...] = ()
-    beliefs: dict[str, FilterModel] = {}
+    filter_models: dict[str, FilterModel] = {}
     whiteness: bytes | None = None
 
     def check(self, axes: tuple[str, ...]) -> None:
@@ -57,9 +57,9 @@ class OnlineState(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         for axis in self.tuned:
             if axis not in axes:
                 raise ValueError(f"it has a tuning of {axis!r}, which is none of its axes")
-        for axis, belief in self.beliefs.items():
-            if axis not in self.tuned or not belief.is_sound:
-                raise ValueError(f"{axis} cannot go on with {belief}")
+        for axis, filter_model in self.filter_models.items():
+            if axis not in self.tuned or not filter_model.is_sound:
+                raise ValueError(f"{axis} cannot go on with {filter_model}")
         for axis, count in self.restarts.items():
             if axis not in axes:
                 raise ValueError(f"it has restarts of {axis!r}, which is none of its axes")

@@ -162,10 +162,10 @@ class TrackerModel:
         self.native = _native.TrackerModel(rules.ahead, list(rules.checked), absolute, weights, numbers)
 
     def refilter(self, remembered: Remembered, to_come: int) -> None:
-        """Filter the remembered samples, in any thread, so that less work is left to `Tracker.go_by`.
+        """Filter the remembered samples, in any thread, so that less work is left to `Tracker.use_model`.
 
-        `to_come`: number of samples that the tracker takes until `Tracker.go_by`, at most MOST_TO_COME. If an
-        event happens before that, or if fewer samples come, the tracker filters all samples itself. The
+        `to_come`: number of samples that the tracker takes until `Tracker.use_model`, at most MOST_TO_COME.
+        If an event happens before that, or if fewer samples come, the tracker filters all samples itself. The
         results are the same, except that the test for steps then has the innovations only up to `remembered`.
 
         Raises ValueError for more samples.
@@ -174,7 +174,7 @@ class TrackerModel:
 
 
 MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
-"""Most samples that may come between the filtering of remembered samples and `Tracker.go_by`."""
+"""Most samples that may come between the filtering of remembered samples and `Tracker.use_model`."""
 
 
 AT_ONCE = 1 << 14
@@ -226,9 +226,9 @@ class Tracker:
 
         Raises ValueError, and changes nothing, if no filter works with it.
         """
-        self.go_by(lane, TrackerModel(self.rules, system, rival, likely))
+        self.use_model(lane, TrackerModel(self.rules, system, rival, likely))
 
-    def go_by(self, lane: int, model: TrackerModel) -> None:
+    def use_model(self, lane: int, model: TrackerModel) -> None:
         """Use this noise model for an axis, from the next sample on.
 
         Raises ValueError, and changes nothing, if no filter works with it.

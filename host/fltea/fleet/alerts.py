@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 import msgspec
 
 from fltea.fleet.roll import SILENT_S, Roll
-from fltea.fleet.summary import Look
+from fltea.fleet.summary import Comparison
 
 LOOKS = 3
 MOST = 10_000
@@ -86,12 +86,12 @@ class Alerts:
         alerts = [dict(zip(names, key, strict=True)) | {"text": text} for key, text in newest]
         return AlertList(len(raised), self.dropped, alerts)
 
-    def update(self, roll: Roll, look: Look, now: float, unix_s: float) -> list[Alert]:
+    def update(self, roll: Roll, comparison: Comparison, now: float, unix_s: float) -> list[Alert]:
         """Update the alerts with the result of a new comparison; return the alerts that have begun or ended.
 
-        `look`: result of the comparison. `now`: time of `Clock.hearing` [s]. `unix_s`: Unix time [s].
+        `comparison`: result of the comparison. `now`: time of `Clock.hearing` [s]. `unix_s`: Unix time [s].
         """
-        causes = self._causes(roll, look, now)
+        causes = self._causes(roll, comparison, now)
         changed = []
         no_room, self._no_room = self._no_room, set()
         for key, text in causes.items():
@@ -118,8 +118,8 @@ class Alerts:
                 self._seen[key] = seen._replace(unseen=seen.unseen + 1)
         return changed
 
-    def _causes(self, roll: Roll, look: Look, now: float) -> dict[Key, str]:
-        causes: dict[Key, str] = {("outlier", *oddity.key): oddity.text for oddity in look.odd}
+    def _causes(self, roll: Roll, comparison: Comparison, now: float) -> dict[Key, str]:
+        causes: dict[Key, str] = {("outlier", *oddity.key): oddity.text for oddity in comparison.odd}
         for name in roll.flooding():
             causes["flood", name, "", ""] = f"{name}: sends more messages than any daemon does."
         for sensor in roll.sensors.values():

@@ -20,7 +20,7 @@ from fltea.fleet.databases import Database, Postgres, Sqlite
 from fltea.fleet.history import TABLES, History
 from fltea.fleet.listener import Listener
 from fltea.fleet.roll import MOST_SENSORS, SILENT_S, Roll
-from fltea.fleet.summary import Look, counts, look
+from fltea.fleet.summary import Comparison, compare, counts
 from fltea.settings.mqtt import MqttConfig
 
 ASK_AT_ONCE, ASK_TIMES, ASK_EVERY_S = 200, 3, 30.0
@@ -42,7 +42,7 @@ class Plan(NamedTuple):
     `history_every_s`: least time between two stored fits of an axis [s].
     `keep_s`: time after which rows of the history and silent sensors are dropped [s].
     `silent_s`: time without messages after which a sensor is silent [s].
-    `look_every_s`: time between comparisons of all sensors [s].
+    `compare_every_s`: time between comparisons of all sensors [s].
     `most`: largest number of sensors.
     """
 
@@ -52,7 +52,7 @@ class Plan(NamedTuple):
     history_every_s: float = 600.0
     keep_s: float = 30 * 86_400.0
     silent_s: float = SILENT_S
-    look_every_s: float = 5.0
+    compare_every_s: float = 5.0
     most: int = MOST_SENSORS
 
 
@@ -74,13 +74,13 @@ class Fleet:
         self.lock = threading.Lock()
         self.clock = Clock()
         self.roll = Roll(plan.mqtt.prefix, plan.most)
-        self.seen = Look([], {})
+        self.seen = Comparison([], {})
         self.alerts = Alerts(plan.silent_s)
         self.history = History(_database(plan), plan.history_every_s)
-        self.look_s = 0.0
+        self.comparison_s = 0.0
         self.alerts_unsent = 0
         self._write = write or (lambda text: print(text, file=sys.stderr, flush=True))
-        self._look_due = 0.0
+        self._comparison_due = 0.0
         self._asked: dict[str, tuple[int, float]] = {}
         self._asked_over = 0
         self._reported_trouble = ""
@@ -109,9 +109,9 @@ class Fleet:
             self.clock.hear(is_up)
         if is_up:
             self.listener.fetch(self._lacking(now))
-        if now < self._look_due:
+        if now < self._comparison_due:
             return
-        self._look_due = now + self.plan.look_every_s
+        self._comparison_due = now + self.plan.compare_every_s
         self.look_now()
         with self.lock:
             unix_s = self.clock.unix_s()
@@ -161,11 +161,11 @@ class Fleet:
         with self.lock:
             begin = time.perf_counter()
             now, unix_s = self.clock.hearing(), self.clock.unix_s()
-            self.seen = look(self.roll, now, self.plan.silent_s)
+            self.seen = compare(self.roll, now, self.plan.silent_s)
             new = self.alerts.update(self.roll, self.seen, now, unix_s)
             for alert in new:
                 self.history.add_alert(unix_s, alert.state, alert.kind, alert.device_id, alert.text)
-            self.look_s = time.perf_counter() - begin
+            self.comparison_s = time.perf_counter() - begin
             room = MOST_UNSENT - len(self._unsent)
             self._unsent.extend(new[:room])
             self.alerts_unsent += len(new[room:])
@@ -206,7 +206,7 @@ class Fleet:
                     "trouble": self.history.trouble,
                     "clock_jumps": self.clock.jumps,
                 },
-                "look_ms": round(self.look_s * 1e3, 1),
+                "comparison_ms": round(self.comparison_s * 1e3, 1),
             }
         return found
 

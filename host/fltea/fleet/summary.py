@@ -58,7 +58,7 @@ class Oddity(msgspec.Struct, frozen=True):
         )
 
 
-class Look(NamedTuple):
+class Comparison(NamedTuple):
     """Result of one comparison of the whole fleet.
 
     `odd`: the values that differ from those of the other sensors.
@@ -69,7 +69,7 @@ class Look(NamedTuple):
     usual: dict[Group, Fleet]
 
 
-def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVEL) -> Look:
+def compare(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVEL) -> Comparison:
     """Compare every sensor that is neither offline nor silent with the others of its kind."""
     groups: dict[Group, list[tuple[Sensor, Axis, Figure]]] = {}
     for sensor, name, axis in roll.axes():
@@ -108,7 +108,7 @@ def look(roll: Roll, now: float, silent_s: float = SILENT_S, level: float = LEVE
                 )
             )
     odd.sort(key=lambda oddity: -abs(oddity.times))
-    return Look(odd, usual)
+    return Comparison(odd, usual)
 
 
 def unit_of(quantity: Quantity, unit: str) -> str:
@@ -163,7 +163,7 @@ COLUMNS = (
 Row = dict[str, Any]
 
 
-def rows(roll: Roll, seen: Look, now: float, silent_s: float = SILENT_S) -> list[Row]:
+def rows(roll: Roll, seen: Comparison, now: float, silent_s: float = SILENT_S) -> list[Row]:
     """Return one row for each axis, and one for each sensor without a fit."""
     odd: dict[tuple[str, str], list[str]] = {}
     for one in seen.odd:
@@ -225,7 +225,7 @@ def _text_of(row: Row) -> str:
     return f"{row['device']} {row['kind']} {row['state']} {row['axis']} {row['verdict']} {odd}".lower()
 
 
-def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:
+def distribution(roll: Roll, seen: Comparison, group: Group) -> dict[str, Any]:
     """Return the values of all sensors in one group, with outliers marked, and the group's usual value."""
     kind, axis_name, quantity = group
     points: list[dict[str, Any]] = []
@@ -239,6 +239,6 @@ def distribution(roll: Roll, seen: Look, group: Group) -> dict[str, Any]:
     return {"points": points, "usual": seen.usual.get(group)}
 
 
-def groups(seen: Look) -> list[Group]:
+def groups(seen: Comparison) -> list[Group]:
     """Return the groups that can be shown as a distribution, the largest first."""
     return sorted(seen.usual, key=lambda group: (-seen.usual[group].sensors, group))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from fltea.identification.axis import IdentifyOptions, Looked, look
+from fltea.identification.axis import AxisAnalysis, IdentifyOptions, analyse
 from fltea.identification.left_out import LeftOut, without
 from fltea.identification.load import Series
 from fltea.identification.motion import likely_motion
@@ -23,10 +23,10 @@ relaxation.
 """
 
 
-class AxisLook(NamedTuple):
+class SeriesAnalysis(NamedTuple):
     """The spectral analysis of one axis, and the samples behind it."""
 
-    looked: Looked
+    analysis: AxisAnalysis
     """The analysis of the samples without their levels."""
     series: Series
     """The same samples with their levels."""
@@ -34,7 +34,9 @@ class AxisLook(NamedTuple):
     telegraph: Telegraph | None
 
 
-def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOut | None) -> AxisLook:
+def analyse_series(
+    series: Series, h: float, options: IdentifyOptions, left_out: LeftOut | None
+) -> SeriesAnalysis:
     """Analyse the spectrum of an axis and decide on its verdict.
 
     Args:
@@ -50,9 +52,9 @@ def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOu
     rest, telegraph = without_levels(series, h)
     out = likely_motion(rest) if left_out is None else left_out
     whole = without(series, out)
-    rest = _looked_at(rest, whole, telegraph, out)
+    rest = _analysed_part(rest, whole, telegraph, out)
     try:
-        looked = look(rest.y, h, options, rest.gaps)
+        analysis = analyse(rest.y, h, options, rest.gaps)
     except ValueError as error:
         if few := few_values(series.y, series.unit):
             raise ValueError(f"{few.text} {few.remedy}") from error
@@ -60,17 +62,17 @@ def look_at(series: Series, h: float, options: IdentifyOptions, left_out: LeftOu
             raise ValueError(f"{jumps} {error}") from error
         raise
     if telegraph is not None:
-        looked = looked._replace(verdict=_with_levels(looked.verdict, telegraph, series.unit))
-    return AxisLook(looked, whole, out, telegraph)
+        analysis = analysis._replace(verdict=_with_levels(analysis.verdict, telegraph, series.unit))
+    return SeriesAnalysis(analysis, whole, out, telegraph)
 
 
-def samples_looked_at(series: Series, h: float, left_out: LeftOut) -> Series:
-    """Return the samples that `look_at` analyses if it leaves out `left_out`. `h`: sampling period [s]."""
+def samples_analysed(series: Series, h: float, left_out: LeftOut) -> Series:
+    """Return the samples that are analysed if `left_out` is left out. `h`: sampling period [s]."""
     rest, telegraph = without_levels(series, h)
-    return _looked_at(rest, without(series, left_out), telegraph, left_out)
+    return _analysed_part(rest, without(series, left_out), telegraph, left_out)
 
 
-def _looked_at(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
+def _analysed_part(rest: Series, whole: Series, telegraph: Telegraph | None, out: LeftOut) -> Series:
     """Return the samples without their levels and without what `out` leaves out.
 
     `rest`: the samples without levels. `whole`: the samples with levels, already without `out`.

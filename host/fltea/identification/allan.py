@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fltea.identification.axis import Looked
+from fltea.identification.axis import AxisAnalysis
 from fltea.records.arrays import Array
 from fltea.spectrum.allan_curve import Allan, checked, points
 from fltea.spectrum.allan_dof import FULL_PARTS, degrees_of_freedom, full_overlap
@@ -53,7 +53,7 @@ def allan(stretches: Sequence[Array], h: float, unit: str = "deg/s") -> Allan:
     return Allan.of(found, differences(factors, lengths), h, unit)
 
 
-def allan_of(looked: Looked, unit: str) -> Allan:
+def allan_of(analysis: AxisAnalysis, unit: str) -> Allan:
     """Return the Allan deviation of an analysed axis, together with that of its chosen model.
 
     The command, the Python interface and `--allan-csv` all show this curve.
@@ -61,9 +61,9 @@ def allan_of(looked: Looked, unit: str) -> Allan:
     Raises:
         ValueError: the axis is constant, or all its stretches are too short.
     """
-    stretches = [np.asarray(one.y, dtype=np.float64) for one in looked.stretches]
-    found, figures = allan(stretches, looked.h, unit), looked.figures
-    return found.with_model(looked.summed.seen.evidence.candidates, figures.model, figures.level, unit)
+    stretches = [np.asarray(one.y, dtype=np.float64) for one in analysis.stretches]
+    found, figures = allan(stretches, analysis.h, unit), analysis.figures
+    return found.with_model(analysis.summed.seen.evidence.candidates, figures.model, figures.level, unit)
 
 
 def _degrees(power: ArrayLike, factors: NDArray[np.int64], lengths: Sequence[int]) -> Array:

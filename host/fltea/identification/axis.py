@@ -118,7 +118,7 @@ class AxisResult(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.models[self.stands].name
 
 
-class Looked(NamedTuple):
+class AxisAnalysis(NamedTuple):
     """One axis, and what its spectrum shows."""
 
     y: Array
@@ -131,7 +131,9 @@ class Looked(NamedTuple):
     figures: NoiseFigures
 
 
-def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: Gaps | None = None) -> Looked:
+def analyse(
+    y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: Gaps | None = None
+) -> AxisAnalysis:
     """Analyse the spectrum of one axis.
 
     The spectrum is averaged over all stretches. Narrow lines are searched for in the longest stretch.
@@ -153,14 +155,14 @@ def look(y: ArrayLike, h: float, options: IdentifyOptions | None = None, gaps: G
     summed = examined_stretches(stretches, len(samples), h, o.from_hz, o.notch_hz)
     evidence = summed.seen.evidence
     verdict = decide(evidence)
-    return Looked(samples, h, gaps, summed.stretches, summed, verdict, noise_figures(evidence, verdict))
+    return AxisAnalysis(samples, h, gaps, summed.stretches, summed, verdict, noise_figures(evidence, verdict))
 
 
-def described(looked: Looked) -> AxisResult:
+def described(analysis: AxisAnalysis) -> AxisResult:
     """Return the result for an analysed axis, still without FLTEA's estimates."""
-    y, h, seen = looked.y, looked.h, looked.summed.seen
+    y, h, seen = analysis.y, analysis.h, analysis.summed.seen
     e = seen.evidence
-    longest = max((one.y for one in looked.stretches), key=len)
+    longest = max((one.y for one in analysis.stretches), key=len)
     critical = dict(zip(PROBABILITIES, critical_values(seen.ordinates).tolist(), strict=True))
     return AxisResult(
         samples=len(y),
@@ -169,7 +171,7 @@ def described(looked: Looked) -> AxisResult:
         duration_s=e.duration_s,
         mean=float(y.mean()),
         std=float(y.std(ddof=1)),
-        verdict=looked.verdict,
+        verdict=analysis.verdict,
         null=NullResult(
             p_value=e.p_all,
             likelihood_ratio=seen.likelihood_ratio,
@@ -180,13 +182,13 @@ def described(looked: Looked) -> AxisResult:
             level=e.level,
             shuffled=None,
         ),
-        order=looked.verdict.order,
-        parts=looked.figures.parts,
-        level=looked.figures.level,
-        drift_rate=drift_rate(longest, h, looked.figures.spectrum(h)),
+        order=analysis.verdict.order,
+        parts=analysis.figures.parts,
+        level=analysis.figures.level,
+        drift_rate=drift_rate(longest, h, analysis.figures.spectrum(h)),
         band=seen.band,
         models=summaries(e.candidates),
-        stands="plain" if looked.figures.model is e.candidates.plain else "order",
+        stands="plain" if analysis.figures.model is e.candidates.plain else "order",
         peaks=e.peaks,
         fltea=None,
         fltea_other=None,
@@ -195,27 +197,29 @@ def described(looked: Looked) -> AxisResult:
     )
 
 
-def fltea_axis(looked: Looked, lsb: float | None, options: IdentifyOptions) -> FlteaAxis:
+def fltea_axis(analysis: AxisAnalysis, lsb: float | None, options: IdentifyOptions) -> FlteaAxis:
     """Return the input for FLTEA. `lsb`: one count in the unit of y, if known."""
-    return FlteaAxis(looked.y, looked.gaps, options.estimator, lsb, looked.verdict.order.alpha)
+    return FlteaAxis(analysis.y, analysis.gaps, options.estimator, lsb, analysis.verdict.order.alpha)
 
 
-def identified(looked: Looked, lsb: float | None, options: IdentifyOptions | None = None) -> AxisResult:
+def identified(
+    analysis: AxisAnalysis, lsb: float | None, options: IdentifyOptions | None = None
+) -> AxisResult:
     """Identify an analysed axis with these options; FLTEA runs over its longest part without a restart.
 
     The shuffled copies are left to `with_copies`. They take most of the time, so another process may compute
     them.
 
     Args:
-        looked: the analysed axis.
+        analysis: the analysed axis.
         lsb: one count in the unit of y, if known.
         options: how to identify.
 
     Raises:
         ValueError: the settings give no filter that works.
     """
-    (fits,) = fltea_fits([fltea_axis(looked, lsb, options or IdentifyOptions())], looked.h)
-    return with_fltea(described(looked), fits)
+    (fits,) = fltea_fits([fltea_axis(analysis, lsb, options or IdentifyOptions())], analysis.h)
+    return with_fltea(described(analysis), fits)
 
 
 def with_fltea(result: AxisResult, found: FlteaFits) -> AxisResult:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fltea.identification.axis import AxisResult, Looked
+from fltea.identification.axis import AxisAnalysis, AxisResult
 from fltea.identification.data_checks import DataCheck, axis_data_checks
 from fltea.identification.gaps import Gaps
 from fltea.identification.load import Series
@@ -16,22 +16,22 @@ TELEGRAPH = "telegraph"
 
 
 def checks_of(
-    looked: Looked, series: Series, result: AxisResult, telegraph: Telegraph | None
+    analysis: AxisAnalysis, series: Series, result: AxisResult, telegraph: Telegraph | None
 ) -> tuple[DataCheck, ...]:
     """Return the data checks of an analysed axis.
 
     `series`: the samples that were analysed, including the levels of `telegraph` if there are any.
     """
-    y, gaps = looked.y, looked.gaps
+    y, gaps = analysis.y, analysis.gaps
     if any(peak.repeats is not None for peak in result.peaks):
         # Glitches of a comb are reported as a comb, and not as outliers in addition.
-        ends = np.cumsum([len(one.y) for one in looked.stretches])
-        missing = [one.missing for one in looked.stretches]
-        y = np.concatenate([one.y for one in looked.stretches])
+        ends = np.cumsum([len(one.y) for one in analysis.stretches])
+        missing = [one.missing for one in analysis.stretches]
+        y = np.concatenate([one.y for one in analysis.stretches])
         gaps = Gaps(ends[:-1].astype(np.int64), np.array(missing[1:], dtype=np.int64))
     of_samples = axis_data_checks(
         y,
-        looked.h,
+        analysis.h,
         series.lsb,
         result.peaks,
         series.unit,

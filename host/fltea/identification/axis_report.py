@@ -9,7 +9,7 @@ from fltea.identification.curves import Curves
 from fltea.identification.data_checks import DataCheck
 from fltea.identification.data_sheet import SheetComparison, compare
 from fltea.identification.forecast import Forecast, Now
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.left_out import NOTHING, LeftOut
 from fltea.identification.load import GYRO_UNIT, Loaded
 from fltea.identification.navigation_filter import NavigationFilter
@@ -52,7 +52,7 @@ class AxisReport(msgspec.Struct, frozen=True):
     """Whether the offset follows a random walk."""
     filter: NavigationFilter | None = None
     """The parameters of a plain Kalman filter for this axis."""
-    tracked: Learned | None = None
+    tracked: FittedSystem | None = None
     """The state-space system behind bias, forecast, filter and simulation; None if no filter works with the
     noise.
     """

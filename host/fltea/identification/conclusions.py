@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fltea.identification.axis import IdentifyOptions, Looked, look
+from fltea.identification.axis import AxisAnalysis, IdentifyOptions, analyse
 from fltea.identification.forecast import Asked, BiasAtEnd, Forecast, Now, found
-from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.identification.gaps import bridged, no_gaps
 from fltea.identification.load import Series
 from fltea.identification.model_file import by_sensor
@@ -33,7 +33,7 @@ from fltea.settings.live import LiveConfig
 class Conclusions(NamedTuple):
     """The conclusions for one axis."""
 
-    tracked: Learned
+    tracked: FittedSystem
     walk: OffsetWalkFound
     filter: NavigationFilter | None
     now: Now | None
@@ -42,24 +42,24 @@ class Conclusions(NamedTuple):
     """Drift rate of the longest stretch, per second."""
 
 
-def tracked_of(looked: Looked, telegraph: Telegraph | None = None) -> Learned | None:
+def tracked_of(analysis: AxisAnalysis, telegraph: Telegraph | None = None) -> FittedSystem | None:
     """Return the tracked system of one axis alone; None if no filter works with its noise.
 
     `telegraph`: levels that were subtracted before the analysis; the system includes them.
     """
-    y = max((one.y for one in looked.stretches), key=len)
-    parts = looked.figures.model.parts(looked.h)
-    found = tracked_system(parts, np.ascontiguousarray(y, dtype=np.float64), looked.h)
-    return found if found is None or telegraph is None else _with_levels(found, telegraph, looked.h)
+    y = max((one.y for one in analysis.stretches), key=len)
+    parts = analysis.figures.model.parts(analysis.h)
+    found = tracked_system(parts, np.ascontiguousarray(y, dtype=np.float64), analysis.h)
+    return found if found is None or telegraph is None else _with_levels(found, telegraph, analysis.h)
 
 
-def _with_levels(tracked: Learned, telegraph: Telegraph, h: float) -> Learned:
+def _with_levels(tracked: FittedSystem, telegraph: Telegraph, h: float) -> FittedSystem:
     part = telegraph.part
     its = tracked.system.with_relaxation(part.sigma**2, math.exp(-h / part.tau_s))
     return tracked._replace(parts=(*tracked.parts, part), system=its)
 
 
-def in_agreement(tracked: Mapping[str, Learned | None], h: float) -> dict[str, Learned]:
+def in_agreement(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, FittedSystem]:
     """Return the tracked systems of a recording's axes by name, with one random walk per sensor if possible.
 
     Axes without a system are left out.
@@ -74,7 +74,7 @@ def conclude(
     series: Series,
     h: float,
     options: IdentifyOptions,
-    tracked: Learned,
+    tracked: FittedSystem,
     K: Interval,
     forecast: Asked,
     at_end: BiasAtEnd | None = None,
@@ -100,9 +100,9 @@ def conclude(
     stretches = [np.asarray(one.y, dtype=np.float64) for one in bridged(series.y, series.gaps)]
     y: Array = np.ascontiguousarray(max(stretches, key=len))
 
-    def first(y: NDArray[np.float64]) -> Learned:
+    def first(y: NDArray[np.float64]) -> FittedSystem:
         half, levels = without_levels(series._replace(y=y, gaps=no_gaps()), h)
-        its = learned(look(half.y, h, options).figures.model.parts(h), half.y, h)
+        its = fitted_system(analyse(half.y, h, options).figures.model.parts(h), half.y, h)
         return its if levels is None else _with_levels(its, levels, h)
 
     bias, ahead = found(tracked, y, h, series.unit, first if forecast else None, forecast, at_end)
@@ -117,7 +117,7 @@ def conclude(
     return Conclusions(tracked, offset_walk_found(tracked, h, K), plain, bias, ahead, drift_rate)
 
 
-def _on_a_level(rest: Series, telegraph: Telegraph, tracked: Learned) -> BiasAtEnd:
+def _on_a_level(rest: Series, telegraph: Telegraph, tracked: FittedSystem) -> BiasAtEnd:
     """Return the bias after a record that ends on a level. `rest`: its samples without the levels."""
     bias_s, samples = LiveConfig().bias_s, len(rest.y)
     std = bias_std(tracked.system, rested(tracked.system, samples))

@@ -8,7 +8,7 @@ import numpy as np
 from fltea.estimator.baseline import baseline_of, lane_baselines
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes
-from fltea.identification.axis import IdentifyOptions, Looked
+from fltea.identification.axis import AxisAnalysis, IdentifyOptions
 from fltea.identification.fltea_fit import after_startup
 from fltea.identification.gaps import Gaps, longest_epoch
 from fltea.identification.shuffled import ACCURACY, BLOCK, PROBABILITIES
@@ -63,20 +63,22 @@ class Curves(NamedTuple):
     innovations: int
 
 
-def curves(looked: Looked, lsb: float | None, options: IdentifyOptions, *, with_path: bool = True) -> Curves:
+def curves(
+    analysis: AxisAnalysis, lsb: float | None, options: IdentifyOptions, *, with_path: bool = True
+) -> Curves:
     """Return the curves of an axis that has been identified with these options.
 
     `lsb`: one count in the unit of y, if known. `with_path`: whether FLTEA can run over the axis.
     """
-    whole = binned(left_in(looked.summed.lines, options.from_hz, options.notch_hz))
+    whole = binned(left_in(analysis.summed.lines, options.from_hz, options.notch_hz))
     path, tested = None, np.empty(0)
     if with_path:
-        path, innovation = _path(looked.y, looked.gaps, looked.h, lsb, options)
+        path, innovation = _path(analysis.y, analysis.gaps, analysis.h, lsb, options)
         tested = innovation[len(innovation) // 3 :]
     return Curves(
-        Spectrum(whole.lam / (2 * np.pi * looked.h), whole.power[0], whole.counts),
+        Spectrum(whole.lam / (2 * np.pi * analysis.h), whole.power[0], whole.counts),
         ORDERS,
-        profile(looked.summed.seen.evidence.candidates, ORDERS),
+        profile(analysis.summed.seen.evidence.candidates, ORDERS),
         path,
         _autocorrelation(tested),
         len(tested),

@@ -10,8 +10,8 @@ from fltea.identification.forecast_judge import (
     FEWEST,
     TIMES_S,
     BiasPiece,
+    FittedSystem,
     Judgement,
-    Learned,
     Piece,
     judged,
 )
@@ -172,11 +172,11 @@ class Forecast(msgspec.Struct, frozen=True):
 
 
 def found(
-    tracked: Learned,
+    tracked: FittedSystem,
     y: Array,
     h: float,
     unit: str,
-    first: Callable[[Array], Learned] | None,
+    first: Callable[[Array], FittedSystem] | None,
     asked: Asked = (),
     at_end: BiasAtEnd | None = None,
 ) -> tuple[Now | None, Forecast | None]:
@@ -232,7 +232,7 @@ def now(model: System, y: Array, h: float, at_end: BiasAtEnd | None) -> Now:
     return Now(at_end.bias, at_end.bias_std, heading_std(model, P, h, HEADING_AFTER_S), at_end.bias_s)
 
 
-def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> Forecast:
+def forecast(whole: FittedSystem, first: FittedSystem, y: Array, h: float, unit: str) -> Forecast:
     """Return the forecast of a recording y. `first`: the tracked system of its first half."""
     P = rested(whole.system, len(y))
     judgement = judged(first, y, len(y) // 2, h)
@@ -243,7 +243,7 @@ def forecast(whole: Learned, first: Learned, y: Array, h: float, unit: str) -> F
     return Forecast(TIMES_S, curve, *judgement, made_of(whole), made_of(first), text, after_s=len(y) * h)
 
 
-def made_of(tracked: Learned) -> str:
+def made_of(tracked: FittedSystem) -> str:
     """Return in a few words what a tracked system is made of: its parts, and the model of its offset."""
     walk = tracked.walk
     # The tracker's random walk replaces that of the parts, if there is one.

@@ -92,7 +92,7 @@ class Judgement(NamedTuple):
     bias: tuple[BiasPiece, ...]
 
 
-class Learned(NamedTuple):
+class FittedSystem(NamedTuple):
     """The system of a noise that was fitted to `samples` samples, with the model of its offset."""
 
     parts: Sequence[Part]
@@ -103,12 +103,12 @@ class Learned(NamedTuple):
     """Whether the system includes steps of the bias, which are expected to recur."""
 
 
-def learned(parts: Sequence[Part], y: Array, h: float) -> Learned:
+def fitted_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem:
     """Return the system of the noise that was found in y. `h`: sampling period [s]."""
     tracker = Tracker([None])
     tracker.take(y)
     followed = system_of(parts, h, len(y), tracker.remembered(0))
-    return Learned(followed.parts, len(y), followed.system, followed.walk)
+    return FittedSystem(followed.parts, len(y), followed.system, followed.walk)
 
 
 class Forecasts(NamedTuple):
@@ -158,7 +158,7 @@ class Errors(NamedTuple):
         return math.sqrt(float((self.said**2).mean())), math.sqrt(float((self.seen**2).mean()))
 
 
-def judged(model: Learned, y: Array, begin: int, h: float) -> Judgement:
+def judged(model: FittedSystem, y: Array, begin: int, h: float) -> Judgement:
     """Judge a system's forecasts from sample `begin` of y on; its filter first runs over all earlier samples.
 
     A filter's errors of successive pieces are independent, but one model predicts all pieces. So their mean
@@ -271,7 +271,7 @@ class Doubt(NamedTuple):
         return one.inv_cdf(max(1 - more, TINY))
 
 
-def left_open(model: Learned, h: float, times_s: Sequence[float]) -> list[Doubt]:
+def left_open(model: FittedSystem, h: float, times_s: Sequence[float]) -> list[Doubt]:
     """Return the uncertainty of the heading's variance at each time, as the record of the model leaves it.
 
     Errors in the parts' figures change the logarithm of the variance, which is taken as normal. The offset

@@ -22,7 +22,7 @@ import msgspec
 import numpy as np
 
 from fltea.estimator.tracker import Tracker
-from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.noise.heading import aheads, heading_stds, rested
 from fltea.noise.non_negative import non_negative
 from fltea.noise.parts import FILTERS, HighPass, Relaxation, White, high_pass_of, spectrum
@@ -102,7 +102,7 @@ class _Target(NamedTuple):
     heading: Array
 
 
-def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
+def navigation_filter(tracked: FittedSystem, y: Array, h: float) -> NavigationFilter:
     """Return the filter of an axis. `y`: samples without a gap, (n,), after which the filter starts.
 
     Raises:
@@ -111,7 +111,7 @@ def navigation_filter(tracked: Learned, y: Array, h: float) -> NavigationFilter:
     forecast = tracked.system
     P = of_forecast = rested(forecast, len(y))
     if high_pass_of(tracked.parts) is not None:
-        tracked = learned([part for part in tracked.parts if not isinstance(part, HighPass)], y, h)
+        tracked = fitted_system([part for part in tracked.parts if not isinstance(part, HighPass)], y, h)
         P = rested(tracked.system, len(y))
     model, length_s = tracked.system, len(y) * h
     tau_s = _grid(tracked, h, length_s)
@@ -146,7 +146,7 @@ def _count(ratio: float, a_decade: int) -> int:
     return max(round(a_decade * math.log10(max(ratio, 1.0))), 2) + 1
 
 
-def _grid(tracked: Learned, h: float, length_s: float) -> list[float]:
+def _grid(tracked: FittedSystem, h: float, length_s: float) -> list[float]:
     """Return the correlation times to try: those of the parts, and a grid without their close neighbours."""
     low, high = FASTEST * h, SLOWEST * length_s
     if high <= low:
@@ -157,7 +157,7 @@ def _grid(tracked: Learned, h: float, length_s: float) -> list[float]:
     return own + [tau for tau in grid if all(max(tau / one, one / tau) > ratio for one in own)]
 
 
-def _frequencies(tracked: Learned, h: float, samples: int) -> Array:
+def _frequencies(tracked: FittedSystem, h: float, samples: int) -> Array:
     """Return λ from one period of the record up to where a low-pass stops half of the noise."""
     low = 2 * math.pi / samples
     lam = np.geomspace(low, math.pi, _count(math.pi / low, POINTS_A_DECADE))

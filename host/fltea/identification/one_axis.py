@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from fltea.identification.about_levels import look_at, samples_looked_at
+from fltea.identification.about_levels import analyse_series, samples_analysed
 from fltea.identification.advice import doubted, expecting_steps
 from fltea.identification.allan import allan_of
 from fltea.identification.axis import (
@@ -30,11 +30,11 @@ from fltea.identification.sensor_events import AxisEvents
 from fltea.identification.slow_noise import with_slow_noise
 from fltea.records.fit import Interval
 
-MOST_LOOKS = 3
+MOST_ANALYSES = 3
 """Largest number of analyses of an axis, as the steps that a first model finds may be wrong."""
 
 
-class LookedAt(NamedTuple):
+class FlteaInput(NamedTuple):
     """An axis after its last analysis, as the input of FLTEA."""
 
     series: Series
@@ -45,18 +45,18 @@ class LookedAt(NamedTuple):
     """Order of the noise by the verdict, without ends if the noise has none."""
 
     @classmethod
-    def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "LookedAt":
+    def of(cls, series: Series, found: AxisReport, options: IdentifyOptions) -> "FlteaInput":
         """Return the axis with the results in the report `found`."""
         return cls(series, found.left_out, options, found.result.order.alpha)
 
 
-def run_fltea(axes: Sequence[LookedAt], h: float) -> list[FlteaFits]:
+def run_fltea(axes: Sequence[FlteaInput], h: float) -> list[FlteaFits]:
     """Run FLTEA over the axes of a recording. `h`: sampling period [s].
 
     Raises:
         ValueError: the settings give no filter that works.
     """
-    own = [samples_looked_at(one.series, h, one.left_out) for one in axes]
+    own = [samples_analysed(one.series, h, one.left_out) for one in axes]
     return fltea_fits(
         [
             FlteaAxis(y.y, y.gaps, one.options.estimator, y.lsb, one.alpha)
@@ -131,17 +131,17 @@ def examine(
     Raises:
         ValueError: the axis is too short or constant.
     """
-    looked, series, out, telegraph = look_at(series, h, options, left_out)
-    result = described(looked)
+    analysis, series, out, telegraph = analyse_series(series, h, options, left_out)
+    result = described(analysis)
     # Check this whether FLTEA was asked for or not, so that both accept the same recordings.
-    why_no_path = fltea_axis(looked, series.lsb, options).why_not(h)
-    model = modelled(looked.figures.model, result.peaks, result.std, h)
+    why_no_path = fltea_axis(analysis, series.lsb, options).why_not(h)
+    model = modelled(analysis.figures.model, result.peaks, result.std, h)
     curve, drawn, reason = None, None, ""
     with ThreadPoolExecutor(1) as in_parallel:  # with a long record, this takes as long as the spectrum
-        its_curve = in_parallel.submit(allan_of, looked, series.unit)
-        data_checks = checks_of(looked, series, result, telegraph)
+        its_curve = in_parallel.submit(allan_of, analysis, series.unit)
+        data_checks = checks_of(analysis, series, result, telegraph)
         why = withheld((*known, *data_checks))
-        tracked = None if why else tracked_of(looked, telegraph)
+        tracked = None if why else tracked_of(analysis, telegraph)
     try:
         curve = its_curve.result()
         check_comparable(curve, h, model)
@@ -159,7 +159,7 @@ def examine(
         drawn,
         reason,
         data_checks,
-        curves=curves(looked, series.lsb, options, with_path=not why_no_path) if figures else None,
+        curves=curves(analysis, series.lsb, options, with_path=not why_no_path) if figures else None,
         tracked=tracked,
         left_out=out,
         withheld=why,

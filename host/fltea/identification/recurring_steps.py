@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 
 from fltea.identification.event_checks import popcorn_noise
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.sensor_events import BiasStep
 from fltea.noise.system import System
 
@@ -19,7 +19,7 @@ CLEAR = 3.0
 """Number of standard deviations above which a step counts."""
 
 
-def with_steps(tracked: Learned, steps: Sequence[BiasStep], h: float) -> Learned:
+def with_steps(tracked: FittedSystem, steps: Sequence[BiasStep], h: float) -> FittedSystem:
     """Return the tracked system of an axis with the steps that its bias is expected to make.
 
     `h`: sampling period [s].

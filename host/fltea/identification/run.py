@@ -23,14 +23,14 @@ from fltea.identification.conclusions import Conclusions, conclude, in_agreement
 from fltea.identification.data_checks import DataCheck, of_axis
 from fltea.identification.fltea_fit import LEAST, FlteaFits
 from fltea.identification.forecast import Asked
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.gaps import longest_epoch
 from fltea.identification.hand_out import HandOut, Task
 from fltea.identification.left_out import without
 from fltea.identification.load import Loaded, Request, Series, Unreadable, load
 from fltea.identification.one_axis import (
-    MOST_LOOKS,
-    LookedAt,
+    MOST_ANALYSES,
+    FlteaInput,
     concluded,
     examine,
     run_fltea,
@@ -179,7 +179,7 @@ class _Recording:
     axes: list[_Axis] = field(default_factory=list)
     watches: int = 0
 
-    def agreed(self) -> dict[str, Learned]:
+    def agreed(self) -> dict[str, FittedSystem]:
         """Return the tracked systems of the axes by name."""
         tracked = {axis.name: axis.found.tracked for axis in self.axes if axis.found is not None}
         return in_agreement(tracked, self.h)
@@ -284,7 +284,7 @@ class _Loop(HandOut[_Task]):
         assert task.of is not None
         of, axes = task.of, {axis.name: axis.series for axis in task.of.axes if axis.found is not None}
         of.watches += 1
-        if of.watches == MOST_LOOKS:
+        if of.watches == MOST_ANALYSES:
             self._conclude(task)
         elif axes:
             arguments = (axes, of.accel, of.agreed(), of.h, self._settings.live)
@@ -334,15 +334,15 @@ class _Loop(HandOut[_Task]):
     def _run_fltea(self, report: FileReport, of: _Recording) -> None:
         """Plan to run FLTEA over all axes together, and over their shuffled copies."""
         axes = [axis for axis in of.axes if axis.found is not None and axis.events is not None]
-        looked_at = []
+        fltea_inputs = []
         for axis in axes:
             assert axis.found is not None
             axis.wants_fltea = True
-            looked_at.append(LookedAt.of(axis.series, axis.found, axis.options))
+            fltea_inputs.append(FlteaInput.of(axis.series, axis.found, axis.options))
             rest, _ = without_levels(axis.series, of.h)
             self._add(*self._copies(axis, without(rest, axis.found.left_out), report, of))
         if axes:
-            self._add(_Task(run_fltea, (looked_at, of.h), report, of=of))
+            self._add(_Task(run_fltea, (fltea_inputs, of.h), report, of=of))
 
     def _plan(self, report: FileReport, recording: Loaded) -> None:
         """Plan the first analysis of each axis."""

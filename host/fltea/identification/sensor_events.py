@@ -17,7 +17,7 @@ import numpy as np
 from fltea.estimator.tracker import AT_ONCE, EventKind, Tracker, TrackerEvent
 from fltea.identification.fine_peaks import CHUNK
 from fltea.identification.forecast import BiasAtEnd
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.identification.gaps import LONGEST_PREDICTION, cut
 from fltea.identification.left_out import NOTHING, LeftOut
 from fltea.identification.load import GYRO_UNIT, Series
@@ -87,7 +87,7 @@ NO_EVENTS = AxisEvents()
 def watch(
     axes: Mapping[str, Series],
     accel: Sequence[Array],
-    tracked: Mapping[str, Learned | None],
+    tracked: Mapping[str, FittedSystem | None],
     h: float,
     live: LiveConfig,
 ) -> dict[str, AxisEvents]:
@@ -127,7 +127,7 @@ def watch(
     return {name: found[name] for name in axes}
 
 
-def _staying(tracked: Mapping[str, Learned | None], h: float) -> dict[str, System]:
+def _staying(tracked: Mapping[str, FittedSystem | None], h: float) -> dict[str, System]:
     """Return a model whose bias is constant between steps, for each axis whose model has a moving bias.
 
     A bias that steps to and fro has the spectrum of a relaxation, and one that steps now and then looks like

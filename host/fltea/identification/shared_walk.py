@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fltea.estimator.offset_walk import STAYS, OffsetWalk, walks_tried, without_walk
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.records.arrays import Array
 
 A_DECADE = 4
@@ -20,7 +20,7 @@ A_DECADE = 4
 UNLIKELY = 1e-300
 
 
-def shared_walk(tracked: Mapping[str, Learned], h: float) -> dict[str, Learned]:
+def shared_walk(tracked: Mapping[str, FittedSystem], h: float) -> dict[str, FittedSystem]:
     """Return the tracked systems of a sensor's axes by name, with what their offsets have in common.
 
     That is the random walk, or its bounds alone where the spectrum shows a separate walk of each axis. The
@@ -111,6 +111,6 @@ def _of_axis(walk: OffsetWalk, q: Array, tau: Array, weights: Array, likely: Arr
     return OffsetWalk(np.repeat(q, each), np.repeat(tau, each), np.tile(slopes, len(q)), own.ravel())
 
 
-def _with(one: Learned, walk: OffsetWalk, h: float) -> Learned:
+def _with(one: FittedSystem, walk: OffsetWalk, h: float) -> FittedSystem:
     bare, _ = without_walk(one.parts, h, one.samples)
     return one._replace(system=walk.system(bare, one.samples), walk=walk)

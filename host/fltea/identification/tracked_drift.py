@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from fltea.estimator.offset_walk import STAYS, OffsetWalk
-from fltea.identification.forecast_judge import Learned
+from fltea.identification.forecast_judge import FittedSystem
 from fltea.noise.parts import Part, Walk, spectrum
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
@@ -24,7 +24,7 @@ would exclude it too often (measured).
 """
 
 
-def tracked_drift_rate(tracked: Learned, y: Array, h: float) -> Interval:
+def tracked_drift_rate(tracked: FittedSystem, y: Array, h: float) -> Interval:
     """Return the slope of y (n,) per second with its 95 % interval. `h`: sampling period [s]."""
     n, walk = len(y), tracked.walk
     steps = (walk.steps > 0).any()

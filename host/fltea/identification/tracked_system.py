@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from fltea.estimator.offset_walk import SHARES, OffsetWalk
-from fltea.identification.forecast_judge import Learned, learned
+from fltea.identification.forecast_judge import FittedSystem, fitted_system
 from fltea.noise.parts import Part, high_pass_of
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
@@ -40,15 +40,15 @@ class OffsetWalkFound(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Record length [s] that would be enough to decide, for `not told`; null if not known."""
 
 
-def tracked_system(parts: Sequence[Part], y: Array, h: float) -> Learned | None:
+def tracked_system(parts: Sequence[Part], y: Array, h: float) -> FittedSystem | None:
     """Return the tracked system of samples y (n,) without a gap; None if no filter works with the noise."""
     try:
-        return learned(parts, y, h)
+        return fitted_system(parts, y, h)
     except (ValueError, ArithmeticError):
         return None
 
 
-def offset_walk_found(tracked: Learned, h: float, K: Interval) -> OffsetWalkFound:
+def offset_walk_found(tracked: FittedSystem, h: float, K: Interval) -> OffsetWalkFound:
     """Return whether the offset walks. `K`: K of the parts, null if no part is a walk.
 
     If the spectrum shows a walk, K still comes from the tracker, which also uses noise slower than the

@@ -180,7 +180,7 @@ class _Run:
     def _wait(self, done: Callable[[], bool]) -> None:
         moving: list[DeviceStream | Ingest] = [*self._streams, *self._ingests]
         while not (done() or self._stop.asked):
-            self._date.look()
+            self._date.check()
             self._stop.wake_up.wait(LOOK_S)
             self._stop.wake_up.clear()
             if time.monotonic() - min(one.moved_s for one in moving) < STUCK_S:

@@ -83,7 +83,7 @@ class DeviceStream:
         if self._once and isinstance(event, Trouble) and event.fatal:
             self.failure = event
         self._publish(*self._printed(self._pipeline.feed(event)), host_ns_of(event))
-        self.look()
+        self.check()
 
     def took(self, arrived_ns: Ints, rows: Rows, *, unprinted: bool) -> None:
         """Publish samples that the native device has processed. `unprinted`: the text is not printed yet."""
@@ -98,9 +98,9 @@ class DeviceStream:
         """Handle a stop of the native device. `now_ns`: arrival time of the sample at the stop [ns]."""
         self._publish(list(self._pipeline.stopped(stop, now_ns, details)), NOTHING_PRINTED, now_ns)
         if stop in CHANGES_TEXT:
-            self._look_at_words()
+            self._check_words()
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Save a snapshot if one is due."""
         if self._state is not None and clock.host_ns() >= self._save_ns:
             self._save_ns = clock.host_ns() + self._save_period_ns
@@ -130,7 +130,7 @@ class DeviceStream:
                 for own in printed.values():
                     own.append(item)
                 if isinstance(item, Epoch | Fit):
-                    self._look_at_words()
+                    self._check_words()
                 continue
             missed = 0
             for text, own in printed.items():
@@ -154,7 +154,7 @@ class DeviceStream:
         self._printers = {text: run_printer(block, text) for text in self._hub.printing(self.name)}
         self.device.set_printers(list(self._printers.values()))
 
-    def _look_at_words(self) -> None:
+    def _check_words(self) -> None:
         """Stop the native printing of samples if the values that all samples share have changed."""
         if (words := self._pipeline.words) != self._words:
             self._words = words

@@ -11,7 +11,7 @@ from fltea.records.events import Event, Reads
 from fltea.records.ports import Printed
 from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
-from fltea.service.pressure import LOOK_NS, Pressure
+from fltea.service.pressure import CHECK_NS, Pressure
 from fltea.sources.serial import SerialSource
 from fltea.stream.decode import Stop
 from fltea.stream.fit_times import DEVICES_A_SECOND
@@ -57,22 +57,22 @@ class PortLoop:
 
     def __init__(
         self,
-        walks: Sequence[DeviceStream],
+        streams: Sequence[DeviceStream],
         on_end: Callable[[DeviceStream, Exception | None], None],
         hub: Hub,
         pressure: Pressure,
     ) -> None:
-        self.walks = list(walks)
+        self.streams = list(streams)
         self._on_end, self._hub, self._pressure = on_end, hub, pressure
-        self._going = set(range(len(walks)))
-        self._looked_ns = 0
+        self._going = set(range(len(streams)))
+        self._checked_ns = 0
         self._changes = -1
         self._closed = False
-        self._sources = [stream.source for stream in walks if isinstance(stream.source, SerialSource)]
+        self._sources = [stream.source for stream in streams if isinstance(stream.source, SerialSource)]
         self._texts = list(hub.printing(""))
         self._round = _native.Round(QUEUE_BYTES, TICK_NS, len(self._texts))
-        for stream, source in zip(self.walks, self._sources, strict=True):
-            self._round.add(source.line, stream.device, round(source.port.latency_s * 1e9))
+        for stream, source in zip(self.streams, self._sources, strict=True):
+            self._round.add(source.decoder, stream.device, round(source.port.latency_s * 1e9))
         ports = [source.port for source in self._sources]
         self._openings = Openings(ports, self._round.open, self._round.wake)
 
@@ -86,7 +86,7 @@ class PortLoop:
                 self._finish(index)
         except Exception as error:  # an error of the loop itself ends all streams
             for index in self._going:
-                self._on_end(self.walks[index], error)
+                self._on_end(self.streams[index], error)
             raise
         finally:
             self._round.close()
@@ -100,14 +100,14 @@ class PortLoop:
     def _take_round(self) -> None:
         now_ns = clock.host_ns()
         self._openings.begin(now_ns)
-        if self._hub.changes != self._changes or now_ns - self._looked_ns >= LOOK_NS:
-            self._look(now_ns)
+        if self._hub.changes != self._changes or now_ns - self._checked_ns >= CHECK_NS:
+            self._check(now_ns)
         next_ns = self._openings.next_ns
         self._run(WAIT_S if next_ns is None else min(WAIT_S, max(0.0, (next_ns - now_ns) * 1e-9)))
         for index, event in self._openings.opened():
             self._round.touch(index, event.host_ns)
             self._happened(index, PortLoop._on_port, event)
-        failed = {index for index in self._going if self.walks[index].failure is not None}
+        failed = {index for index in self._going if self.streams[index].failure is not None}
         if failed:
             self._hand_on(failed)
             for index in failed & self._going:
@@ -126,30 +126,30 @@ class PortLoop:
         """Hand on all data received from these ports, without waiting for more, since the streams end."""
         waiting = set(indices)
         for index in waiting:
-            self._round.wants(index, *self.walks[index].wants(), 0)
+            self._round.wants(index, *self.streams[index].wants(), 0)
         while waiting := {index for index in waiting & self._going if self._round.is_waiting(index)}:
             self._run(0.0)
 
-    def _look(self, now_ns: int) -> None:
+    def _check(self, now_ns: int) -> None:
         """Update what the outputs want, save due snapshots, and check whether this machine keeps up."""
         self._changes = self._hub.changes
-        many = len(self.walks) if len(self.walks) > DEVICES_A_SECOND else 0
+        many = len(self.streams) if len(self.streams) > DEVICES_A_SECOND else 0
         for index in self._going:
-            stream = self.walks[index]
+            stream = self.streams[index]
             self._round.wants(index, *stream.wants(), many * PATIENCE_NS)
             self._sources[index].port.overflow_bytes = self._round.overflow_bytes(index)
-            stream.look()
+            stream.check()
             stream.moved_s = time.monotonic()
-        if now_ns - self._looked_ns >= LOOK_NS:
-            self._looked_ns = now_ns
+        if now_ns - self._checked_ns >= CHECK_NS:
+            self._checked_ns = now_ns
             self._pressure.waited(self._round.waited_ns())
-            self._pressure.look(now_ns)
+            self._pressure.check(now_ns)
 
     def _happened(self, index: int, handle: "Callable[[PortLoop, int, Any], None]", details: Any) -> None:
         """Handle an event of one port; a failure ends only that device stream."""
         if index not in self._going:
             return
-        stream = self.walks[index]
+        stream = self.streams[index]
         try:
             handle(self, index, details)
         except Exception as error:
@@ -161,11 +161,11 @@ class PortLoop:
 
     def _on_stop(self, index: int, details: Any) -> None:
         stop, now_ns, of_stop = details
-        self.walks[index].stopped(Stop(stop), now_ns, of_stop)
+        self.streams[index].stopped(Stop(stop), now_ns, of_stop)
 
     def _on_rows(self, index: int, details: Any) -> None:
         unprinted, (arrived_ns, rows) = details
-        self.walks[index].took(arrived_ns, rows, unprinted=unprinted)
+        self.streams[index].took(arrived_ns, rows, unprinted=unprinted)
 
     def _on_reads(self, index: int, reads: Any) -> None:
         tap = self._sources[index].tap
@@ -185,7 +185,7 @@ class PortLoop:
         self._take(index, self._sources[index].take(event))
 
     def _take(self, index: int, events: "Sequence[Event] | Any") -> None:
-        stream = self.walks[index]
+        stream = self.streams[index]
         for event in events:
             stream.take(event)
             if stream.failure is not None:
@@ -196,7 +196,7 @@ class PortLoop:
         self._round.end(index)
 
     def _finish(self, index: int) -> None:
-        stream = self.walks[index]
+        stream = self.streams[index]
         now_ns = self._round.now_ns(index)
         self._sources[index].port.overflow_bytes = self._round.overflow_bytes(index)
         self._end(index)

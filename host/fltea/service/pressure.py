@@ -3,7 +3,7 @@
 from fltea.records.ports import Report
 from fltea.stream.fit_worker import FitWorker
 
-LOOK_NS = 10**9
+CHECK_NS = 10**9
 """Time between two checks of the devices and of their waiting times [ns]."""
 
 LATE_NS = 10**9
@@ -35,7 +35,7 @@ class Pressure:
         """Note how long samples waited after they had arrived [ns]."""
         self._longest_ns = max(self._longest_ns, ns)
 
-    def look(self, now_ns: int) -> None:
+    def check(self, now_ns: int) -> None:
         """Change how often refits are made, by the waiting times since the last call."""
         longest_ns, self._longest_ns = self._longest_ns, 0
         fit_worker = self._fit_worker

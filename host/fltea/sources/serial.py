@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from fltea._native import WireLine
+from fltea._native import PortDecoder
 from fltea.records import clock
 from fltea.records.events import Event, Reads, TransportEvent
 from fltea.records.stats import LinkStats
@@ -48,15 +48,15 @@ class SerialSource:
             yield from self.take(item)
 
     @property
-    def line(self) -> WireLine:
+    def decoder(self) -> PortDecoder:
         """The native decoder, for callers that read the port in native code.
 
         Pass its items to `events_of`.
         """
-        return self._wire.line
+        return self._wire.decoder
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item from `line`; call this before the next item is requested."""
+        """Yield the events of one item from `decoder`; call this before the next item is requested."""
         return self._wire.events_of(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:

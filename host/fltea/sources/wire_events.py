@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from fltea._native import WireLine
+from fltea._native import PortDecoder
 from fltea.records.events import (
     Chunk,
     Event,
@@ -68,7 +68,7 @@ class WireEvents:
         self.url = url
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
-        self.line = WireLine(LIMIT_NS, TICK_NS, REPEAT_NS)
+        self.decoder = PortDecoder(LIMIT_NS, TICK_NS, REPEAT_NS)
         self._said: Hello | None = None  # the last accepted HELLO; most later HELLOs are equal
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
@@ -77,11 +77,11 @@ class WireEvents:
     @property
     def unix_offset_ns(self) -> int:
         """Offset from the monotonic clock to Unix time at the last transport event [ns]."""
-        return self.line.unix_offset_ns
+        return self.decoder.unix_offset_ns
 
     @unix_offset_ns.setter
     def unix_offset_ns(self, offset_ns: int) -> None:
-        self.line.unix_offset_ns = offset_ns
+        self.decoder.unix_offset_ns = offset_ns
 
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
         """Yield the events of one transport event, or of many reads; None says that nothing came for a while.
@@ -92,15 +92,15 @@ class WireEvents:
         """
         match item:
             case Reads():
-                self.line.feed(*item, now_ns)
+                self.decoder.feed(*item, now_ns)
             case Chunk():
-                self.line.feed_one(*item, now_ns)
+                self.decoder.feed_one(*item, now_ns)
             case None:
-                self.line.silent(now_ns)
+                self.decoder.silent(now_ns)
             case Opened():
-                self.line.opened(*item)
+                self.decoder.opened(*item)
             case Failed(kind, message, host_ns, offset_ns):
-                is_news = self.line.failed(kind, host_ns, offset_ns)
+                is_news = self.decoder.failed(kind, host_ns, offset_ns)
                 yield LinkDown(host_ns)
                 if is_news:
                     yield Trouble(kind, message, host_ns)
@@ -108,20 +108,20 @@ class WireEvents:
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
         """Yield the events of a port that was silent until the time `until_ns`."""
-        self.line.pass_time(until_ns)
+        self.decoder.pass_time(until_ns)
         yield from self._items()
 
     def forgive(self, now_ns: int) -> None:
         """Restart all timeouts, since the program was not listening."""
-        self.line.forgive(now_ns)
+        self.decoder.forgive(now_ns)
 
     def resume(self, now_ns: int) -> None:
         """Note when the program continued, so that its own pause is not taken for a silent device."""
-        self.line.resume(now_ns)
+        self.decoder.resume(now_ns)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
         """Return the counts of bytes and frames that were passed on, and that were lost on the way."""
-        size_bytes, frames, refused, connections, bad = self.line.counts()
+        size_bytes, frames, refused, connections, bad = self.decoder.counts()
         return LinkStats(
             bytes=size_bytes,
             frames=frames,
@@ -134,11 +134,11 @@ class WireEvents:
 
     def _items(self) -> Iterator[Event]:
         """Yield the events of all items that the native decoder has."""
-        while (item := self.line.next()) is not None:
+        while (item := self.decoder.next()) is not None:
             yield from self.events_of(item)
 
     def events_of(self, item: tuple[Any, ...]) -> Iterator[Event]:
-        """Yield the events of one item from `line`; call this before the next item is requested."""
+        """Yield the events of one item from `decoder`; call this before the next item is requested."""
         match item:
             case "samples", columns:
                 yield RawBlock._make(columns)
@@ -160,12 +160,12 @@ class WireEvents:
     def _on_message(self, message: wire.Message, sequence: int, host_ns: int) -> Iterator[Event]:
         match message:
             case wire.Hello() as hello if problem := hello_problem(hello):
-                is_news = self.line.refuse_hello()
+                is_news = self.decoder.refuse_hello()
                 yield LinkDown(host_ns)
                 if is_news:
                     yield Trouble("bad_hello", f"{self.url}: {problem}", host_ns)
             case wire.Hello() as hello:
-                self.line.accept_hello()
+                self.decoder.accept_hello()
                 self._said = hello_event(hello, self._source, host_ns)
                 yield self._said
                 yield from self._on_sensor(hello, host_ns)

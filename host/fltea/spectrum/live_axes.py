@@ -21,7 +21,7 @@ from fltea.spectrum.evidence import ANYTIME_LEVEL, LEVEL
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.octaves import BandCells, Counts, Octaves
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram, binned
-from fltea.spectrum.spectral import Looks, Spectral, examine
+from fltea.spectrum.spectral import LastRefit, Spectral, examine
 from fltea.spectrum.verdict import decide, winner
 
 POINTS = 150
@@ -48,7 +48,7 @@ class Noise(NamedTuple):
     samples: int
 
 
-class Looked(NamedTuple):
+class AxisRefit(NamedTuple):
     """The result of a refit of an axis: the fit, and the noise model if there is one."""
 
     fit: AxisFit
@@ -80,7 +80,7 @@ class LiveAxes:
         self._target = settings.target
         self._memory = 0.0 if settings.memory_s is None else max(settings.memory_s / h, SHORTEST_MEMORY)
         self.octaves = self._restored(saved) if saved else Octaves(len(axes), self._memory)
-        self._looks = [Looks() for _ in axes]
+        self._last_refits = [LastRefit() for _ in axes]
 
     @property
     def samples(self) -> int:
@@ -109,12 +109,12 @@ class LiveAxes:
         return self.octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
-        """Fit every axis; the arguments are those of `look`."""
-        return {axis: make().fit for axis, make in self.look(curves=curves, last=last).items()}
+        """Fit every axis; the arguments are those of `refits`."""
+        return {axis: make().fit for axis, make in self.refits(curves=curves, last=last).items()}
 
-    def look(
+    def refits(
         self, *, curves: bool, last: bool = False, fresh: bool = False
-    ) -> dict[str, Callable[[], Looked]]:
+    ) -> dict[str, Callable[[], AxisRefit]]:
         """Prepare a refit of the samples that are there now; call a returned function to refit that axis.
 
         The functions may run in any thread while samples arrive, but only one at a time for the same axis.
@@ -127,7 +127,7 @@ class LiveAxes:
         octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
         return {
-            axis: partial(self._look, octaves, lane, curves, level, fresh)
+            axis: partial(self._refit, octaves, lane, curves, level, fresh)
             for lane, axis in enumerate(self.axes)
         }
 
@@ -145,18 +145,18 @@ class LiveAxes:
             raise ValueError("the saved sums are of other axes, another rate, unit or memory")
         return Octaves.restore(len(self.axes), self._memory, found.octaves)
 
-    def _look(self, octaves: Octaves, lane: int, curves: bool, level: float, fresh: bool) -> Looked:
+    def _refit(self, octaves: Octaves, lane: int, curves: bool, level: float, fresh: bool) -> AxisRefit:
         if fresh:
-            self._looks[lane].forget()
+            self._last_refits[lane].forget()
         counts = octaves.counts(lane)
         fit, noise = self._fit(octaves, lane, counts, curves, level)
         fit = replace(fit, left_out=_named(counts, LEFT_OUT), breaks=_named(counts, BREAKS))
-        return Looked(fit, noise)
+        return AxisRefit(fit, noise)
 
-    def _fit(self, octaves: Octaves, lane: int, counts: Counts, curves: bool, level: float) -> Looked:
+    def _fit(self, octaves: Octaves, lane: int, counts: Counts, curves: bool, level: float) -> AxisRefit:
         if counts.constant and counts.used >= SHORTEST_MEMORY:
             text = "Constant: all samples are the same. Is the sensor asleep, or its range far too wide?"
-            return Looked(AxisFit("constant", text, self.unit), None)
+            return AxisRefit(AxisFit("constant", text, self.unit), None)
         used = min(counts.used, round(REMEMBERED * self._memory)) if self._memory else counts.used
         try:
             whole, drift = octaves.lines_and_drift(lane, self.h)
@@ -167,17 +167,17 @@ class LiveAxes:
                 cells=_cells(octaves, lane, self.h),
                 drift=drift,
                 level=level,
-                looks=self._looks[lane],
+                last_refit=self._last_refits[lane],
             )
         except ValueError:
             needed = f"{counts.used:,} of the {FEWEST_SAMPLES} without a break that a fit needs"
             text = f"Too few samples yet: {needed}."
-            return Looked(AxisFit("too few samples", text, self.unit), None)
+            return AxisRefit(AxisFit("too few samples", text, self.unit), None)
         return self._axis_fit(octaves, lane, counts.used, seen, whole if curves else None)
 
     def _axis_fit(
         self, octaves: Octaves, lane: int, used: int, seen: Spectral, drawn: Periodogram | None
-    ) -> Looked:
+    ) -> AxisRefit:
         """Return the fit of an axis; `drawn`: the periodogram for the curves, or None for no curves."""
         e, f = seen.evidence, seen.evidence.candidates
         verdict = decide(e)
@@ -214,7 +214,7 @@ class LiveAxes:
             allan=allan,
             spectrum=spectrum,
         )
-        return Looked(fit, Noise(tracked.parts(self.h), e.drifts, used))
+        return AxisRefit(fit, Noise(tracked.parts(self.h), e.drifts, used))
 
 
 def _R(N: Interval, h: float) -> Interval:

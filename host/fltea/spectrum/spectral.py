@@ -75,7 +75,7 @@ class Spectral(msgspec.Struct, frozen=True):
     band: Band
 
 
-class Looks:
+class LastRefit:
     """Results of the last refit of one axis.
 
     The next refit begins there, until the record has grown by a tenth.
@@ -88,11 +88,11 @@ class Looks:
         """Discard all results, so that the next refit searches from the beginning."""
         self._found.clear()
 
-    def looked(self, name: str, ordinates: float, look: Callable[[], T]) -> T:
-        """Return the last result of `look` for `name`; call `look` if the record has grown by a tenth."""
+    def result(self, name: str, ordinates: float, compute: Callable[[], T]) -> T:
+        """Return the last result for `name`; call `compute` again if the record has grown by a tenth."""
         found, then = self._found.get(name, (None, 0.0))
         if ordinates > GROWN * then:
-            found, then = self._found[name] = look(), ordinates
+            found, then = self._found[name] = compute(), ordinates
         return cast(T, found)
 
     def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
@@ -132,7 +132,7 @@ def examine(
     before: Periodogram | None = None,
     median: MedianFilter | None = None,
     level: float = LEVEL,
-    looks: Looks | None = None,
+    last_refit: LastRefit | None = None,
     from_hz: float = 0.0,
     notch: Bands = (),
 ) -> Spectral:
@@ -143,21 +143,21 @@ def examine(
     the test of stationarity; empty: no test. `drift`: the drift that was subtracted from `whole`. `peaks`:
     peaks found elsewhere with a finer resolution; None: search for them in `whole`. `before`: the ordinates
     before a comb among these peaks was removed; None: no comb was removed. `median`: the median filter
-    detected in the samples. `level`: significance level of each test. `looks`: earlier refits' results.
+    detected in the samples. `level`: significance level of each test. `last_refit`: earlier refits' results.
 
     Raises:
         ValueError: too few ordinates are left, or all ordinates are zero.
     """
-    looks = looks or Looks()
-    seen = _seen(whole, duration_s, peaks, median, FALSE_PEAK * level / LEVEL, looks)
+    last_refit = last_refit or LastRefit()
+    seen = _seen(whole, duration_s, peaks, median, FALSE_PEAK * level / LEVEL, last_refit)
     slow_hz = drift_hz(duration_s, samples)
     clean = _clean(seen, max(from_hz, slow_hz))
-    candidates = looks.candidates("clean", clean.ordinates, samples)
+    candidates = last_refit.candidates("clean", clean.ordinates, samples)
     found = _unexplained(clean.peaks, whole, candidates)
-    ratio, p_all = looks.null_test("all", whole if before is None else before)
+    ratio, p_all = last_refit.null_test("all", whole if before is None else before)
     p_without = p_all
     if found or seen.combs:
-        _, p_without = looks.null_test("without peaks", seen.rest.without(from_hz, clean.bands))
+        _, p_without = last_refit.null_test("without peaks", seen.rest.without(from_hz, clean.bands))
     slow = None if clean.slow_line else _slow(seen.rest, from_hz, slow_hz, clean.bands)
     change = partial(_change, cells, whole, seen.of_comb + clean.bands, level, from_hz, notch)
     evidence = Evidence(
@@ -173,7 +173,7 @@ def examine(
         from_hz=clean.from_hz,
         to_hz=clean.to_hz,
         slow=slow_power(slow_hz, slow, _highest(candidates), whole.h, None if clean.slow_line else drift),
-        change=looks.looked("change", whole.ordinates, change),
+        change=last_refit.result("change", whole.ordinates, change),
         clean=clean.ordinates,
         level=level,
         median=median,
@@ -184,7 +184,7 @@ def examine(
 
 def null_ratio(p: Periodogram) -> float:
     """Return the null test's likelihood ratio on these ordinates, searched for from all starting points."""
-    return Looks().null_ratio("", p)
+    return LastRefit().null_ratio("", p)
 
 
 class _Seen(NamedTuple):
@@ -208,7 +208,7 @@ def _seen(
     peaks: tuple[Peak, ...] | None,
     median: MedianFilter | None,
     false_alarm: float,
-    looks: Looks,
+    last_refit: LastRefit,
 ) -> _Seen:
     """Return the peaks and their bands; the arguments are those of `examine`."""
     if not float(whole.power.max()) > 0:
@@ -216,7 +216,7 @@ def _seen(
     of_comb: Bands = ()
     is_fine = peaks is not None
     if peaks is None:
-        peaks, of_comb = looks.looked("peaks", whole.ordinates, lambda: _peaks(whole, false_alarm))
+        peaks, of_comb = last_refit.result("peaks", whole.ordinates, lambda: _peaks(whole, false_alarm))
     of_median = () if median is None else (median.shaped_hz(whole.h, duration_s),)
     try:
         rest = whole.without(0.0, of_comb + of_median) if of_comb or of_median else whole

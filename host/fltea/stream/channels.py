@@ -64,7 +64,7 @@ class Channels:
         """For each axis, whether its filter waits for a fit that gives its variances."""
         return [self._tuned and axis not in self.bank.tuned for axis in self._names]
 
-    def go_by(self, accepted: Sequence[AcceptedFit]) -> None:
+    def use_model(self, accepted: Sequence[AcceptedFit]) -> None:
         """Use the accepted fits, one for each axis, from the next sample on."""
         self._fits = tuple(accepted)
         self.words = self._words()
@@ -96,7 +96,7 @@ class Channels:
         if new:
             self.bank.retune(
                 {axis: one.variances for axis, one in new.items()},
-                {axis: one.belief for axis, one in new.items()},
+                {axis: one.filter_model for axis, one in new.items()},
             )
 
     def _is_constant(self, axis: str) -> bool:

@@ -16,8 +16,8 @@ takes 25 ms per device."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Golden ratio. The fractional parts of its multiples are evenly spread for any number of devices."""
 LONGEST_PERIOD_S = 3600.0
-SEARCH_GROWTH, LOOK_GROWTH = 10, 100
-"""Growth of the record between two model searches (1/`SEARCH_GROWTH`) and two refits (1/`LOOK_GROWTH`)."""
+SEARCH_GROWTH, REFIT_GROWTH = 10, 100
+"""Growth of the record between two model searches (1/`SEARCH_GROWTH`) and two refits (1/`REFIT_GROWTH`)."""
 LONGEST_S = 60.0
 """Longest time between two refits while an output shows them [s]."""
 CURVES_S, CURVES_PERIODS = 10.0, 4
@@ -50,7 +50,7 @@ def turn(fit_worker: FitWorker, number: int, period: int) -> int:
     return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
 
-class Look(NamedTuple):
+class Refit(NamedTuple):
     """Purpose of a refit, and when it takes effect.
 
     `settles`: the estimates use the refit, until the next refit with `settles`. `fresh`: the noise model is
@@ -64,7 +64,7 @@ class Look(NamedTuple):
     counts: int
 
 
-class LookTimes:
+class RefitTimes:
     """Gives the numbers of an epoch's samples, counted from 1, at which refits begin.
 
     These numbers are multiples of the period, in samples. A refit takes effect before the next multiple. Only
@@ -83,7 +83,9 @@ class LookTimes:
         self.check = self.due = self._search = period
         self._drawn: int | None = None
 
-    def at(self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False) -> Look | None:
+    def at(
+        self, number: int, samples: int, period: int, *, noticed: bool, busy: bool = False
+    ) -> Refit | None:
         """Return the refit that begins with sample `number`, which is at least `check`; None if none begins.
 
         `samples`: number of samples of the whole record. `period`: number of samples between two refits from
@@ -99,7 +101,7 @@ class LookTimes:
             step = math.ceil(samples / SEARCH_GROWTH) if self._grows else 1
             self._search = self._next(number, step, period)
             lag = max(lag, number // SEARCH_LAG) if self._grows else lag
-        step = min(math.ceil(samples / LOOK_GROWTH), round(LONGEST_S * self._rate_hz)) if self._grows else 1
+        step = min(math.ceil(samples / REFIT_GROWTH), round(LONGEST_S * self._rate_hz)) if self._grows else 1
         self.due = min(self._search, self._next(number, step, period)) if self._every else self._search
         drawn = self._drawn
         if not self._every:  # no output shows refits in between
@@ -109,7 +111,7 @@ class LookTimes:
         if curves:
             self._drawn = number
         counts = number + lag if settles else min(number + lag, self.check)
-        return Look(settles, settles or noticed, curves, counts)
+        return Refit(settles, settles or noticed, curves, counts)
 
     @staticmethod
     def _next(number: int, step: int, period: int) -> int:

@@ -24,11 +24,11 @@ from fltea.records.records import Fit, Hello, Whiteness
 from fltea.records.sensor_kind import SENSOR_KINDS
 from fltea.settings.config import Config
 from fltea.spectrum.evidence import ANYTIME_LEVEL
-from fltea.spectrum.live_axes import LiveAxes, Looked
+from fltea.spectrum.live_axes import AxisRefit, LiveAxes
 from fltea.stream.epoch import NEVER, Beginning, Moment, Saved
-from fltea.stream.fit_times import Look, LookTimes, period_s, turn
+from fltea.stream.fit_times import Refit, RefitTimes, period_s, turn
 from fltea.stream.fit_worker import FitWorker
-from fltea.stream.learning import Learned, Learner
+from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 NO_VERDICT = ("too few samples",)
 """Verdicts of a fit that say nothing about the noise, so no estimate uses such a fit."""
@@ -46,31 +46,31 @@ class AcceptedFit(NamedTuple):
 
     `null_p`: p-value of white noise, rounded to three digits, since the last digits of a fit depend on the
     kind of processor; None before the first fit. `stands`: the newest fit with a stable verdict: two accepted
-    fits in a row had the same verdict. `learned`: the noise model that the bias tracker uses.
+    fits in a row had the same verdict. `tracked_model`: the noise model that the bias tracker uses.
     """
 
     null_p: float | None = None
     whiteness: Whiteness | None = None
     fit: AxisFit | None = None
     stands: AxisFit | None = None
-    learned: Learned | None = None
+    tracked_model: TrackedModel | None = None
 
-    def followed_by(self, looked: Looked, learner: Learner) -> "AcceptedFit":
-        """Return the accepted fit that replaces this one after the refit `looked`."""
-        fit, learned = looked.fit, learner.learned(looked.noise, self.learned)
+    def followed_by(self, refitted: AxisRefit, maker: TrackedModelMaker) -> "AcceptedFit":
+        """Return the accepted fit that replaces this one after the refit `refitted`."""
+        fit, tracked_model = refitted.fit, maker.tracked_model(refitted.noise, self.tracked_model)
         agreed = self.fit is not None and self.fit.verdict == fit.verdict and fit.verdict not in NO_VERDICT
         stands = fit if agreed or (self.stands and self.stands.verdict == fit.verdict) else self.stands
         if fit.null_p is None:
-            return AcceptedFit(fit=fit, stands=stands, learned=learned)
+            return AcceptedFit(fit=fit, stands=stands, tracked_model=tracked_model)
         p = float(f"{fit.null_p:.3g}")
         whiteness: Whiteness = "rejected" if p < ANYTIME_LEVEL else "not rejected"
-        return AcceptedFit(p, whiteness, fit, stands, learned)
+        return AcceptedFit(p, whiteness, fit, stands, tracked_model)
 
 
 class Tracks(Protocol):
     """A tracker of the biases of one sensor's axes."""
 
-    def learner(self, axis: str) -> Learner:
+    def maker(self, axis: str) -> TrackedModelMaker:
         """Return the learner that makes a tracker model from an axis's samples until now."""
 
     def remembered(self, axis: str) -> Remembered:
@@ -82,7 +82,7 @@ class _Begun(NamedTuple):
 
     moment: Moment
     samples: int
-    look: Look
+    refit: Refit
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
     """For each axis, a function that returns the axis's fit, and the accepted fit after this refit."""
     refilters: int
@@ -118,7 +118,7 @@ class LiveFits:
         self._begun: _Begun | None = None
         self._sums: dict[str, LiveAxes] = {}
         self._of: tuple[object, ...] | None = None
-        self._times = LookTimes(1.0, grows=False, every=False)
+        self._times = RefitTimes(1.0, grows=False, every=False)
         self._noticed = 0
         self._before_first = 0
         self._accepted: dict[str, AcceptedFit] = {}
@@ -147,7 +147,7 @@ class LiveFits:
             self._accepted, self._begun, self._of = {}, None, identity
             self._rate_hz = hello.rate_hz
             grows = self._config.live.period_s is None
-            self._times = LookTimes(hello.rate_hz, grows=grows, every=self._watched)
+            self._times = RefitTimes(hello.rate_hz, grows=grows, every=self._watched)
             self._noticed = self._notices()
         return self._sums
 
@@ -157,7 +157,7 @@ class LiveFits:
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)
         if self._begun is not None:  # a refit of the previous epoch takes effect at the first sample
-            self._begun = self._begun._replace(look=self._begun.look._replace(counts=1))
+            self._begun = self._begun._replace(refit=self._begun.refit._replace(counts=1))
 
     def bridge(self, count: int) -> None:
         """End the present piece of the record, since at least `count` samples are missing."""
@@ -166,7 +166,7 @@ class LiveFits:
 
     @property
     def due(self) -> int:
-        """Number of the next sample after which `look` is to be called."""
+        """Number of the next sample after which `refit` is to be called."""
         if not self._sums:
             return NEVER
         refilters = NEVER if self._begun is None else self._begun.refilters
@@ -175,9 +175,9 @@ class LiveFits:
     @property
     def counts(self) -> int:
         """Number of the sample after which the refit that has begun takes effect."""
-        return NEVER if self._begun is None else self._before_first + self._begun.look.counts
+        return NEVER if self._begun is None else self._before_first + self._begun.refit.counts
 
-    def look(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
+    def refit(self, moment: Moment, tracks: Callable[[str], Tracks]) -> None:
         """Begin a refit after a sample if one is due, and filter the remembered samples for the last refit.
 
         `moment`: number and times of a sample whose number is `due` or higher. `tracks`: returns the tracker
@@ -189,33 +189,33 @@ class LiveFits:
             return
         noticed, samples = self._notices(), self._samples
         busy, news = self._begun is not None, noticed != self._noticed
-        look = self._times.at(number, samples, self._period(), noticed=news, busy=busy)
-        if look is None:
+        refit = self._times.at(number, samples, self._period(), noticed=news, busy=busy)
+        if refit is None:
             return
         self._noticed = noticed
         refits = {}
         for sums in self._sums.values():
-            for axis, make in sums.look(curves=look.curves, fresh=look.fresh).items():
-                learner = tracks(axis).learner(axis) if look.settles else None
+            for axis, make in sums.refits(curves=refit.curves, fresh=refit.fresh).items():
+                maker = tracks(axis).maker(axis) if refit.settles else None
                 refits[axis] = self._fit_worker.begin(
-                    partial(_with_accepted, make, self.accepted(axis), learner)
+                    partial(_with_accepted, make, self.accepted(axis), maker)
                 )
-        refilters = max(number, look.counts - REFILTERED) if look.settles else NEVER
-        self._begun = _Begun(moment, samples, look, refits, refilters)
+        refilters = max(number, refit.counts - REFILTERED) if refit.settles else NEVER
+        self._begun = _Begun(moment, samples, refit, refits, refilters)
         self._refilter(number, tracks)
-        if look.curves:
+        if refit.curves:
             self._drawn_samples = samples
 
     def _refilter(self, number: int, tracks: Callable[[str], Tracks]) -> None:
         """Let the fit worker filter the remembered samples, if `number` is the sample for that."""
         if self._begun is None or number < self._begun.refilters:
             return
-        begun, to_come = self._begun, self._begun.look.counts - number
+        begun, to_come = self._begun, self._begun.refit.counts - number
         refiltered = tuple(
             self._fit_worker.begin(
-                partial(_refiltered, look, self.accepted(axis), tracks(axis).remembered(axis), to_come)
+                partial(_refiltered, refit, self.accepted(axis), tracks(axis).remembered(axis), to_come)
             )
-            for axis, look in begun.refits.items()
+            for axis, refit in begun.refits.items()
         )
         self._begun = begun._replace(refilters=NEVER, refiltered=refiltered)
 
@@ -225,11 +225,11 @@ class LiveFits:
         if begun is None:
             return
         # Ask for the last axis's fit first, since the worker's thread begins with the first axis.
-        looked = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
+        refitted = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()
-        self._accepted = {axis: accepted for axis, (_, accepted) in looked.items()}
-        found = {axis: self._with_stability(axis, looked[axis][0]) for axis in begun.refits}
+        self._accepted = {axis: accepted for axis, (_, accepted) in refitted.items()}
+        found = {axis: self._with_stability(axis, refitted[axis][0]) for axis in begun.refits}
         yield Fit(*begun.moment, begun.samples, found, device=self._config.name)
 
     def last(self, moment: Moment | None) -> Iterator[Fit]:
@@ -282,18 +282,21 @@ NO_FIT = AcceptedFit()
 
 
 def _with_accepted(
-    make: Callable[[], Looked], accepted: AcceptedFit, learner: Learner | None
+    make: Callable[[], AxisRefit], accepted: AcceptedFit, maker: TrackedModelMaker | None
 ) -> tuple[AxisFit, AcceptedFit]:
-    looked = make()
-    return looked.fit, accepted if learner is None else accepted.followed_by(looked, learner)
+    refitted = make()
+    return refitted.fit, accepted if maker is None else accepted.followed_by(refitted, maker)
 
 
 def _refiltered(
-    look: Callable[[], tuple[AxisFit, AcceptedFit]], before: AcceptedFit, remembered: Remembered, to_come: int
+    refit: Callable[[], tuple[AxisFit, AcceptedFit]],
+    before: AcceptedFit,
+    remembered: Remembered,
+    to_come: int,
 ) -> None:
-    learned = look()[1].learned
-    if learned is not None and learned is not before.learned:
-        learned.tracker_model.refilter(remembered, to_come)
+    tracked_model = refit()[1].tracked_model
+    if tracked_model is not None and tracked_model is not before.tracked_model:
+        tracked_model.tracker_model.refilter(remembered, to_come)
 
 
 def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:

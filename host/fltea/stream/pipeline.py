@@ -211,7 +211,7 @@ class Pipeline:
         moment = self._moment()
         assert self._fits is not None
         assert moment is not None
-        self._fits.look(moment, self._sensors.tracks)
+        self._fits.refit(moment, self._sensors.tracks)
         self._set_fit_times()
         return iter(())
 

@@ -37,15 +37,15 @@ class Sensor(NamedTuple):
             of_bank = channels.bank.native, channels.bank.startup_remaining, channels.waiting
         return self.kind is ACCELEROMETER, self.tracks.places, self.tracks.tracker.native, *of_sums, *of_bank
 
-    def go_by(self, fits: LiveFits | None) -> None:
+    def use_model(self, fits: LiveFits | None) -> None:
         """Use the accepted fits from the next sample on."""
         if fits is None:
             return
         accepted = [fits.accepted(axis) for axis in self.tracks.names]
         for axis, fit in zip(self.tracks.names, accepted, strict=True):
-            self.tracks.go_by(axis, fit)
+            self.tracks.use_model(axis, fit)
         if self.channels is not None:
-            self.channels.go_by(accepted)
+            self.channels.use_model(accepted)
 
     def bridge(self, count: int) -> None:
         """Predict over `count` samples that passed while the program did not run."""
@@ -93,13 +93,13 @@ class Sensors:
             Sensor(kind, track, sums.get(kind.name), filters.get(kind)) for kind, track in tracks.items()
         ]
         for sensor in self._all:
-            sensor.go_by(self._fits)
+            sensor.use_model(self._fits)
         return [sensor.native() for sensor in self._all]
 
     def go_by_fits(self, device: Any) -> None:
         """Use the accepted fits from the next sample on. `device`: the native device."""
         for number, sensor in enumerate(self._all):
-            sensor.go_by(self._fits)
+            sensor.use_model(self._fits)
             if sensor.channels is not None:
                 device.set_waits(number, sensor.channels.waiting)
 

@@ -19,8 +19,8 @@ from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.innovation_whiteness import describes
 from fltea.spectrum.live_axes import LONGEST_MOTION_S
-from fltea.stream.learning import Learned, Learner
 from fltea.stream.live import AcceptedFit
+from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 
 UNDEFINED = Interval()
 CHECKED_S = 1, 10, 60
@@ -59,7 +59,7 @@ class SensorTracks:
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
         self.words = self._words()
         """For each axis, verdict, alpha and f, which stay the same in all records until the next fit."""
-        self._learned: dict[str, Learned] = {}
+        self._tracked_models: dict[str, TrackedModel] = {}
 
     def run(self, values: Array, accel: Array | None = None, rest: Rest = Rest.UNKNOWN) -> TrackedColumns:
         """Track samples (n, columns), and return the results; `events` then holds the steps and motions.
@@ -94,42 +94,42 @@ class SensorTracks:
         """Predict over lost samples."""
         self.tracker.skip(count)
 
-    def learner(self, axis: str) -> Learner:
+    def maker(self, axis: str) -> TrackedModelMaker:
         """Return the learner with the axis's samples until now, for `AcceptedFit.followed_by`."""
         given = self._offsets[self.names.index(axis)] is not None
-        return Learner(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
+        return TrackedModelMaker(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
 
     def remembered(self, axis: str) -> Remembered:
         """Return the samples of an axis that the tracker remembers."""
         return self.tracker.remembered(self.names.index(axis))
 
-    def go_by(self, axis: str, accepted: AcceptedFit) -> None:
+    def use_model(self, axis: str, accepted: AcceptedFit) -> None:
         """Use the noise model of an accepted fit for an axis from now on, if the fit is new."""
         if self.knows(axis, accepted):
             return
         self._known[axis] = accepted
         self.words = self._words()
-        learned = accepted.learned
-        if learned is None or learned is self._learned.get(axis):
+        tracked_model = accepted.tracked_model
+        if tracked_model is None or tracked_model is self._tracked_models.get(axis):
             return
         with contextlib.suppress(ValueError):  # if no filter works with this model, the previous model stays
-            self.tracker.go_by(self.names.index(axis), learned.tracker_model)
-            self._learned[axis] = learned
+            self.tracker.use_model(self.names.index(axis), tracked_model.tracker_model)
+            self._tracked_models[axis] = tracked_model
 
     def heading_std(self, axis: str, t_s: float) -> float:
         """Return the standard deviation of the integral of an axis, `t_s` seconds after a rest.
 
         NaN before the first fit.
         """
-        return self._learned[axis].heading_std(t_s) if axis in self._learned else math.nan
+        return self._tracked_models[axis].heading_std(t_s) if axis in self._tracked_models else math.nan
 
     def stats(self) -> Iterator[tuple[str, TrackerStats]]:
         """Yield the statistics of each axis's tracker."""
         for axis, figures in zip(self.names, self.tracker.figures(), strict=True):
             holds = None if figures.ljung_box is None else describes(figures.innovations, figures.ljung_box)
             words, K, headings = "walks", UNDEFINED, dict[int, float]()
-            if (learned := self._learned.get(axis)) is not None:
-                words, K, headings = learned.model, learned.K, learned.headings
+            if (tracked_model := self._tracked_models.get(axis)) is not None:
+                words, K, headings = tracked_model.model, tracked_model.K, tracked_model.headings
             yield (
                 axis,
                 TrackerStats(

@@ -19,7 +19,7 @@ class HandedOver(NamedTuple):
     """Results of one fit that a filter takes together, since each is true only with the others."""
 
     variances: Variances
-    belief: FilterModel
+    filter_model: FilterModel
 
 
 def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
@@ -32,22 +32,24 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     returned if both are unchanged.
     """
     s2, R = fit.s2.value, fit.R.value
-    belief = _filter_model(fit)
-    if belief is None or s2 is None or R is None:
+    filter_model = _filter_model(fit)
+    if filter_model is None or s2 is None or R is None:
         return None
     if not (1 / LARGEST < LEAST_R * s2 < LEAST_R * LARGEST and 0 <= R < LARGEST):
         return None
     if in_use is not None and not (_has_moved(fit.s2, in_use.Q) or _has_moved(fit.R, in_use.R)):
         return None
-    return HandedOver(Variances(_rounded(s2), _rounded(max(R, LEAST_R * s2))), belief)
+    return HandedOver(Variances(_rounded(s2), _rounded(max(R, LEAST_R * s2))), filter_model)
 
 
 def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
         return None  # a filter precedes the samples: the figures describe its input, not the samples
-    belief = FilterModel(*alpha, *F, *f)
-    return belief if belief.is_sound and NORMAL_95 * belief.alpha_std <= TUNED_WITHIN else None
+    filter_model = FilterModel(*alpha, *F, *f)
+    return (
+        filter_model if filter_model.is_sound and NORMAL_95 * filter_model.alpha_std <= TUNED_WITHIN else None
+    )
 
 
 def _with_std(p: Interval) -> tuple[float, float] | None:

@@ -6,8 +6,8 @@ from functools import cache
 
 import numpy as np
 from fltea.estimator.tracker import Tracker
-from fltea.identification.axis import IdentifyOptions, look
-from fltea.identification.forecast_judge import judged, learned
+from fltea.identification.axis import IdentifyOptions, analyse
+from fltea.identification.forecast_judge import fitted_system, judged
 from fltea.identification.shared_walk import shared_walk
 from fltea.noise.heading import ahead, rested
 from fltea.noise.system import System
@@ -78,8 +78,8 @@ def headings_told(ys: Sequence[Array]) -> list[list[tuple[float, float]]]:
     """Return headings after TIMES_S, and their σ, of each axis as `identify --forecast` predicts them."""
     own = {}
     for number, y in enumerate(ys):
-        parts = look(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
-        own[f"gyro_{number}"] = learned(parts, y, H)
+        parts = analyse(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
+        own[f"gyro_{number}"] = fitted_system(parts, y, H)
     return [_told(one.system, y) for one, y in zip(shared_walk(own, H).values(), ys, strict=True)]
 
 
@@ -95,8 +95,8 @@ def _told(system: System, y: Array) -> list[tuple[float, float]]:
 def judge_fails(y: Array) -> bool:
     """Return whether the recording fails the model of its own first half."""
     half = y[: len(y) // 2]
-    parts = look(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
-    found = judged(learned(parts, half, H), y, len(half), H)
+    parts = analyse(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
+    found = judged(fitted_system(parts, half, H), y, len(half), H)
     return any(one.fails for one in found.heading) or any(one.fails for one in found.bias)
 
 

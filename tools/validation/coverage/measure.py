@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from fltea.identification.allan import allan
-from fltea.identification.forecast_judge import judged, learned
+from fltea.identification.forecast_judge import fitted_system, judged
 from fltea.identification.sums import examined
 from fltea.noise import parts as p
 from fltea.records.arrays import Array
@@ -48,7 +48,7 @@ class Axis(NamedTuple):
     figures: NoiseFigures
 
 
-def look(parts: Parts, y: Array) -> Axis:
+def analyse(parts: Parts, y: Array) -> Axis:
     """Identify y (n,)."""
     e = examined(y, H).evidence
     verdict = decide(e)
@@ -92,8 +92,8 @@ def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
 def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
     """Yield which share of the pieces of the second half is beside the band that the first half tells."""
     half = len(y) // 2
-    parts = look(axis.parts, y[:half]).figures.model.parts(H)
-    judgement = judged(learned(parts, np.ascontiguousarray(y[:half]), H), y, half, H)
+    parts = analyse(axis.parts, y[:half]).figures.model.parts(H)
+    judgement = judged(fitted_system(parts, np.ascontiguousarray(y[:half]), H), y, half, H)
     for name, pieces in (("heading_std", judgement.heading), ("bias_std", judgement.bias)):
         for one in pieces:
             if one.t_s == SECONDS:

@@ -34,7 +34,7 @@ class Tuning(NamedTuple):
     samples: int
     Q: Array
     R: Array
-    beliefs: Sequence[FilterModel | None] = ()
+    filter_models: Sequence[FilterModel | None] = ()
 
 
 def read(
@@ -82,5 +82,5 @@ def _tune(bank: Bank, tuning: Tuning) -> None:
         now = bank.variances[axis]
         if not (np.isnan(Q) and np.isnan(R)):
             changed[axis] = Variances(now.Q if np.isnan(Q) else Q, now.R if np.isnan(R) else R)
-    beliefs = zip(bank.axes, tuning.beliefs, strict=bool(tuning.beliefs))
-    bank.retune(changed, {axis: one for axis, one in beliefs if one is not None})
+    filter_models = zip(bank.axes, tuning.filter_models, strict=bool(tuning.filter_models))
+    bank.retune(changed, {axis: one for axis, one in filter_models if one is not None})

@@ -36,7 +36,7 @@ def _handed(p: Periodogram) -> HandedOver | None:
 
 def _tuning(samples: int, handed: list[HandedOver | None]) -> Tuning:
     Q, R = np.transpose([(np.nan, np.nan) if one is None else one.variances for one in handed])
-    return Tuning(samples, Q, R, [one and one.belief for one in handed])
+    return Tuning(samples, Q, R, [one and one.filter_model for one in handed])
 
 
 def fit_points(first: int, last: int) -> list[int]:

@@ -12,7 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fltea.identification.about_levels import look_at
+from fltea.identification.about_levels import analyse_series
 from fltea.identification.axis import IdentifyOptions
 from fltea.identification.left_out import NOTHING
 from fltea.identification.load import GYRO_UNIT, Series
@@ -54,7 +54,7 @@ def tasks(options: Options) -> list[Task]:
     """Return a task for each record."""
     rates, lengths = ((QUICK[0],), (QUICK[1],)) if options.quick else (RATES_HZ, LENGTHS_S)
     return [
-        Task(name, look, (name, rate, length, number), round(rate * length))
+        Task(name, analyse, (name, rate, length, number), round(rate * length))
         for name in NOISES
         if options.wanted(name)
         for rate in rates
@@ -70,7 +70,7 @@ def draw(name: str, rate_hz: float, duration_s: float, number: int) -> Array:
     return NOISES[name].draw(samples, rate_hz, np.random.default_rng(seed))
 
 
-def look(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
+def analyse(name: str, rate_hz: float, duration_s: float, number: int) -> list[Row]:
     """Draw one record and identify it; return verdict, order with its 95 % interval, and lines."""
     y, noise = draw(name, rate_hz, duration_s, number), NOISES[name]
     cell: Row = {"noise": name, "rate_hz": rate_hz, "duration_s": duration_s, "record": number}
@@ -97,7 +97,7 @@ def _seen(y: Array, h: float) -> Row:
     if (y == y[0]).all():
         text = "All samples are the same."
         return {"kind": "constant", "text": text, "alpha": None, "lines_hz": [], "ahead": None, "checks": []}
-    seen = look_at(Series(SCALE * y, GYRO_UNIT, None), h, IdentifyOptions(), NOTHING).looked
+    seen = analyse_series(Series(SCALE * y, GYRO_UNIT, None), h, IdentifyOptions(), NOTHING).analysis
     evidence, candidates = seen.summed.seen.evidence, seen.summed.seen.evidence.candidates
     verdict = seen.verdict
     alpha = verdict.order.alpha

@@ -29,17 +29,17 @@ FAULT_NS = 60 * 10**9
 
 
 @dataclass
-class Line:
+class OpenDevice:
     """A device and its stream.
 
     `partition`, `mark`: partition and number of the last message processed, if the broker has partitions.
     `kept_ns`: when its last snapshot was taken. `is_whole`: that snapshot contains the estimators.
     """
 
-    walk: DeviceStream
+    stream: DeviceStream
     source: FramesSource
     heard_ns: int
-    looked_ns: int
+    checked_ns: int
     partition: int | None = None
     mark: int = 0
     kept_ns: int = 0
@@ -65,7 +65,7 @@ class Devices:
         fit_worker: FitWorker,
         wait_for_room: Callable[[], object],
     ) -> None:
-        self.lines: dict[str, Line] = {}
+        self.opened: dict[str, OpenDevice] = {}
         self._config, self._hub, self._inbox, self._url = config, hub, inbox, url
         self._report, self._shared, self._fit_worker = report, shared, fit_worker
         self._wait_for_room = wait_for_room
@@ -83,26 +83,26 @@ class Devices:
 
     def open(
         self, name: str, now_ns: int, partition: int | None = None, saved: DeviceState | None = None
-    ) -> Line:
+    ) -> OpenDevice:
         """Begin a device's stream, with the estimators that another worker saved, if any."""
         url = f"{self._url}/{name}"
         source = FramesSource(url, lambda: self._inbox.overflow_bytes[name])
         config = msgspec.structs.replace(self._config, name=name, source=url)
-        walk = DeviceStream(source, config, self._hub, None, self._fit_worker, self._opened, STATS_S, saved)
+        stream = DeviceStream(source, config, self._hub, None, self._fit_worker, self._opened, STATS_S, saved)
         self._opened += 1
-        line = self.lines[name] = Line(walk, source, now_ns, now_ns, partition)
+        device = self.opened[name] = OpenDevice(stream, source, now_ns, now_ns, partition)
         self._fit_worker.devices += 1
         for event in source.open(now_ns, self.offset_ns()):
-            walk.take(event)
-        return line
+            stream.take(event)
+        return device
 
-    def walk(self, name: str, item: Chunk | Reads | None) -> None:
+    def feed(self, name: str, item: Chunk | Reads | None) -> None:
         """Process what came from a device, or None for time passed; give the device up if that fails."""
-        line = self.lines[name]
+        device = self.opened[name]
         try:
-            for event in line.source.take(item):
+            for event in device.source.take(item):
                 self._wait_for_room()
-                line.walk.take(event)
+                device.stream.take(event)
         except Exception as error:
             self._broken_ns[name] = host_ns() + FAULT_NS
             self._give_up(name, moved=False)
@@ -112,29 +112,29 @@ class Devices:
 
     def finish(self, name: str, *, moved: bool) -> None:
         """End a device's stream with its last statistics. `moved`: another worker continues the device."""
-        self.lines[name].walk.finish()
+        self.opened[name].stream.finish()
         self._give_up(name, moved=moved)
 
-    def look(self, now_ns: int, is_silent: Callable[[Line], bool]) -> None:
+    def check(self, now_ns: int, is_silent: Callable[[OpenDevice], bool]) -> None:
         """Let silent devices notice that time passes, and give up devices that are silent for too long.
 
         `is_silent`: returns whether no message of the device can still be on its way.
         """
         forget_ns = int(self._config.ingest.forget_s * 1e9)
-        for name, line in list(self.lines.items()):
-            if now_ns - line.looked_ns < TICK_NS:
+        for name, device in list(self.opened.items()):
+            if now_ns - device.checked_ns < TICK_NS:
                 continue
-            if now_ns - line.heard_ns >= forget_ns:
+            if now_ns - device.heard_ns >= forget_ns:
                 self.finish(name, moved=False)
-            elif is_silent(line):
-                line.looked_ns = now_ns
-                self.walk(name, None)
+            elif is_silent(device):
+                device.checked_ns = now_ns
+                self.feed(name, None)
         self._broken_ns = {name: ns for name, ns in self._broken_ns.items() if ns > now_ns}
 
     def _give_up(self, name: str, *, moved: bool) -> None:
-        line = self.lines.pop(name)
-        if not moved and line.partition is not None and self._shared is not None:
-            self._shared.drop(line.partition, name)  # or the next worker would continue from it
+        device = self.opened.pop(name)
+        if not moved and device.partition is not None and self._shared is not None:
+            self._shared.drop(device.partition, name)  # or the next worker would continue from it
         self._hub.depart(name, moved=moved)
         self._fit_worker.devices -= 1
         self._inbox.forget(name)

@@ -39,7 +39,7 @@ class Sightings:
     def __init__(self) -> None:
         self._seen: dict[str, Seen] = {}
 
-    def look(self, entries: Mapping[str, tuple[int, bytes]], now_s: float) -> None:
+    def check(self, entries: Mapping[str, tuple[int, bytes]], now_s: float) -> None:
         """Note all present entries: for each key its revision and value."""
         before, self._seen = self._seen, {}
         for key, (revision, value) in entries.items():

@@ -17,7 +17,7 @@ from fltea.service.ingest.kept import Kept
 from fltea.service.ingest.losses import Losses
 from fltea.service.ingest.receiver import Receiver
 from fltea.service.ingest.snapshots import Snapshots
-from fltea.service.pressure import LOOK_NS, Pressure
+from fltea.service.pressure import CHECK_NS, Pressure
 from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
@@ -43,16 +43,16 @@ class Hearing:
     """Knows since when devices can be heard: while they cannot, no device is silent or forgotten."""
 
     def __init__(self) -> None:
-        self.looked_ns = host_ns()
+        self.checked_ns = host_ns()
         self._deaf_until_ns = 0
 
-    def look(self, connected: bool, now_ns: int) -> bool:
+    def check(self, connected: bool, now_ns: int) -> bool:
         """Return whether devices could be heard since the last call."""
         if not connected:
             self._deaf_until_ns = now_ns + BACK_NS
-        elif now_ns - self.looked_ns > STILL_NS:
+        elif now_ns - self.checked_ns > STILL_NS:
             self._deaf_until_ns = max(now_ns, self._deaf_until_ns)
-        self.looked_ns = now_ns
+        self.checked_ns = now_ns
         return now_ns > self._deaf_until_ns
 
 
@@ -104,13 +104,13 @@ class Ingest:
                 self.take_all(WAIT_S)
                 now_ns = host_ns()
                 self.moved_s = time.monotonic()
-                if now_ns - self.hearing.looked_ns >= LOOK_NS:
-                    self.look(now_ns)
+                if now_ns - self.hearing.checked_ns >= CHECK_NS:
+                    self.check(now_ns)
             if self._receiver.partitions is None:  # otherwise the next worker processes what remains
                 self._drain()
             self._report_losses(host_ns())  # including what was turned away in the last moment
-            for line in self.devices.lines.values():
-                line.walk.finish()
+            for device in self.devices.opened.values():
+                device.stream.finish()
         except Exception as error:
             self._on_end(self, error)
             raise
@@ -131,7 +131,7 @@ class Ingest:
                 groups.setdefault(message.device, []).append(message)
         self._walk(groups)
         if self.snapshots is not None:
-            self.snapshots.store(self.devices.lines)
+            self.snapshots.store(self.devices.opened)
         if behind is not None:
             self._on_partition(behind)
 
@@ -156,25 +156,27 @@ class Ingest:
                 url = self._receiver.url
                 self._report("output_slow", f"{slow} takes nothing now, so {url} has to keep the messages.")
 
-    def look(self, now_ns: int) -> None:
+    def check(self, now_ns: int) -> None:
         """Do the work that is due about once a second."""
-        lines = self.devices.lines
-        if not self.hearing.look(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
-            for line in lines.values():
-                line.heard_ns = line.looked_ns = now_ns
-                line.source.forgive(now_ns)
-        self.devices.look(
+        opened = self.devices.opened
+        if not self.hearing.check(self._receiver.connected and self.inbox.wait_for_room(0), now_ns):
+            for device in opened.values():
+                device.heard_ns = device.checked_ns = now_ns
+                device.source.forgive(now_ns)
+        self.devices.check(
             now_ns,
             # Newer messages of the device may still wait in the stream.
-            lambda line: line.partition is None or not self.catching_up.is_behind(line.partition, now_ns),
+            lambda device: (
+                device.partition is None or not self.catching_up.is_behind(device.partition, now_ns)
+            ),
         )
         if self.snapshots is not None:
-            self.snapshots.keep_due(lines, self.walked, now_ns)
-        self._pressure.look(now_ns)
+            self.snapshots.keep_due(opened, self.walked, now_ns)
+        self._pressure.check(now_ns)
         self._report_losses(now_ns)
 
     def _report_losses(self, now_ns: int) -> None:
-        for trouble in self._losses.look(now_ns):
+        for trouble in self._losses.check(now_ns):
             self._report(trouble.kind, trouble.message)
 
     def _is_due(self, message: Message) -> bool:
@@ -187,10 +189,10 @@ class Ingest:
             self._pressure.waited(waited_ns)
         if partition is None:
             return True
-        line = self.devices.lines.get(name)
+        device = self.devices.opened.get(name)
         if shared is None or not self._serves(partition):
             return False
-        if line is not None and (mark <= line.mark or line.partition != partition):
+        if device is not None and (mark <= device.mark or device.partition != partition):
             return False
         if again := self.catching_up.walked_again(partition, mark):
             text = (
@@ -230,18 +232,18 @@ class Ingest:
     def _walk_device(self, name: str, messages: Sequence[Message]) -> None:
         devices, first, last = self.devices, messages[0], messages[-1]
         now_ns, offset_ns = host_ns(), devices.offset_ns()
-        line = devices.lines.get(name)
-        if line is None:
+        device = devices.opened.get(name)
+        if device is None:
             if devices.is_broken(name, now_ns):
                 return
-            line = devices.open(name, first.arrived_ns, first.partition)
+            device = devices.open(name, first.arrived_ns, first.partition)
             if self.snapshots is not None:
-                self.snapshots.keep(name, line, Kept(first.mark - 1, first.arrived_ns + offset_ns))
-        line.heard_ns = line.looked_ns = now_ns
-        line.mark = last.mark
+                self.snapshots.keep(name, device, Kept(first.mark - 1, first.arrived_ns + offset_ns))
+        device.heard_ns = device.checked_ns = now_ns
+        device.mark = last.mark
         for piece in _pieces(messages, offset_ns):
-            if devices.lines.get(name) is line:  # otherwise the stream has failed
-                devices.walk(name, piece)
+            if devices.opened.get(name) is device:  # otherwise the stream has failed
+                devices.feed(name, piece)
 
     def _on_partition(self, item: Served | Resumed | Left) -> None:
         """Begin, resume or stop serving a partition."""
@@ -252,8 +254,8 @@ class Ingest:
             shared.resume(item.partition)
             return
         self.catching_up.forget(item.partition)
-        for name, line in list(devices.lines.items()):
-            if line.partition == item.partition:
+        for name, device in list(devices.opened.items()):
+            if device.partition == item.partition:
                 devices.finish(name, moved=True)  # so that what was processed here is counted
         self.walked.pop(item.partition, None)
         if isinstance(item, Left):
@@ -264,11 +266,11 @@ class Ingest:
         for name, kept in item.kept.items():
             self.inbox.admission.admit(name)
             now_ns, arrived_ns = host_ns(), kept.unix_ns - devices.offset_ns()
-            line = devices.open(name, arrived_ns, item.partition, kept.state)
-            line.heard_ns = line.looked_ns = now_ns
-            line.mark, line.kept_ns, line.is_whole = kept.mark, now_ns, kept.state is not None
+            device = devices.open(name, arrived_ns, item.partition, kept.state)
+            device.heard_ns = device.checked_ns = now_ns
+            device.mark, device.kept_ns, device.is_whole = kept.mark, now_ns, kept.state is not None
             if kept.hello is not None:
-                line.walk.take(msgspec.structs.replace(kept.hello, host_ns=arrived_ns))
+                device.stream.take(msgspec.structs.replace(kept.hello, host_ns=arrived_ns))
 
 
 def _pieces(messages: Sequence[Message], offset_ns: int) -> Iterator[Reads]:

@@ -51,7 +51,7 @@ class Losses:
         self._away: dict[Verdict, int] = {}
         self._overflow: dict[str, int] = {}
 
-    def look(self, now_ns: int) -> Iterator[Trouble]:
+    def check(self, now_ns: int) -> Iterator[Trouble]:
         """Yield what is to be reported now."""
         inbox = self._inbox
         inbox.admission.expire(now_ns)

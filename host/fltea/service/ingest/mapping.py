@@ -66,7 +66,7 @@ def _are_mapped(subjects: Mapping[str, str | None], partitions: int) -> bool:
     )
 
 
-async def look(client: Client, worker: str, partitions: int) -> str | None:
+async def check(client: Client, worker: str, partitions: int) -> str | None:
     """Return what is wrong with the mapping of the server that `client` is connected to; None if nothing is.
 
     `worker`: a unique name. The test names made of it begin with "-", which no device's name does.

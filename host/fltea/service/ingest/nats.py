@@ -134,7 +134,7 @@ class NatsFrames:
                 await self.partitions.renew()
             if time.monotonic() - probed_s >= PROBE_S:
                 probed_s = time.monotonic()
-                self._reports.mapping(await mapping.look(client, self.worker, self._settings.partitions))
+                self._reports.mapping(await mapping.check(client, self.worker, self._settings.partitions))
             if await self.partitions.share_out():
                 self._reports.back()
             await asyncio.sleep(LOOK_S)

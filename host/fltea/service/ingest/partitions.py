@@ -143,7 +143,7 @@ class Partitions:
     async def renew(self) -> None:
         """Renew the leases, which shows other workers that this one runs."""
         began_s = time.monotonic()
-        await self._look_at_clock()
+        await self._check_clock()
         for partition, held in list(self._held.items()):
             lease = msgspec.json.encode(Lease(self._worker, self._done_of(partition, held)))
             try:
@@ -154,7 +154,7 @@ class Partitions:
             except KeyWrongLastSequenceError:
                 self._let_go(partition)
 
-    async def _look_at_clock(self) -> None:
+    async def _check_clock(self) -> None:
         """Write our own entry, and compare the server's time for it with our clock, which may differ."""
         key, before_ns = f"worker.{self._worker}", host_ns()
         await self.store.leases.put(key, b"")
@@ -186,7 +186,7 @@ class Partitions:
                 await self._pull_again(partition, held)
         entries = await self.store.held()
         now_s = time.monotonic()
-        self._sightings.look(entries, now_s)
+        self._sightings.check(entries, now_s)
         workers = len(self._sightings.fresh("worker.", now_s))
         for partition in surplus(self._held, self._total, workers):
             await self._give_back(partition)

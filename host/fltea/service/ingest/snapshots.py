@@ -11,7 +11,7 @@ from typing import NamedTuple
 from fltea.records.clock import host_ns
 from fltea.records.ports import Report
 from fltea.records.repeat import OnceAMinute
-from fltea.service.ingest.devices import Line
+from fltea.service.ingest.devices import OpenDevice
 from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.receiver import Shared
 
@@ -27,7 +27,7 @@ class _Taken(NamedTuple):
     """A snapshot of a device. `is_written`: returns whether all that came before it is written."""
 
     name: str
-    line: Line
+    device: OpenDevice
     data: bytes
     is_written: Callable[[], bool]
 
@@ -46,43 +46,45 @@ class Snapshots:
         self._taken: deque[_Taken] = deque()
         self._once_a_minute = OnceAMinute()
 
-    def keep(self, name: str, line: Line, kept: Kept) -> None:
+    def keep(self, name: str, device: OpenDevice, kept: Kept) -> None:
         """Take a snapshot, which is stored soon."""
-        line.kept_ns = host_ns()
+        device.kept_ns = host_ns()
         data = pack(kept)
         if data is not None:
-            self._taken.append(_Taken(name, line, data, self._written()))
+            self._taken.append(_Taken(name, device, data, self._written()))
         elif self._once_a_minute.is_due("too_large", host_ns()):
             text = f"{name}: its snapshot is too large for the store: a shorter window makes it smaller."
             self._report("snapshot_failed", text)
 
-    def store(self, lines: Mapping[str, Line]) -> bool:
+    def store(self, opened: Mapping[str, OpenDevice]) -> bool:
         """Store the snapshots that may be stored; return whether none waits.
 
         A snapshot of a device stream that has ended or moved is dropped.
         """
         while self._taken and self._taken[0].is_written():
-            name, line, data, _ = self._taken[0]
+            name, device, data, _ = self._taken[0]
             mine = (
-                line.partition is not None and lines.get(name) is line and self._shared.serves(line.partition)
+                device.partition is not None
+                and opened.get(name) is device
+                and self._shared.serves(device.partition)
             )
-            if mine and line.partition is not None and not self._shared.keep(line.partition, name, data):
+            if mine and device.partition is not None and not self._shared.keep(device.partition, name, data):
                 break
             self._taken.popleft()
         return not self._taken
 
-    def keep_due(self, lines: Mapping[str, Line], walked: Mapping[int, int], now_ns: int) -> None:
+    def keep_due(self, opened: Mapping[str, OpenDevice], walked: Mapping[int, int], now_ns: int) -> None:
         """Take the snapshots that are due. `walked`: for each partition, the last message processed."""
-        for name, line in lines.items():
+        for name, device in opened.items():
             if len(self._taken) >= MOST_TAKEN:
                 return
-            young = now_ns - line.kept_ns
-            if line.partition is None or young < (self._period_ns if line.is_whole else FIRST_NS):
+            young = now_ns - device.kept_ns
+            if device.partition is None or young < (self._period_ns if device.is_whole else FIRST_NS):
                 continue
-            state = line.walk.save()
+            state = device.stream.save()
             if state is None and young < self._period_ns:
                 continue  # the start-up window fills: another worker would begin with the first message of it
-            line.is_whole = True
-            mark = max(line.mark, walked.get(line.partition, 0))
+            device.is_whole = True
+            mark = max(device.mark, walked.get(device.partition, 0))
             unix_ns = host_ns() + self._shared.unix_offset_ns
-            self.keep(name, line, Kept(mark, unix_ns, line.walk.hello, state))
+            self.keep(name, device, Kept(mark, unix_ns, device.stream.hello, state))

@@ -149,7 +149,7 @@ class MqttSink(Sink):
             return
         if self._link.is_due():
             self._connect(published)
-        if published.status.look(published.hello, clock.host_ns()):
+        if published.status.check(published.hello, clock.host_ns()):
             self._publish_status()
         self._delivery.send_waiting()
 

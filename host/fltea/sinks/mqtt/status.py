@@ -58,7 +58,7 @@ class DeviceStatus:
         self.change("online", hello, now_ns)
         return True
 
-    def look(self, hello: Hello, now_ns: int) -> bool:
+    def check(self, hello: Hello, now_ns: int) -> bool:
         """Notice that samples have stopped; return whether the status is to be published, perhaps again."""
         if self._sample_ns is not None and now_ns - self._sample_ns > STALLED_NS:
             self._sample_ns = None

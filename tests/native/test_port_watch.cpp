@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-#include "wire_line_rig.hpp"
+#include "port_decoder_rig.hpp"
 
-using namespace wire_line_rig;
+using namespace port_decoder_rig;
 
 TEST_CASE("wire line: a silence is told, again after a minute, and anew after a HELLO") {
     Line line;
@@ -59,9 +59,9 @@ TEST_CASE("wire line: unread bytes count from the read behind the last good fram
     CHECK(line.one(Bytes(1, 1), 5 * kSecondNs + 2) == Words{});
     const Bytes last(1, 1);
     line.line.feed_one(last.data(), {1, {5 * kSecondNs + 3, 0}}, 5 * kSecondNs + 3);
-    const LineItem item = line.line.next();
-    REQUIRE(item.kind == LineItem::kTrouble);
-    CHECK(item.trouble == LineTrouble::no_valid_frame);
+    const PortItem item = line.line.next();
+    REQUIRE(item.kind == PortItem::kTrouble);
+    CHECK(item.trouble == PortTrouble::no_valid_frame);
     CHECK(item.unread_bytes == 7 + 5 + 9 + 1 + 1);
 }
 

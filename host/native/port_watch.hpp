@@ -11,25 +11,25 @@ namespace fltea {
 constexpr std::int64_t kSecondNs = 1'000'000'000;
 
 // Times after which a trouble is reported [ns].
-struct LineTimes {
+struct PortTimes {
     std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable
     std::int64_t tick_ns;     // silence of a port after which a tick is given
     std::int64_t repeat_ns;   // until the same trouble is reported again
 };
 
 // Trouble of an open port. Names: trouble_name().
-enum class LineTrouble : std::uint8_t { none, silent, no_valid_frame, no_hello };
+enum class PortTrouble : std::uint8_t { none, silent, no_valid_frame, no_hello };
 
 // Name as in host/docs/reference/errors.md; nullptr for none.
-inline const char* trouble_name(LineTrouble trouble) {
+inline const char* trouble_name(PortTrouble trouble) {
     switch (trouble) {
-        case LineTrouble::none:
+        case PortTrouble::none:
             return nullptr;
-        case LineTrouble::silent:
+        case PortTrouble::silent:
             return "silent";
-        case LineTrouble::no_valid_frame:
+        case PortTrouble::no_valid_frame:
             return "no_valid_frame";
-        case LineTrouble::no_hello:
+        case PortTrouble::no_hello:
             return "no_hello";
     }
     return nullptr;
@@ -44,9 +44,9 @@ inline std::int64_t time_between(std::int64_t from_ns, std::int64_t to_ns) {
                            : std::numeric_limits<std::int64_t>::max();
 }
 
-class LineWatch {
+class PortWatch {
   public:
-    explicit LineWatch(const LineTimes& times) : times_(times) {}
+    explicit PortWatch(const PortTimes& times) : times_(times) {}
 
     bool is_refused() const { return is_refused_; }
     // Number of bytes since the last readable frame, or since the last silence.
@@ -97,10 +97,10 @@ class LineWatch {
     }
 
     // Returns the trouble at this moment, if it has to be reported.
-    LineTrouble look(std::int64_t now_ns) {
-        const LineTrouble found = trouble_of(now_ns);
-        const bool is_due = found != LineTrouble::none && is_news(trouble_name(found), now_ns);
-        return is_due ? found : LineTrouble::none;
+    PortTrouble check(std::int64_t now_ns) {
+        const PortTrouble found = trouble_of(now_ns);
+        const bool is_due = found != PortTrouble::none && is_news(trouble_name(found), now_ns);
+        return is_due ? found : PortTrouble::none;
     }
 
     // Whether a trouble has to be reported: it differs from the last reported one, or that report is long
@@ -113,18 +113,18 @@ class LineWatch {
     }
 
   private:
-    LineTrouble trouble_of(std::int64_t now_ns) const {
+    PortTrouble trouble_of(std::int64_t now_ns) const {
         const auto is_long = [&](std::int64_t since_ns) {
             return time_between(since_ns, now_ns) >= times_.silence_ns;
         };
-        if (!is_connected_) return LineTrouble::none;
-        if (is_long(byte_ns_)) return LineTrouble::silent;
-        if (has_unread_) return is_long(unread_since_ns_) ? LineTrouble::no_valid_frame : LineTrouble::none;
+        if (!is_connected_) return PortTrouble::none;
+        if (is_long(byte_ns_)) return PortTrouble::silent;
+        if (has_unread_) return is_long(unread_since_ns_) ? PortTrouble::no_valid_frame : PortTrouble::none;
         const bool waits = !heard_hello_ && !is_refused_;
-        return waits && is_long(opened_ns_) ? LineTrouble::no_hello : LineTrouble::none;
+        return waits && is_long(opened_ns_) ? PortTrouble::no_hello : PortTrouble::none;
     }
 
-    LineTimes times_;
+    PortTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
     bool has_unread_ = false;  // bytes came after the last readable frame
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;

@@ -1,16 +1,16 @@
-"""The native wire decoder as seen from Python; tests/native/test_wire_line.cpp checks its results."""
+"""The native wire decoder as seen from Python; tests/native/test_port_decoder.cpp checks its results."""
 
 import numpy as np
 import pytest
-from fltea._native import WireLine
+from fltea._native import PortDecoder
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 
 SAMPLE = encode(wire.Sample(12, -7, 3, -120, 85, 16390, -1042, 5), 99, 990_000)
 
 
-def line() -> WireLine:
-    return WireLine(5 * 10**9, 10**9 // 2, 60 * 10**9)
+def line() -> PortDecoder:
+    return PortDecoder(5 * 10**9, 10**9 // 2, 60 * 10**9)
 
 
 @pytest.mark.parametrize("n", [1, 2, 1000])

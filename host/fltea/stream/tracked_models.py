@@ -43,7 +43,7 @@ run and its replay.
 """
 
 
-class Learned(NamedTuple):
+class TrackedModel(NamedTuple):
     """A noise model of an axis, and the tracker model that follows from it."""
 
     noise: Noise
@@ -68,7 +68,7 @@ class Learned(NamedTuple):
         return heading_std(self.system, self.at_rest, self.h, t_s)
 
 
-class Learner(NamedTuple):
+class TrackedModelMaker(NamedTuple):
     """Makes the tracker model of one axis; may run in any thread."""
 
     remembered: Remembered
@@ -78,7 +78,7 @@ class Learner(NamedTuple):
     knows_offset: bool
     """Whether the settings give the offset."""
 
-    def learned(self, noise: Noise | None, before: Learned | None) -> Learned | None:
+    def tracked_model(self, noise: Noise | None, before: TrackedModel | None) -> TrackedModel | None:
         """Return the tracker model to use from now on.
 
         `before`: tracker model in use. It is returned unless the noise has changed, the fit is certain
@@ -107,7 +107,7 @@ class Learner(NamedTuple):
         model = names(map(type, noise.parts))
         headings = dict(zip(AHEAD_S, stds, strict=False))
         K = Interval() if walk.is_found else walk.K(self.h)
-        return Learned(noise, model, tracker_model, found, K, P, self.h, headings)
+        return TrackedModel(noise, model, tracker_model, found, K, P, self.h, headings)
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:

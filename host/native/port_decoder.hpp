@@ -12,25 +12,25 @@
 #include <vector>
 
 #include "decoder.hpp"
-#include "line_item.hpp"
-#include "line_watch.hpp"
+#include "port_item.hpp"
 #include "port_read.hpp"
+#include "port_watch.hpp"
 #include "wire_samples.hpp"
 
 namespace fltea {
 
 // Call one of the input functions, then next() until kDone. Items that were not taken before the next input
 // are dropped.
-class WireLine {
+class PortDecoder {
   public:
     // If the program itself stalled for this long, silence of the port proves nothing.
     static constexpr std::int64_t kStallNs = 2 * kSecondNs;
     // Limit for one silence, which in a recording may last for days.
     static constexpr std::int64_t kMostTicks = 120;
 
-    explicit WireLine(const LineTimes& times) : times_(times), watch_(times) {}
+    explicit PortDecoder(const PortTimes& times) : times_(times), watch_(times) {}
 
-    const LineCounts& counts() const { return counts_; }
+    const PortCounts& counts() const { return counts_; }
     // Unix time offset of the newest input that the caller has received.
     std::int64_t unix_offset_ns = 0;
 
@@ -108,11 +108,11 @@ class WireLine {
         return watch_.is_news("bad_hello", hello_ns_);
     }
 
-    LineItem next() {
+    PortItem next() {
         count_handed();
-        LineItem item;
+        PortItem item;
         for (;;) {
-            if (look_is_due_ && look(item)) return item;
+            if (check_is_due_ && check(item)) return item;
             if (ticks_left_ > 0) return tick();
             if (in_part_) {
                 if (next_of_part(item)) return item;
@@ -147,7 +147,7 @@ class WireLine {
         reads_.clear();
         at_ = group_end_ = 0;
         ticks_left_ = 0;
-        in_part_ = look_is_due_ = false;
+        in_part_ = check_is_due_ = false;
     }
 
     void begin(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
@@ -167,21 +167,21 @@ class WireLine {
         if (until_ns > std::numeric_limits<std::int64_t>::min()) begin_ticks(until_ns - 1);
     }
 
-    LineItem tick() {
-        LineItem item;
-        item.kind = LineItem::kTick;
+    PortItem tick() {
+        PortItem item;
+        item.kind = PortItem::kTick;
         item.host_ns = next_tick_ns_;
         set_last(next_tick_ns_);
-        look_is_due_ = true;
+        check_is_due_ = true;
         if (--ticks_left_ > 0) next_tick_ns_ += times_.tick_ns;
         return item;
     }
 
-    bool look(LineItem& item) {
-        look_is_due_ = false;
-        item.trouble = watch_.look(last_ns_);
-        if (item.trouble == LineTrouble::none) return false;
-        item.kind = LineItem::kTrouble;
+    bool check(PortItem& item) {
+        check_is_due_ = false;
+        item.trouble = watch_.check(last_ns_);
+        if (item.trouble == PortTrouble::none) return false;
+        item.kind = PortItem::kTrouble;
         item.host_ns = last_ns_;
         item.unread_bytes = watch_.unread_bytes();
         return true;
@@ -236,7 +236,7 @@ class WireLine {
     void end_part() {
         in_part_ = false;
         unix_offset_ns = reads_[at_ - 1].stamp.unix_offset_ns;
-        look_is_due_ = true;
+        check_is_due_ = true;
     }
 
     // Returns the read of this part in which a frame ended.
@@ -246,7 +246,7 @@ class WireLine {
     }
 
     // Returns false at the end of the part.
-    bool next_of_part(LineItem& item) {
+    bool next_of_part(PortItem& item) {
         for (;;) {
             const bool is_last = other_ == found_.others.size();
             const std::size_t stop = is_last ? found_.samples.size() : found_.others[other_].row;
@@ -266,10 +266,10 @@ class WireLine {
     }
 
     // Returns samples up to the first whose sequence does not follow, because an epoch may begin with it.
-    void give_samples(std::size_t stop, LineItem& item) {
+    void give_samples(std::size_t stop, PortItem& item) {
         const std::size_t from = row_;
         row_ = samples_.end_of_sequence(from, stop);
-        item.kind = LineItem::kSamples;
+        item.kind = PortItem::kSamples;
         item.samples = samples_.rows(from, row_);
         item.host_ns = item.samples.host_ns[0];
         unix_offset_ns = read_of(found_.samples[from].end)->stamp.unix_offset_ns;
@@ -283,7 +283,7 @@ class WireLine {
     }
 
     // Returns false if there is no item, because the frame is from a refused device.
-    bool give_other(const OtherRow& other, LineItem& item) {
+    bool give_other(const OtherRow& other, PortItem& item) {
         const PortRead& read = *read_of(other.end);
         unix_offset_ns = read.stamp.unix_offset_ns;
         handed_ = {true, other.end, 1, other.reason};
@@ -295,7 +295,7 @@ class WireLine {
         item.size = other.size;
         item.reason = other.reason;
         if (other.reason != Reason::none) {
-            item.kind = LineItem::kBad;
+            item.kind = PortItem::kBad;
         } else if (other.type == Hello::type()) {
             give_hello(item);
         } else if (watch_.is_refused()) {
@@ -303,26 +303,26 @@ class WireLine {
             count_handed();
             return false;
         } else {
-            item.kind = LineItem::kFrame;
+            item.kind = PortItem::kFrame;
         }
         return true;
     }
 
-    void give_hello(LineItem& item) {
+    void give_hello(PortItem& item) {
         hello_ = item.bytes;
         hello_size_ = item.size;
         hello_ns_ = item.host_ns;
         if (is_other_version(item.bytes, item.size)) {
-            item.kind = LineItem::kRefusedVersion;
+            item.kind = PortItem::kRefusedVersion;
             handed_.frames = 0;
             ++counts_.refused;
             watch_.on_hello(false);
             item.is_news = watch_.is_news("version", item.host_ns);
         } else if (std::equal(accepted_.begin(), accepted_.end(), hello_, hello_ + hello_size_)) {
-            item.kind = LineItem::kSameHello;
+            item.kind = PortItem::kSameHello;
             watch_.on_hello(true);
         } else {
-            item.kind = LineItem::kFrame;
+            item.kind = PortItem::kFrame;
         }
     }
 
@@ -345,16 +345,16 @@ class WireLine {
         }
     }
 
-    LineTimes times_;
-    LineWatch watch_;
+    PortTimes times_;
+    PortWatch watch_;
     Decoder decoder_;
-    LineCounts counts_;
+    PortCounts counts_;
     Handed handed_;
     bool has_before_ = false, has_last_ = false;
     std::int64_t before_ns_ = 0;  // when the program continued
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
-    bool look_is_due_ = false;  // a trouble check is due at last_ns_
+    bool check_is_due_ = false;  // a trouble check is due at last_ns_
 
     // The given input. Reads before `at_` are in progress or done; the present group ends at `group_end_`.
     std::vector<std::uint8_t> bytes_;

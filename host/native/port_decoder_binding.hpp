@@ -1,4 +1,4 @@
-// The class behind fltea._native.WireLine, shared by wire_line_binding.cpp and round_binding.cpp.
+// The class behind fltea._native.PortDecoder, shared by port_decoder_binding.cpp and round_binding.cpp.
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -9,19 +9,19 @@
 
 #include "buffer_view.hpp"
 #include "numpy_binding.hpp"
-#include "wire_line.hpp"
+#include "port_decoder.hpp"
 
-namespace wire_line_binding {
+namespace port_decoder_binding {
 
 namespace nb = nanobind;
 
-using fltea::LineItem;
+using fltea::PortItem;
 using fltea::PortRead;
 using fltea::Stamp;
 
 using Times = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::device::cpu>;
 
-inline nb::bytes bytes(const LineItem& item) { return nb::bytes(item.bytes, item.size); }
+inline nb::bytes bytes(const PortItem& item) { return nb::bytes(item.bytes, item.size); }
 
 template <typename T>
 T* copied(NumpyTable& table, const T* from, std::size_t count) {
@@ -49,33 +49,33 @@ inline nb::tuple columns(const fltea::SampleColumns& samples) {
 }
 
 // Returns an item as host/fltea/sources/wire_events.py expects it; None for kDone.
-inline nb::object as_tuple(const LineItem& item) {
+inline nb::object as_tuple(const PortItem& item) {
     switch (item.kind) {
-        case LineItem::kDone:
+        case PortItem::kDone:
             break;
-        case LineItem::kSamples:
+        case PortItem::kSamples:
             return nb::make_tuple("samples", columns(item.samples));
-        case LineItem::kFrame:
+        case PortItem::kFrame:
             return nb::make_tuple("frame", item.host_ns, item.type, item.sequence, item.device_us,
                                   bytes(item));
-        case LineItem::kSameHello:
+        case PortItem::kSameHello:
             return nb::make_tuple("same_hello", item.host_ns);
-        case LineItem::kRefusedVersion:
+        case PortItem::kRefusedVersion:
             return nb::make_tuple("refused_version", item.host_ns, bytes(item), item.is_news);
-        case LineItem::kBad:
+        case PortItem::kBad:
             return nb::make_tuple("bad", item.host_ns, fltea::reason_name(item.reason), bytes(item));
-        case LineItem::kTick:
+        case PortItem::kTick:
             return nb::make_tuple("tick", item.host_ns);
-        case LineItem::kTrouble:
+        case PortItem::kTrouble:
             return nb::make_tuple("trouble", item.host_ns, fltea::trouble_name(item.trouble),
                                   item.unread_bytes);
     }
     return nb::none();
 }
 
-class WireLine {
+class PortDecoder {
   public:
-    WireLine(std::int64_t silence_ns, std::int64_t tick_ns, std::int64_t repeat_ns)
+    PortDecoder(std::int64_t silence_ns, std::int64_t tick_ns, std::int64_t repeat_ns)
         : line_({silence_ns, tick_ns, repeat_ns}) {}
 
     void feed(nb::handle data, const Times& end, const Times& host_ns, const Times& unix_offset_ns,
@@ -106,17 +106,17 @@ class WireLine {
 
     // Returns the numbers of bytes, frames, refused frames and port openings, and the bad blocks by reason.
     nb::tuple counts() const {
-        const fltea::LineCounts& counts = line_.counts();
+        const fltea::PortCounts& counts = line_.counts();
         nb::dict bad;
-        for (const fltea::LineCounts::Bad& one : counts.bad) bad[fltea::reason_name(one.reason)] = one.blocks;
+        for (const fltea::PortCounts::Bad& one : counts.bad) bad[fltea::reason_name(one.reason)] = one.blocks;
         return nb::make_tuple(counts.bytes, counts.frames, counts.refused, counts.connections, bad);
     }
 
-    fltea::WireLine& native() { return line_; }
+    fltea::PortDecoder& native() { return line_; }
 
   private:
-    fltea::WireLine line_;
+    fltea::PortDecoder line_;
     std::vector<PortRead> reads_;
 };
 
-}  // namespace wire_line_binding
+}  // namespace port_decoder_binding

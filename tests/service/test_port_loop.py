@@ -62,8 +62,8 @@ class Line:
         self.source = SerialSource(os.ttyname(slave), 250_000)
         os.close(slave)
         config = load_config(None, {"source": f"serial:{self.source.url}"})
-        self.walk = Watched(self.source, msgspec.structs.replace(config, name=f"board{number}"), hub, None)
-        self.walk.line = self
+        self.stream = Watched(self.source, msgspec.structs.replace(config, name=f"board{number}"), hub, None)
+        self.stream.line = self
         self.raises: Exception | None = None
         self.fails = False
         self.finished = 0
@@ -79,7 +79,7 @@ class Line:
         if isinstance(event, Hello):
             self.on_hello()
         if self.fails and isinstance(event, Trouble):
-            self.walk.failure = event
+            self.stream.failure = event
 
     def on_samples(self, rows: Rows) -> None:
         if self.raises is not None:
@@ -105,7 +105,7 @@ class FakePressure(Pressure):
     def waited(self, ns: int) -> None:
         self.waited_ns.append(ns)
 
-    def look(self, now_ns: int) -> None:
+    def check(self, now_ns: int) -> None:
         self.looks += 1
 
 
@@ -116,8 +116,8 @@ class Running:
         self.ended: list[tuple[Any, Exception | None]] = []
         self.pressure = FakePressure()
         self.loop = PortLoop(
-            [line.walk for line in lines],
-            lambda walk, error: self.ended.append((walk, error)),
+            [line.stream for line in lines],
+            lambda stream, error: self.ended.append((stream, error)),
             hub,
             self.pressure,
         )
@@ -190,7 +190,7 @@ def test_each_walk_takes_what_its_own_device_says(lines, running) -> None:
         assert line.heard == list(range(count))
         assert isinstance(line.events[0], Hello)
         assert line.finished == 1
-    assert sorted(id(line.walk) for line in many) == sorted(id(walk) for walk, _ in one.ended)
+    assert sorted(id(line.stream) for line in many) == sorted(id(stream) for stream, _ in one.ended)
     assert [error for _, error in one.ended] == [None] * 12
 
 
@@ -205,7 +205,7 @@ def test_a_walk_that_raises_ends_alone(lines, running) -> None:
     for line in (broken, left, right):
         line.send(5)
     wait_until(lambda: len(left.heard) == len(right.heard) == 10, "the others, who go on")
-    assert one.ended == [(broken.walk, broken.raises)]
+    assert one.ended == [(broken.stream, broken.raises)]
     assert broken.finished == 0
     assert not broken.heard
     assert one.thread.is_alive()
@@ -213,7 +213,7 @@ def test_a_walk_that_raises_ends_alone(lines, running) -> None:
 
 def test_a_device_whose_samples_cannot_be_taken_ends_alone(lines, running) -> None:
     left, broken = lines(2)
-    decoder = broken.walk._pipeline._decoder
+    decoder = broken.stream._pipeline._decoder
     begin = decoder.begin
     decoder.begin = lambda sensors: begin([(one[0], [7, 7, 7], *one[2:]) for one in sensors])
     one = running(left, broken)
@@ -222,8 +222,8 @@ def test_a_device_whose_samples_cannot_be_taken_ends_alone(lines, running) -> No
     wait_until(lambda: bool(one.ended), "its end")
     left.send(5)
     wait_until(lambda: len(left.heard) == 10, "the other, which goes on")
-    ((walk, error),) = one.ended
-    assert walk is broken.walk
+    ((stream, error),) = one.ended
+    assert stream is broken.stream
     assert isinstance(error, ValueError)
     assert "as many axes as their epoch began with" in str(error)
 
@@ -238,10 +238,10 @@ def test_a_walk_that_fails_is_finished_and_the_loop_ends_with_the_last(lines, ru
         line.send(2)
         wait_until(lambda line=line: len(line.heard) == 2, "samples")
         os.write(line.master, fault)
-        wait_until(lambda line=line: any(walk is line.walk for walk, _ in one.ended), "its end")
+        wait_until(lambda line=line: any(stream is line.stream for stream, _ in one.ended), "its end")
         assert line.finished == 1
     one.join()
-    assert one.ended == [(first.walk, None), (second.walk, second.finish_raises)]
+    assert one.ended == [(first.stream, None), (second.stream, second.finish_raises)]
 
 
 def test_at_the_end_nothing_waits_for_more(hub, lines, monkeypatch, running) -> None:
@@ -265,7 +265,7 @@ def test_who_has_nothing_to_say_is_told_that_time_passes(page, lines, running) -
     talks, is_silent = lines(2)
     running(talks, is_silent)
     talks.send(3)
-    name = is_silent.walk.name
+    name = is_silent.stream.name
     wait_until(lambda: sum(one.device == name for one in of(Stats, page.items)) >= 2, "its statistics")
     assert talks.heard == [0, 1, 2]
 
@@ -280,7 +280,7 @@ def test_nothing_overtakes_samples_that_wait_for_more(page, lines, running) -> N
     first.send(30)
     os.write(first.master, encode(wire.Fault(wire.FaultCode.SENSOR_MISSING, 0), 0, 0))
     first.send(30)
-    name = first.walk.name
+    name = first.stream.name
     wait_until(
         lambda: len(first.heard) == 61 and any(one.device == name for one in of(Error, page.items)), "all"
     )
@@ -319,7 +319,7 @@ def test_a_fault_of_the_loop_itself_ends_every_walk(monkeypatch, hub, lines) -> 
 
     monkeypatch.setattr(one.loop._openings, "begin", broken)
     one.start().join()
-    assert [walk for walk, _ in one.ended] == [line.walk for line in many]
+    assert [stream for stream, _ in one.ended] == [line.stream for line in many]
     assert {error for _, error in one.ended} == {one.fault}
     assert isinstance(one.fault, OSError)
 

@@ -1,4 +1,4 @@
-// Items that a port delivers (wire_line.hpp), and their counts.
+// Items that a port delivers (port_decoder.hpp), and their counts.
 #pragma once
 
 #include <cstddef>
@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "decoder.hpp"
-#include "line_watch.hpp"
+#include "port_watch.hpp"
 #include "sample_columns.hpp"
 
 namespace fltea {
 
 // Pointers and columns stay valid until the next call of a non-const method.
-struct LineItem {
+struct PortItem {
     enum Kind : std::uint8_t {
         kDone,            // nothing more came in the given bytes
         kSamples,         // consecutive samples, with no other item between them
@@ -32,13 +32,13 @@ struct LineItem {
     std::uint32_t device_us = 0;
     const std::uint8_t* bytes = nullptr;  // payload of a frame, or a bad block as received
     std::size_t size = 0;
-    LineTrouble trouble = LineTrouble::none;
+    PortTrouble trouble = PortTrouble::none;
     std::int64_t unread_bytes = 0;  // of the trouble no_valid_frame
     bool is_news = false;           // of kRefusedVersion: it has to be reported
 };
 
 // Counts of what the caller received, and of what was lost on the way.
-struct LineCounts {
+struct PortCounts {
     std::int64_t bytes = 0, frames = 0, connections = 0;
     std::int64_t refused = 0;  // frames of a device of another version, or after a refused HELLO
     struct Bad {

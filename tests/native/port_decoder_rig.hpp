@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "frame.h"
-#include "wire_line.hpp"
+#include "port_decoder.hpp"
 
-namespace wire_line_rig {
+namespace port_decoder_rig {
 
 using namespace fltea;
 
@@ -17,7 +17,7 @@ using Bytes = std::vector<std::uint8_t>;
 using Words = std::vector<std::string>;
 
 constexpr std::int64_t kMs = 1'000'000;
-constexpr LineTimes kTimes = {5 * kSecondNs, kSecondNs / 2, 60 * kSecondNs};
+constexpr PortTimes kTimes = {5 * kSecondNs, kSecondNs / 2, 60 * kSecondNs};
 
 inline Bytes frame(std::uint8_t type, const Bytes& payload, std::uint16_t sequence = 0) {
     std::uint8_t wire[kMaxWire];
@@ -73,15 +73,15 @@ struct Reads {
 // A wire decoder that was opened at 0. Returns its items as words with times or counts; HELLOs of boot 13 are
 // refused.
 struct Line {
-    WireLine line{kTimes};
+    PortDecoder line{kTimes};
 
     Line() { line.opened({0, 1}); }
 
     Words all() {
         Words found;
-        for (LineItem item = line.next(); item.kind != LineItem::kDone; item = line.next()) {
+        for (PortItem item = line.next(); item.kind != PortItem::kDone; item = line.next()) {
             found.push_back(word(item));
-            if (item.kind == LineItem::kFrame && item.type == Hello::type()) judge(item, found);
+            if (item.kind == PortItem::kFrame && item.type == Hello::type()) judge(item, found);
         }
         return found;
     }
@@ -107,7 +107,7 @@ struct Line {
     }
 
   private:
-    void judge(const LineItem& item, Words& found) {
+    void judge(const PortItem& item, Words& found) {
         if (item.bytes[6] != 13) {
             line.accept_hello();
         } else if (line.refuse_hello()) {
@@ -115,23 +115,23 @@ struct Line {
         }
     }
 
-    static std::string word(const LineItem& item) {
+    static std::string word(const PortItem& item) {
         switch (item.kind) {
-            case LineItem::kDone:
+            case PortItem::kDone:
                 return "done";
-            case LineItem::kSamples:
+            case PortItem::kSamples:
                 return std::to_string(item.samples.n) + " samples";
-            case LineItem::kFrame:
+            case PortItem::kFrame:
                 return "frame " + std::to_string(item.type);
-            case LineItem::kSameHello:
+            case PortItem::kSameHello:
                 return "same hello";
-            case LineItem::kRefusedVersion:
+            case PortItem::kRefusedVersion:
                 return item.is_news ? "version" : "version again";
-            case LineItem::kBad:
+            case PortItem::kBad:
                 return reason_name(item.reason);
-            case LineItem::kTick:
+            case PortItem::kTick:
                 return "tick " + std::to_string(item.host_ns / kMs);
-            case LineItem::kTrouble:
+            case PortItem::kTrouble:
                 return trouble_name(item.trouble) + (" " + std::to_string(item.host_ns / kMs));
         }
         return "";
@@ -140,4 +140,4 @@ struct Line {
 
 inline std::int64_t size_of(const Bytes& bytes) { return static_cast<std::int64_t>(bytes.size()); }
 
-}  // namespace wire_line_rig
+}  // namespace port_decoder_rig

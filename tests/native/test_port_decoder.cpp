@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <limits>
 
-#include "wire_line_rig.hpp"
+#include "port_decoder_rig.hpp"
 
-using namespace wire_line_rig;
+using namespace port_decoder_rig;
 
 TEST_CASE("wire line: samples have the time of the read in which they ended") {
     Line line;
@@ -17,8 +17,8 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
     line.line.feed(reads.bytes.data(), reads.reads.data(), 3, 10);
     // No HELLO was received, so reads are taken one by one, since a trouble might be due between them.
     for (std::int64_t k = 1; k < 4; ++k) {
-        const LineItem item = line.line.next();
-        REQUIRE(item.kind == LineItem::kSamples);
+        const PortItem item = line.line.next();
+        REQUIRE(item.kind == PortItem::kSamples);
         REQUIRE(item.samples.n == 1);
         CHECK(item.samples.sequence[0] == k);
         CHECK(item.samples.device_us[0] == 10 * k);
@@ -29,8 +29,8 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
         CHECK(item.samples.flags[0] == 4);
         CHECK(line.line.unix_offset_ns == 10 * k + 1);
     }
-    CHECK(line.line.next().kind == LineItem::kDone);
-    CHECK(line.line.next().kind == LineItem::kDone);
+    CHECK(line.line.next().kind == PortItem::kDone);
+    CHECK(line.line.next().kind == PortItem::kDone);
 }
 
 TEST_CASE("wire line: any other frame has the time of its read, too") {
@@ -43,9 +43,9 @@ TEST_CASE("wire line: any other frame has the time of its read, too") {
         CHECK(line.line.next().host_ns == at);
         CHECK(line.line.unix_offset_ns == at + 1);
     }
-    CHECK(line.line.next().kind == LineItem::kSamples);
+    CHECK(line.line.next().kind == PortItem::kSamples);
     CHECK(line.line.unix_offset_ns == 41);
-    CHECK(line.line.next().kind == LineItem::kDone);
+    CHECK(line.line.next().kind == PortItem::kDone);
     CHECK(line.line.unix_offset_ns == 51);
 }
 
@@ -55,7 +55,7 @@ TEST_CASE("wire line: a known device's reads of one second are taken at once") {
     Reads reads;
     reads.add(sample(1), 2).add(sample(2) + fault() + sample(3), 3).add(sample(4), kSecondNs / 3);
     CHECK(line.feed(reads) == Words{"2 samples", "frame 4", "2 samples"});
-    const LineCounts& counts = line.line.counts();
+    const PortCounts& counts = line.line.counts();
     CHECK(counts.frames == 6);
     CHECK(counts.bytes == size_of(hello()) + size_of(reads.bytes));
     CHECK(line.line.unix_offset_ns == kSecondNs / 3 + 1);
@@ -86,19 +86,19 @@ TEST_CASE("wire line: only what was handed on is counted") {
     line.one(hello(), 1);
     const Bytes bytes = sample(1) + sample(2) + fault() + Bytes{5, 1, 0} + sample(4);
     line.line.feed_one(bytes.data(), {size_of(bytes), {2, 0}}, 2);
-    const LineCounts& counts = line.line.counts();
+    const PortCounts& counts = line.line.counts();
     for (const std::int64_t frames : {1, 3, 4}) {
-        CHECK(line.line.next().kind != LineItem::kDone);
+        CHECK(line.line.next().kind != PortItem::kDone);
         CHECK(counts.frames == frames);
         CHECK(counts.bad.empty());
     }
-    CHECK(line.line.next().kind == LineItem::kSamples);
+    CHECK(line.line.next().kind == PortItem::kSamples);
     CHECK(counts.frames == 4);
     REQUIRE(counts.bad.size() == 1);
     CHECK(counts.bad[0].reason == Reason::cobs);
     CHECK(counts.bad[0].blocks == 1);
     CHECK(counts.bytes == size_of(hello()) + size_of(bytes) - size_of(sample(4)));
-    CHECK(line.line.next().kind == LineItem::kDone);
+    CHECK(line.line.next().kind == PortItem::kDone);
     CHECK(counts.frames == 5);
 }
 
@@ -133,7 +133,7 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     reads.add(sample(4) + sample(7), kSecondNs + 1).add(sample(8), kSecondNs + 2);
     line.line.feed(reads.bytes.data(), reads.reads.data(), reads.reads.size(), kSecondNs / 3);
     CHECK(line.line.next().samples.n == 2);
-    LineItem item = line.line.next();
+    PortItem item = line.line.next();
     REQUIRE(item.samples.n == 2);
     CHECK(item.samples.host_ns[0] == kSecondNs);
     CHECK(item.samples.host_ns[1] == kSecondNs + 1);
@@ -145,7 +145,7 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     CHECK(item.samples.gyro[3] == 8.0);
     CHECK(item.samples.accel[2] == 9.0);
     CHECK(item.samples.temperature[1] == -3.0);
-    CHECK(line.line.next().kind == LineItem::kDone);
+    CHECK(line.line.next().kind == PortItem::kDone);
     CHECK(line.line.counts().frames == 7);
 }
 
@@ -161,13 +161,13 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.accept_hello();  // no HELLO is pending
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
     line.line.silent(5 * kSecondNs + 3);
-    for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == LineItem::kTick);
+    for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    CHECK(line.line.next().kind == LineItem::kDone);  // nine of ten ticks
+    CHECK(line.line.next().kind == PortItem::kDone);  // nine of ten ticks
     line.line.silent(5 * kSecondNs + 3);
-    CHECK(line.line.next().kind == LineItem::kTick);
+    CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    CHECK(line.line.next().kind == LineItem::kDone);  // the tick before the trouble
+    CHECK(line.line.next().kind == PortItem::kDone);  // the tick before the trouble
 }
 
 TEST_CASE("wire line: times at the ends of their range") {
@@ -206,10 +206,10 @@ TEST_CASE("wire line: whatever the reads, the same frames and counts") {
         }
         std::int64_t next = 0, others = 0;
         line.line.feed(reads.bytes.data(), reads.reads.data(), reads.reads.size(), 0);
-        for (LineItem item = line.line.next(); item.kind != LineItem::kDone; item = line.line.next()) {
-            if (item.kind == LineItem::kFrame && item.type == Hello::type()) line.line.accept_hello();
-            if (item.kind != LineItem::kSamples) ++others;
-            for (std::size_t i = 0; item.kind == LineItem::kSamples && i < item.samples.n; ++i)
+        for (PortItem item = line.line.next(); item.kind != PortItem::kDone; item = line.line.next()) {
+            if (item.kind == PortItem::kFrame && item.type == Hello::type()) line.line.accept_hello();
+            if (item.kind != PortItem::kSamples) ++others;
+            for (std::size_t i = 0; item.kind == PortItem::kSamples && i < item.samples.n; ++i)
                 CHECK(item.samples.sequence[i] == next++);
         }
         CHECK(next == 60);
