@@ -68,18 +68,18 @@ inline bool sound(const Joint<Number>& filters, int lane, Guard guard) {
            filters.P.bb[lane] >= 0 && filters.Q.aa[lane] >= 0 && filters.Q.bb[lane] >= 0;
 }
 
-inline void believe(Triple<Number>& filters, int lane, const Belief& belief) {
-    set_lane(filters.order.mean, lane, belief.alpha);
-    set_lane(filters.order.P, lane, belief.alpha_variance);
-    set_lane(filters.parameter.mean, lane, belief.parameter);
-    set_lane(filters.parameter.P, lane, belief.parameter_variance);
+inline void set_filter_model(Triple<Number>& filters, int lane, const FilterModel& filter_model) {
+    set_lane(filters.order.mean, lane, filter_model.alpha);
+    set_lane(filters.order.P, lane, filter_model.alpha_variance);
+    set_lane(filters.parameter.mean, lane, filter_model.parameter);
+    set_lane(filters.parameter.P, lane, filter_model.parameter_variance);
 }
-inline void believe(Joint<Number>& filters, int lane, const Belief& belief) {
-    set_lane(filters.alpha, lane, belief.alpha);
-    set_lane(filters.beta, lane, belief.parameter);
-    set_lane(filters.P.aa, lane, belief.alpha_variance);
-    set_lane(filters.P.ab, lane, belief.covariance);
-    set_lane(filters.P.bb, lane, belief.parameter_variance);
+inline void set_filter_model(Joint<Number>& filters, int lane, const FilterModel& filter_model) {
+    set_lane(filters.alpha, lane, filter_model.alpha);
+    set_lane(filters.beta, lane, filter_model.parameter);
+    set_lane(filters.P.aa, lane, filter_model.alpha_variance);
+    set_lane(filters.P.ab, lane, filter_model.covariance);
+    set_lane(filters.P.bb, lane, filter_model.parameter_variance);
 }
 
 // An engine of one variant and memory kind. It stores its packs one after another, each a Lane followed by
@@ -115,8 +115,9 @@ class Packs {
         }
     }
 
-    void believe(std::size_t k, const Belief& belief) {
-        engine::believe(lane(k / kLanesInPack).state().filters, static_cast<int>(k % kLanesInPack), belief);
+    void set_filter_model(std::size_t k, const FilterModel& filter_model) {
+        engine::set_filter_model(lane(k / kLanesInPack).state().filters, static_cast<int>(k % kLanesInPack),
+                                 filter_model);
     }
 
     void run(const Block& block) {

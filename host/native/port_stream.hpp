@@ -16,7 +16,7 @@
 
 namespace fltea {
 
-// Why `walk` returned. The caller acts, then calls `walk` again.
+// Why `run` returned. The caller acts, then calls `run` again.
 enum class PortStop : int {
     kNothing,  // all received bytes are consumed
     kItem,     // an item of the wire (item())

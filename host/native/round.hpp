@@ -43,7 +43,8 @@ class Round {
     PortStream& stream(std::size_t port) { return *ports_[port].stream; }
     std::size_t size() const { return ports_.size(); }
 
-    void add(std::unique_ptr<PortStream> walk, std::vector<RunPrinter*>* printers, std::int64_t latency_ns) {
+    void add(std::unique_ptr<PortStream> stream, std::vector<RunPrinter*>* printers,
+             std::int64_t latency_ns) {
         ports_.push_back({std::move(stream), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 

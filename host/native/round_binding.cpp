@@ -128,7 +128,7 @@ class Round {
         }
         nb::list happened;
         for (const fltea::Happened& one : happened_) {
-            PortStream& line = round_.line(static_cast<std::size_t>(one.port));
+            PortStream& line = round_.stream(static_cast<std::size_t>(one.port));
             const std::string& fault = round_.fault(static_cast<std::size_t>(one.port));
             const nb::object what =
                 one.stop == PortStop::kFault ? nb::object(nb::str(fault.c_str())) : told(line, one.stop);

@@ -62,7 +62,7 @@ class SequenceTracker {
         period_us_ = 1e6 / rate_hz;
         if (is_another_boot || is_another_sensor || is_another_rate) {
             seen_ = {};
-            believe();
+            accept_again();
         }
         longest_gap_ = longest_gap;
     }
@@ -71,7 +71,7 @@ class SequenceTracker {
     void forget_hello() {
         knows_hello_ = disagreed_ = false;
         seen_ = {};
-        believe();
+        accept_again();
     }
     bool knows_hello() const { return knows_hello_; }
 
@@ -164,7 +164,7 @@ class SequenceTracker {
     bool rate_differs() const { return rate_differs_; }
     void note_rate_differs(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.rate_differs;
-        if (watch(sequence, device_us) == RateWatch::kAgrees) believe();
+        if (watch(sequence, device_us) == RateWatch::kAgrees) accept_again();
     }
     // Whether the last sample has shown the contradiction and the caller is not notified yet; and the two
     // rates: the one that HELLO states, and the one by the device's clock.
@@ -211,7 +211,7 @@ class SequenceTracker {
 
     // Accepts samples again. Rejected samples are counted separately and are not missing, so a new epoch
     // begins.
-    void believe() {
+    void accept_again() {
         if (rate_differs_ && pending_ == EpochReason::kNone) pending_ = EpochReason::kDiscontinuity;
         rate_differs_ = has_news_ = false;
     }

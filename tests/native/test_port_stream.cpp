@@ -87,10 +87,10 @@ class Taker {
     Bytes bytes;
 
     Taker(bool rows, bool text, bool reads, std::int64_t patience_ns) {
-        walk_.wants_rows = rows;
-        walk_.wants_text = text;
-        walk_.wants_reads = reads;
-        walk_.patience_ns = patience_ns;
+        stream_.wants_rows = rows;
+        stream_.wants_text = text;
+        stream_.wants_reads = reads;
+        stream_.patience_ns = patience_ns;
         wire_.opened({0, 1});
         device_.stats_due_ns = 0;
     }
@@ -104,7 +104,7 @@ class Taker {
         const std::int64_t now_ns = all.reads[end - 1].stamp.host_ns;
         if (is_last) news.error = 5;
         given_ += news.bytes.size();
-        walk_.give(std::move(news), now_ns);
+        stream_.give(std::move(news), now_ns);
         take_all(now_ns);
     }
     const Device& device() const { return device_; }
@@ -112,7 +112,7 @@ class Taker {
   private:
     void take_all(std::int64_t now_ns) {
         for (PortStop stop = PortStop::kItem; stop != PortStop::kNothing;) {
-            stop = walk_.run(now_ns);
+            stop = stream_.run(now_ns);
             for (RunPrinter* one : printers_) {
                 print(std::string(one->data(), one->size()));
                 one->clear();
@@ -121,13 +121,13 @@ class Taker {
         }
     }
     void take(PortStop stop) {
-        if (stop == PortStop::kItem) on_item(walk_.item());
-        if (stop == PortStop::kStop) on_stop(walk_.advanced());
+        if (stop == PortStop::kItem) on_item(stream_.item());
+        if (stop == PortStop::kStop) on_stop(stream_.advanced());
         if (stop == PortStop::kLost) say("lost");
         if (stop == PortStop::kRows) on_rows();
         if (stop == PortStop::kReads) {
-            bytes = bytes + walk_.reads().bytes;
-            walk_.reads() = PortNews();
+            bytes = bytes + stream_.reads().bytes;
+            stream_.reads() = PortNews();
         }
     }
     void say(const std::string& what) {
@@ -143,15 +143,15 @@ class Taker {
         }
     }
     void on_rows() {
-        RunRows& rows = walk_.rows();
+        RunRows& rows = stream_.rows();
         const auto* const seq = reinterpret_cast<const std::int64_t*>(rows.column(1).data());
         const auto* const gyro = reinterpret_cast<const double*>(rows.column(4).data());
         for (std::size_t i = 0; i < rows.rows(); ++i) {
             const std::string one = word(std::to_string(seq[i]).c_str(), gyro[3 * i]);
-            if (walk_.wants_rows) blocks.push_back(one);
-            if (walk_.is_unprinted()) lines.push_back(one);
+            if (stream_.wants_rows) blocks.push_back(one);
+            if (stream_.is_unprinted()) lines.push_back(one);
         }
-        if (walk_.is_unprinted()) {
+        if (stream_.is_unprinted()) {
             const auto text = std::make_shared<const LinePrinter>(
                 Words{"", " ", "\n"}, std::vector<LinePrinter::Hole>{{0, 0}, {3, 0}}, true);
             printer_ = std::make_unique<RunPrinter>(text, 1, 1, rows.shape());
@@ -163,7 +163,7 @@ class Taker {
         say("item " + std::to_string(item.kind) + " at " + std::to_string(item.host_ns));
         if (item.kind == PortItem::kTick) device_.stats_due_ns = item.host_ns + kSecondNs;
         if (item.kind != PortItem::kFrame || item.type != Hello::type()) return;
-        if (walk_.wants_reads) CHECK(bytes.size() == given_);
+        if (stream_.wants_reads) CHECK(bytes.size() == given_);
         const std::uint8_t boot = item.bytes[6];
         if (boot == 13) {  // a device that cannot be used
             wire_.refuse_hello();
@@ -177,8 +177,8 @@ class Taker {
     }
     void on_stop(const Advanced& found) {
         say("stop " + std::to_string(static_cast<int>(found.stop)) + " at " +
-            std::to_string(walk_.stopped_ns()));
-        if (found.stop == Stop::kStatsDue) device_.stats_due_ns = walk_.stopped_ns() + kSecondNs;
+            std::to_string(stream_.stopped_ns()));
+        if (found.stop == Stop::kStatsDue) device_.stats_due_ns = stream_.stopped_ns() + kSecondNs;
         if (found.stop == Stop::kFitDue) device_.fit_counts = device_.place.newest().seq + 7;
         if (found.stop == Stop::kFitCounts) device_.fit_due = device_.place.newest().seq + 11;
         if (found.stop == Stop::kEpoch) begin();
@@ -201,7 +201,7 @@ class Taker {
     std::vector<RunPrinter*> printers_;
     std::unique_ptr<RunPrinter> printer_;
     Parts parts_;
-    PortStream walk_{wire_, device_, printers_};
+    PortStream stream_{wire_, device_, printers_};
     int boot_ = 0;
     std::size_t given_ = 0;
 };
@@ -228,7 +228,7 @@ std::string difference(const Words& one, const Words& other) {
 
 }  // namespace
 
-TEST_CASE("line walk: nothing is lost, doubled or overtaken, whatever the cuts and the patience") {
+TEST_CASE("port stream: nothing is lost, doubled or overtaken, whatever the cuts and the patience") {
     std::size_t samples = 0;
     for (unsigned seed = 0; seed < 150; ++seed) {
         CAPTURE(seed);
