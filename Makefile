@@ -37,7 +37,7 @@ hashes:  ## after a change of dependencies: the hashes of what set-up installs
 	@tools/hashes.sh
 
 run: .venv/.run  ## the daemon on a Due in software; ARGS: options of fltea run
-	@$(PY) tools/demo.py
+	@$(PY) -m tools.demo
 
 # Hundreds of tests start the program, so its modules are compiled once, whatever the environment says. A library of
 # linear algebra that spins on every core would only take them from the other tests. Not three at a time: some tests
@@ -47,7 +47,7 @@ TWO_WORKERS := -n 2 --dist loadfile --no-loadscope-reorder
 
 # Style, types and generated files of what has changed, and the tests that mirror it, in two minutes.
 near: .venv/.dev  ## two minutes: style, types and tests near what has changed; ARGS: of tools/near.py
-	@$(PY) tools/near.py $(ARGS)
+	@$(PY) -m tools.near $(ARGS)
 
 # The first tier is every test without the mark `slow`, the second every test with it (tests/README.md).
 test: .venv/.dev  ## the first tier of tests, 6 minutes; ARGS: of pytest
@@ -70,12 +70,12 @@ lint: $(LINT)  ## style, types, C++ checks, and whether generated files are up t
 $(LINT): .venv/.dev
 
 lint-types:
-	@$(PY) tools/check_types.py
+	@$(PY) -m mypy
 
 lint-style:
 	@$(PY) -m ruff format --check $(PY_DIRS)
 	@$(PY) -m ruff check $(PY_DIRS)
-	@$(PY) tools/findings_form.py
+	@$(PY) -m tools.findings_form
 	@.venv/bin/clang-format --dry-run -Werror $(CXX_FILES)
 
 lint-cppcheck:
@@ -83,15 +83,15 @@ lint-cppcheck:
 		--suppress=useStlAlgorithm --suppress=unusedStructMember -I firmware/core firmware/due firmware/arduino/fltea
 
 lint-generated:
-	@$(PY) tools/generated.py --check
+	@$(PY) -m tools.generated --check
 
 gen: .venv/.dev  ## write the generated files
-	@$(PY) tools/generated.py
+	@$(PY) -m tools.generated
 
 # Both ports: the bare-metal image (committed), and the Arduino sketch against the stub of its libraries.
 firmware: .venv/.dev  ## the Due's image and the Arduino sketch
-	@$(PY) tools/generated.py build_id
-	@$(PY) tools/build_firmware.py
+	@$(PY) -m tools.generated build_id
+	@$(PY) -m tools.build_firmware
 	@$(PY) -m pytest -q tests/firmware/test_image.py tests/firmware/test_arduino.py
 
 flash: .venv/.run  ## write the image to the board; PORT: its programming port
@@ -128,7 +128,7 @@ docs: .venv/.dev  ## the site, in build/site
 
 # Man pages in build/man, completion for bash, zsh and fish in build/completions.
 man: .venv/.run  ## man pages and shell completion, in build
-	@$(PY) tools/man_pages.py
+	@$(PY) -m tools.man_pages
 
 # What is published, in build/dist: sdist, wheels and Debian packages for x86-64 and aarch64, each tried, and how long that took.
 # What it needs: tools/dist/RELEASE.md.

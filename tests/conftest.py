@@ -19,10 +19,7 @@ from hypothesis import HealthCheck, settings
 ROOT = Path(__file__).resolve().parents[1]
 RECORDINGS = ROOT.parent / "shared/recordings"
 
-# Every test may use the helpers of tests/rig, the package `tools`, and the generators within it.
-sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig"), str(ROOT / "tools")]
-
-from tiers import may_be_slow  # noqa: E402
+from tests.rig.tiers import may_be_slow  # noqa: E402
 
 
 def pytest_configure() -> None:

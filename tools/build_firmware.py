@@ -1,8 +1,8 @@
 """Builds the bare-metal images for the Due with Debian's gcc-arm-none-eabi.
 
 Writes firmware/due/image/fltea_due.bin and fltea_due.json, which are committed (timer mode). Also writes both
-modes with JSON, ELF, map and stack use to build/firmware/. Run `tools/generated.py build_id` first: the image
-holds the id.
+modes with JSON, ELF, map and stack use to build/firmware/. Run `python -m tools.generated build_id` first:
+the image holds the id.
 
 `--to FILE.bin --mode data_ready --define FLTEA_RATE_HZ=500` writes one image with other settings instead.
 `--check` writes nothing to the repository: it builds again and compares. Exit codes: 0: the sources give the
@@ -22,7 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from build_id import build_id, version
+from tools.build_id import build_id, version
 
 PREFIX = "arm-none-eabi-"
 IMAGE = "firmware/due/image/fltea_due.bin"

@@ -7,7 +7,7 @@ The modes form a grid as in firmware/core/engine/memory_nodes.hpp, for an unlimi
 import math
 from pathlib import Path
 
-from generated import rendered
+from tools.generated import rendered
 
 SOURCE, HEADER = "tools/gen_fixed_nodes.py", "firmware/core/engine/fixed_nodes.hpp"
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from fltea.recording.dialects import dialects
 from fltea.recording.formats import FORMATS, UNREAD, Format
-from generated import cell
+
+from tools.generated import cell
 
 SOURCE = "host/fltea/recording/formats.py and dialects.toml"
 PAGE = "host/docs/guide/files.md"

@@ -9,7 +9,8 @@ points in arbitrary precision.
 from pathlib import Path
 
 import mpmath
-from generated import rendered
+
+from tools.generated import rendered
 
 SOURCE, HEADER = "tools/gen_memory_constants.py", "firmware/core/engine/memory_constants.hpp"
 

@@ -7,7 +7,7 @@ test has two alternatives. A board's test has the first alternative only, and qu
 program takes some minutes on one core. Its figures may differ between machines in the last digit, because
 fits stop where the likelihood is flat.
 
-Usage: gen_null_constants.py [--series 6000] [--print]
+Usage: python -m tools.gen_null_constants [--series 6000] [--print]
 """
 
 import argparse
@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 from fltea.spectrum.candidate_models import native
 from fltea.spectrum.periodogram import Binned, Periodogram, binned, used_ordinates
-from generated import rendered, update
+
+from tools.generated import rendered, update
 
 HERE = Path(__file__).resolve().parents[1] / "host/fltea/spectrum"
 

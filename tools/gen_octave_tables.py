@@ -3,7 +3,7 @@
 import math
 from pathlib import Path
 
-from generated import rendered
+from tools.generated import rendered
 
 SOURCE, HEADER = "tools/gen_octave_tables.py", "firmware/core/engine/octave_tables.hpp"
 BLOCK = 256

@@ -4,7 +4,7 @@ Draws noises of each population of `tools.validation.odds.populations` at severa
 search on each noise, and fits a logistic regression in which each population has its share at each length.
 Takes some ten minutes on two cores. The drawn rows are kept, so that a second run only fits.
 
-Usage: PYTHONPATH=. python tools/gen_order_odds.py [--series 600] [--kept build/order_odds.ndjson] [--print]
+Usage: python -m tools.gen_order_odds [--series 600] [--kept build/order_odds.ndjson] [--print]
 """
 
 import argparse
@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 from fltea.identification.workers import open_local
 from fltea.spectrum.order_odds import FARTHEST
-from generated import rendered, update
 from scipy.optimize import minimize
 
+from tools.generated import rendered, update
 from tools.validation.odds.counts import count
 from tools.validation.odds.populations import POPULATIONS
 from tools.validation.runner import Row, Task, run

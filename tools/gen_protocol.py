@@ -4,8 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from generated import rendered
-from protocol_definition import CRC_SIZE, HEADER_SIZE, Protocol, load
+from tools.generated import rendered
+from tools.protocol_definition import CRC_SIZE, HEADER_SIZE, Protocol, load
 
 SOURCE = "protocol/messages.toml"
 # One COBS code byte and the closing 0x00. Frames are too short for a second code byte.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import registers_cpp
-from svd import MEMBER, PACKAGE, Peripheral, Register, obtain, read
+from tools import registers_cpp
+from tools.svd import MEMBER, PACKAGE, Peripheral, Register, obtain, read
 
 SOURCE = f"{MEMBER} of {PACKAGE}"
 

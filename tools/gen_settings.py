@@ -9,7 +9,8 @@ from pathlib import Path
 
 from fltea.settings.config import SETTINGS, TABLES
 from fltea.settings.setting import Declared, declared
-from generated import rendered
+
+from tools.generated import rendered
 
 SOURCE = "host/fltea/settings"
 CPP = "firmware/core/filter_settings.h"

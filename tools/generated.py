@@ -1,8 +1,8 @@
 """Writes the committed files that a program generates, or checks that they are up to date.
 
-  python tools/generated.py                    all files; `make gen`
-  python tools/generated.py gen_protocol       the files of the writers named
-  python tools/generated.py --check            writes nothing; names the files that differ, exit code 1
+  python -m tools.generated                    all files; `make gen`
+  python -m tools.generated gen_protocol       the files of the writers named
+  python -m tools.generated --check            writes nothing; names the files that differ, exit code 1
 
 A writer is a module with SOURCE, which names the source of its files, and a function `outputs`, which gets
 the repository's root and returns the path of each file and its text. The id of the firmware's sources is
@@ -105,7 +105,7 @@ def main() -> int:
     given, status = parser.parse_args(), 0
     if unknown := {*given.writers} - {*WRITERS}:
         parser.error(f"there is no writer {', '.join(unknown)}")
-    for writer in map(import_module, given.writers or WRITERS):
+    for writer in map(import_module, (f"tools.{name}" for name in given.writers or WRITERS)):
         try:
             wanted = writer.outputs(given.root)
             status |= update(given.root, wanted, check=given.check, source=writer.SOURCE)

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import typer.main
 from fltea.cli.app import app
 from fltea.records.version import __version__
-from generated import TEMPLATES, rendered
 from typer._completion_shared import get_completion_script
+
+from tools.generated import TEMPLATES, rendered
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = "For example:"

@@ -1,11 +1,11 @@
 """Checks what a change touches: style and types, the generated files, and the tests that mirror the change.
 
 The changed files are those that differ from `origin/main` (without such a branch: from the commit before the
-last one), and those that git does not track yet. Usage: near.py [--since COMMIT] [--dry-run]; `make near`.
+last one), and those that git does not track yet. Usage:
+python -m tools.near [--since COMMIT] [--dry-run]; `make near`.
 """
 
 import argparse
-import os
 import re
 import subprocess
 import sys
@@ -13,8 +13,6 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
-
-import check_types
 
 ROOT = Path(__file__).resolve().parents[1]
 CXX = {".cpp", ".hpp", ".h"}
@@ -49,7 +47,7 @@ Users = Callable[[str], list[str]]
 
 
 class Plan(NamedTuple):
-    """What to run: ruff and clang-format on files, mypy on packages and modules, pytest on tests."""
+    """What to run: ruff and clang-format on files, mypy on folders and files, pytest on tests."""
 
     python: list[str]
     cxx: list[str]
@@ -68,11 +66,12 @@ def plan(files: Iterable[str], gone: Iterable[str] = (), users: Users = lambda _
     found = {name: tests_of(name, users) for name in everything}
     left_out = [name for name, tests in found.items() if name.endswith(".py") and len(tests) > MOST_USERS]
     tests = {test for name, tests in found.items() if name not in left_out for test in tests}
-    names = {words for name in here if name.endswith(".py") and (words := typed(name))}
+    python = [name for name in here if name.endswith(".py")]
+    types = {typed(name) for name in python if name.startswith(("host/fltea/", "tools/", "tests/"))}
     return Plan(
-        [name for name in here if name.endswith(".py")],
+        python,
         [name for name in here if Path(name).suffix in CXX],
-        [word for words in sorted(names) for word in words],
+        sorted(types),
         sorted(test for test in tests if str(Path(test).parent) not in tests),
         left_out,
     )
@@ -98,30 +97,21 @@ def tests_of(name: str, users: Users) -> list[str]:
     return [f"tests/{one}" for one in TESTS_OF[begin]]
 
 
-def typed(name: str) -> tuple[str, str] | None:
-    """Return the words by which mypy accepts a file: its package, or its module."""
-    path = Path(name)
-    match path.parts:
-        case ("host", "fltea", room, _, *_):
-            return "-p", f"fltea.{room}"
-        case ("host", "fltea", _):
-            return "-m", "fltea" if path.stem == "__init__" else f"fltea.{path.stem}"
-        case ("tests", "rig", _):
-            return "-m", path.stem
-        case ("tools" | "tests" as top, folder, _, *_):
-            return "-p", f"{top}.{folder}"
-        case ("tools", _):
-            named = f"tools.{path.stem}"
-            return "-m", named if named in check_types.BY_PACKAGE else path.stem
-        case ("tests", _):
-            return "-m", f"tests.{path.stem}"
-    return None
+def typed(name: str) -> str:
+    """Return what mypy checks for a file: its room or folder, or of helpers the file alone."""
+    match Path(name).parts:
+        case ("host", "fltea", _, _, *_) as parts:
+            return "/".join(parts[:3])
+        case ("tools" | "tests", folder, _, *_) as parts if folder != "rig":
+            return "/".join(parts[:2])
+    return name
 
 
 def users_of(module: str) -> list[str]:
     """Return the test files that use a module of `tools` or `tests/rig`."""
+    package = r"(?:tools|tests[./]rig)"
     uses = re.compile(
-        rf"\b(?:import|from) (?:tools\.)?{module}\b|\btools[./]{module}\b|\b{module}\.(?:py|sh)\b"
+        rf"\b{package}[./]{module}\b|\bfrom {package} import .*\b{module}\b|\b{module}\.(?:py|sh)\b"
     )
     tests = (ROOT / "tests").glob("*/test_*.py")
     return sorted(
@@ -150,7 +140,7 @@ def _git(*words: str, check: bool = True) -> list[str]:
 def commands(wanted: Plan) -> list[list[str]]:
     """Return the commands to run, the quick ones first."""
     ruff, clang = [sys.executable, "-m", "ruff"], str(Path(sys.executable).with_name("clang-format"))
-    found = [[sys.executable, "tools/generated.py", "--check"]]
+    found = [[sys.executable, "-m", "tools.generated", "--check"]]
     if wanted.python:
         found = [[*ruff, "format", "--check", *wanted.python], [*ruff, "check", *wanted.python], *found]
     if wanted.cxx:
@@ -189,10 +179,9 @@ def main(words: Sequence[str] | None = None) -> int:
     for command in commands(wanted):
         begin = time.monotonic()
         print(f"near: {said(command)}", flush=True)
-        environment = {**os.environ, "MYPYPATH": check_types.path()}
         if given.dry_run:
             continue
-        if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode:
+        if subprocess.run(command, cwd=ROOT, check=False).returncode:
             failed.append(said(command))
         print(f"near: {time.monotonic() - begin:.0f} s", flush=True)
     if names and not any(re.match(r"\+[^+]", line) for line in _git("diff", since, "--", "CHANGELOG.md")):

@@ -1,7 +1,7 @@
 """Writes firmware/due/sam3x.h: the registers and fields that the bare-metal port uses."""
 
-from generated import rendered
-from svd import Field, Peripheral, Register
+from tools.generated import rendered
+from tools.svd import Field, Peripheral, Register
 
 USED = """
 TC0: CCR0=CLKEN,SWTRG CMR0_WAVE_EQ_1=TCCLKS_TIMER_CLOCK1,WAVSEL_UP,WAVE CV0 RC0 SR0 IER0=CPCS

@@ -15,14 +15,15 @@ import latex2mathml.converter
 from fltea.records.kinds import ERROR_KINDS
 from fltea.sinks.figures.table import FIGURES
 from fltea.sinks.metrics.families import Families
-from gen_protocol import tables
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
-from site_chips import chips
-from site_outputs import outputs
-from site_records import records, schema
-from site_settings import cell, code, settings
+
+from tools.gen_protocol import tables
+from tools.site_chips import chips
+from tools.site_outputs import outputs
+from tools.site_records import records, schema
+from tools.site_settings import cell, code, settings
 
 EQUATION = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)

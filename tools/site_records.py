@@ -13,7 +13,8 @@ from fltea.records import records as record_module
 from fltea.records.fit import Interval
 from fltea.records.records import AnyRecord, Placed, Record
 from msgspec import inspect as types
-from site_settings import cell, code
+
+from tools.site_settings import cell, code
 
 WORDS: dict[type, str] = {
     types.IntType: "integer",

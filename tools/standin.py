@@ -19,8 +19,6 @@ from fltea.records.version import __version__
 from fltea.sources.synthetic import NoiseGenerator, NoiseSettings, parse_noise
 from fltea.wire import layout as wire
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # needed when the file is run directly
-
 from tools.made_up_board import HELLO, STATUS, MadeUpBoard, frames
 from tools.own_estimator import JOINT, OwnEstimator
 from tools.pty_port import PtyPort

@@ -22,8 +22,9 @@ from fltea.identification.load import Request, load
 from fltea.recording.reading import Answer
 from fltea.settings.how import How
 from fltea.settings.setting import declared
-from identify_files import LSB_PER_DPS, RATE_HZ, counts, identify_axis, npz
 from msgspec.structs import replace
+
+from tests.rig.identify_files import LSB_PER_DPS, RATE_HZ, counts, identify_axis, npz
 
 NOISE = np.random.default_rng(4).standard_normal(3000)
 

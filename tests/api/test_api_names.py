@@ -11,7 +11,8 @@ from typing import Any
 import fltea
 import pytest
 from fltea.api.live import BiasStep
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
 
 PAGE = (ROOT / "host/docs/cookbook/notebook.md").read_text(encoding="utf-8")
 CLASSES = (

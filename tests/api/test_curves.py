@@ -5,11 +5,12 @@ import re
 from xml.etree import ElementTree
 
 import pytest
-from fit_support import UNDECIDED, with_curves
 from fltea.documents import curves
 from fltea.documents.chart import HEIGHT, LEFT, RIGHT, TOP, WIDTH, Bands, Curve, chart, log_log
 from fltea.documents.chart_scales import Axis
 from fltea.records.fit import FitAllan
+
+from tests.rig.fit_support import UNDECIDED, with_curves
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -17,7 +17,8 @@ from fltea.cli.app import app
 from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Sample, Stats
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records, wait_until
+
+from tests.rig.host_support import PATIENCE_S, QUICK, fltea, fltea_here, strict_records, wait_until
 
 COMMANDS = typer.main.get_command(app).commands
 SAMPLE = wire.Sample(1, 2, 3, 4, 5, 6, 7, 0)

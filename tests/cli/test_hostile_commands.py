@@ -18,7 +18,8 @@ from fltea.machine import flash
 from fltea.records import small_file
 from fltea.records.errors import FlteaError, UsageError, of_input
 from fltea.settings.config import SETTINGS
-from host_support import fltea, fltea_here
+
+from tests.rig.host_support import fltea, fltea_here
 
 COMMANDS = typer.main.get_command(app).commands
 FAST = ["run", "--once", "--format", "none", "--startup", "50"]

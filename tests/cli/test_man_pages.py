@@ -9,12 +9,13 @@ import subprocess
 import sys
 from pathlib import Path
 
-import man_pages
 import pytest
 import typer.main
 from fltea.cli.app import app
-from host_support import PATIENCE_S
-from toolchain import missing
+
+from tests.rig.host_support import PATIENCE_S
+from tests.rig.toolchain import missing
+from tools import man_pages
 
 GROUP = typer.main.get_command(app)
 COMMANDS = {"fltea": GROUP} | {f"fltea-{name}": one for name, one in GROUP.commands.items()}

@@ -7,7 +7,8 @@ import time
 
 import pytest
 from fltea.cli import output
-from host_support import wait_until
+
+from tests.rig.host_support import wait_until
 
 
 class Screen(io.StringIO):

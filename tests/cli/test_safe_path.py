@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fltea.identification.workers import Processes
-from host_support import PATIENCE_S
+
+from tests.rig.host_support import PATIENCE_S
 
 COMMAND = [str(Path(sys.executable).with_name("fltea"))]
 MODULE = [sys.executable, "-m", "fltea"]

@@ -5,14 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import samples_of
 from fltea.identification.simulation_file import write_simulation
 from fltea.recording.csv_file import open_csv
 from fltea.recording.npz_file import open_npz
 from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import NoiseSettings
-from host_support import QUICK, fltea_here, strict_records
+
+from tests.rig.blocks import samples_of
+from tests.rig.host_support import QUICK, fltea_here, strict_records
 
 USUAL = {"n": 200, "lsb_per_dps": 0.0, "window": 100, "alpha_end": 0.3, "axes": 3}
 

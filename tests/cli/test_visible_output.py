@@ -7,7 +7,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from fake_system import FakeSystem
 from fltea.archive import record as archive_record
 from fltea.archive.info import Summary, as_text
 from fltea.cli import app as cli_app
@@ -27,8 +26,10 @@ from fltea.sinks.table import TableSink
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.inspection import inspect
 from fltea.wire.messages import encode
-from host_support import WIRE_HELLO, hello
 from rich.console import Console
+
+from tests.rig.fake_system import FakeSystem
+from tests.rig.host_support import WIRE_HELLO, hello
 
 ASCII = "v1\x1b[2J\x1b]0;x\a\b\x7f"
 """Text that a board can send: clear the screen, name the window, ring, go back."""

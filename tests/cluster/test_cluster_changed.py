@@ -12,12 +12,13 @@ from urllib.parse import urlsplit
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, open_table, rows_in, s3_server, web_server
 from fltea.cluster.listing import File, files_of
 from fltea.cluster.run import Progress, run
 from fltea.identification.workers import Here
 from fltea.settings.how import How
-from identify_support import white
+
+from tests.rig.cluster_support import ASK, identified, open_table, rows_in, s3_server, web_server
+from tests.rig.identify_support import white
 
 N = 1 << 13
 WHOLE = msgspec.structs.replace(ASK, how=How(rate_hz=100.0, units="deg/s"))

@@ -11,7 +11,6 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, rows_in, web_server
 from fltea.cluster import bounded
 from fltea.cluster.listing import File, files_of
 from fltea.cluster.pieces import cuts_of
@@ -19,7 +18,9 @@ from fltea.cluster.summed import PieceSums, sum_piece
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError
 from fltea.settings.how import How
-from identify_support import white
+
+from tests.rig.cluster_support import ASK, identified, rows_in, web_server
+from tests.rig.identify_support import white
 
 N = 4000
 BLOCK_BYTES = 10_000

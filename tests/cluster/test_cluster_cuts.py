@@ -11,8 +11,6 @@ import msgspec
 import numpy as np
 import pyarrow as pa
 import pytest
-from bag_support import even, write_bag, write_mcap
-from cluster_support import ASK
 from fltea.cluster.cut import even_pieces
 from fltea.cluster.listing import files_of
 from fltea.cluster.pieces import cuts_of, write_piece
@@ -24,8 +22,11 @@ from fltea.settings.how import How
 from fltea.sources.wire_events import WireEvents
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from mcap_support import sink_in, transport
 from pyarrow import parquet
+
+from tests.rig.bag_support import even, write_bag, write_mcap
+from tests.rig.cluster_support import ASK
+from tests.rig.mcap_support import sink_in, transport
 
 N = 3000
 GYRO = np.round(np.random.default_rng(5).normal(0.1, 0.05, (N, 3)), 5)

@@ -9,14 +9,15 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, rows_in, values
 from fltea.cluster.listing import File, files_of
 from fltea.cluster.pieces import cuts_of
 from fltea.cluster.summed import PieceSums, fit_pieces, sum_piece
 from fltea.cluster.whole import Ask, identify_file
 from fltea.identification.workers import Here
 from fltea.settings.how import How
-from identify_support import long_recursion, white
+
+from tests.rig.cluster_support import ASK, identified, rows_in, values
+from tests.rig.identify_support import long_recursion, white
 
 N = 1 << 16
 NOISE = 0.05 * white(N, 1, 1)[0] + 0.05 * long_recursion(0.6, -0.19, N, 2)

@@ -15,7 +15,6 @@ from unittest import mock
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, command, identified, open_table, rows_in, s3_server, two_workers, values
 from fltea.cli import many
 from fltea.cluster.listing import JOURNAL, File, Unlisted, files_of
 from fltea.cluster.run import Progress, run
@@ -25,11 +24,21 @@ from fltea.identification.run import identify_all
 from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import How
-from host_support import wait_until
-from identify_files import counts, npz
-from identify_support import white
-from toolchain import missing
 
+from tests.rig.cluster_support import (
+    ASK,
+    command,
+    identified,
+    open_table,
+    rows_in,
+    s3_server,
+    two_workers,
+    values,
+)
+from tests.rig.host_support import wait_until
+from tests.rig.identify_files import counts, npz
+from tests.rig.identify_support import white
+from tests.rig.toolchain import missing
 from tools.faults.cluster import Cluster
 
 

@@ -17,7 +17,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import ASK, identified, open_table, rows_in, web_server
 from fltea.cluster import listing
 from fltea.cluster.listing import files_of
 from fltea.cluster.run import run
@@ -26,8 +25,10 @@ from fltea.identification.workers import Here
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
-from identify_support import white
-from mosquitto_support import make_authority
+
+from tests.rig.cluster_support import ASK, identified, open_table, rows_in, web_server
+from tests.rig.identify_support import white
+from tests.rig.mosquitto_support import make_authority
 
 CHUNK = bytes(1 << 20)
 MOST_CHUNKS = 64

@@ -7,12 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
-from cluster_support import ASK, file, open_table, rows_in
 from fltea.cluster import verdict_table
 from fltea.cluster.listing import JOURNAL, File
 from fltea.cluster.rows import Key, Row
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.records.errors import FlteaError, UsageError
+
+from tests.rig.cluster_support import ASK, file, open_table, rows_in
 
 DIGEST = ASK.digest()
 
@@ -63,7 +64,7 @@ SCRIPT = """
 import os, sys
 from pathlib import Path
 sys.path[:0] = {path!r}
-from test_verdict_table import file, rows, verdict_table, VerdictTable, DIGEST
+from tests.cluster.test_verdict_table import file, rows, verdict_table, VerdictTable, DIGEST
 verdict_table.JOURNAL_BYTES = {journal}
 table = VerdictTable(Path({out!r}), DIGEST)
 for number in range(5):
@@ -74,7 +75,7 @@ os.kill(os.getpid(), 9)
 
 def test_a_kill_takes_nothing_that_was_added(tmp_path: Path) -> None:
     out = tmp_path / "v.parquet"
-    script = SCRIPT.format(path=[str(Path(__file__).parent), *sys.path], journal=1500, out=str(out))
+    script = SCRIPT.format(path=sys.path, journal=1500, out=str(out))
     assert subprocess.run([sys.executable, "-c", script]).returncode == -9
     journal = out / JOURNAL
     assert journal.stat().st_size

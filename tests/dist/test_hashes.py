@@ -9,7 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from host_support import ROOT
+from tests.rig.host_support import ROOT
 from packaging.requirements import Requirement
 
 PINNED = re.compile(r"^([A-Za-z0-9][\w.-]*)==(\S+)", re.MULTILINE)

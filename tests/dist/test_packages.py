@@ -11,8 +11,8 @@ from pathlib import Path
 
 import fltea
 import pytest
-from host_support import ROOT
-from toolchain import needed as installed
+from tests.rig.host_support import ROOT
+from tests.rig.toolchain import needed as installed
 
 from tools.dist.deb_copyright import main as copyright_of
 from tools.dist.same_figures import differences

@@ -11,9 +11,9 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from due_support import build
-from machine_support import FOLDER, RAM_BASE, Bench, cpp_program, program, run
 
+from tests.rig.due_support import build
+from tests.rig.machine_support import FOLDER, RAM_BASE, Bench, cpp_program, program, run
 from tools.due_emulator.__main__ import IMAGE, main
 from tools.due_emulator.noise import Constant
 from tools.due_emulator.reset_controller import ResetType

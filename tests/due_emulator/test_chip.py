@@ -2,8 +2,8 @@
 hand."""
 
 import pytest
-from chip_support import MS, Ramp, running, words
 
+from tests.rig.chip_support import MS, Ramp, running, words
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import Constant
 

@@ -2,11 +2,11 @@
 accesses."""
 
 import pytest
-from chip_support import MS, Ramp, running, words
 from fltea.sources.synthetic import NoiseSettings
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.rig.chip_support import MS, Ramp, running, words
 from tools.due_emulator.noise import Fractional
 
 # Data-ready flag and INT pin, registers 55, 56, 58

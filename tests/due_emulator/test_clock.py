@@ -2,7 +2,8 @@
 run."""
 
 import pytest
-from machine_support import (
+
+from tests.rig.machine_support import (
     FAR,
     MS,
     PLLA_168,
@@ -15,7 +16,6 @@ from machine_support import (
     run,
     wait_states,
 )
-
 from tools.due_emulator.machine import PS_PER_S
 
 MOSCXTS, LOCKA, MCKRDY, LOCKU, MOSCSELS, MOSCRCS = (1 << bit for bit in (0, 1, 3, 6, 16, 17))

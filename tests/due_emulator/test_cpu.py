@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import pytest
 from fltea.records.errors import UsageError
-from machine_support import COUNT, TICK_EACH_MS, Bench, program, run
 
+from tests.rig.machine_support import COUNT, TICK_EACH_MS, Bench, program, run
 from tools.due_emulator import execution
 from tools.due_emulator.__main__ import IMAGE
 from tools.due_emulator.memory_map import RAM_BASE

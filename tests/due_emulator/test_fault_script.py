@@ -2,8 +2,8 @@
 
 import pytest
 from fltea.records.errors import UsageError
-from sensor_support import RXRDY, SmallBoard
 
+from tests.rig.sensor_support import RXRDY, SmallBoard
 from tools.due_emulator.faults import parse_fault, schedule_faults
 from tools.due_emulator.machine import PS_PER_S
 

@@ -5,9 +5,19 @@ A step before the forbidden one is a write (peripheral, register, value), a time
 """
 
 import pytest
-from machine_support import FAR, MS, PLLA_168, Bench, crystal, full_speed, peripheral, plla, wait_states
-from sensor_support import MSEN, SCL, SDA, START, SWRST, TWI1_ID, SmallBoard
 
+from tests.rig.machine_support import (
+    FAR,
+    MS,
+    PLLA_168,
+    Bench,
+    crystal,
+    full_speed,
+    peripheral,
+    plla,
+    wait_states,
+)
+from tests.rig.sensor_support import MSEN, SCL, SDA, START, SWRST, TWI1_ID, SmallBoard
 from tools.due_emulator.machine import EmulationFault
 
 UART_CLOCK = [full_speed, ("PMC", "PCER0", 1 << 8)]

@@ -1,8 +1,8 @@
 """Assign a program's instructions to functions and phases."""
 
 import pytest
-from machine_support import FOLDER, Bench, linked_program
 
+from tests.rig.machine_support import FOLDER, Bench, linked_program
 from tools.due_emulator.function_profile import Profile, functions_of
 
 CALLS = (FOLDER / "calls.S").read_text(encoding="utf-8")

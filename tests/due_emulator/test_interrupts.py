@@ -4,7 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
-from machine_support import fault_of, run
+
+from tests.rig.machine_support import fault_of, run
 
 PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.S"))
 

@@ -4,8 +4,8 @@ SAM3X datasheet, chapter 31.
 """
 
 import pytest
-from sensor_support import INT_BIT, LED_BIT, PIOB_ID, SCL, SDA, SDA_BIT, SmallBoard
 
+from tests.rig.sensor_support import INT_BIT, LED_BIT, PIOB_ID, SCL, SDA, SDA_BIT, SmallBoard
 from tools.due_emulator.machine import EmulationFault
 
 INT, LED = 1 << INT_BIT, 1 << LED_BIT

@@ -1,7 +1,8 @@
 """Instructions that a Cortex-M3 refuses and Unicorn executes: they end a run, on either processor."""
 
 import pytest
-from machine_support import Bench, fault_of, program, run
+
+from tests.rig.machine_support import Bench, fault_of, program, run
 
 COMPUTE = " ldr r7, =300\n1: subs r7, #1\n bne 1b\n"
 """Long enough without an access that the second processor takes over (`tools/due_emulator/README.md`)."""

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import pytest
 import serial
-from machine_support import FOLDER, Bench, program
 
+from tests.rig.machine_support import FOLDER, Bench, program
 from tools.due_emulator.pty_front import AGAIN_S, Front, Pace
 
 ROOT = FOLDER.parents[1]

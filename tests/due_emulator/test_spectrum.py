@@ -2,8 +2,8 @@
 time."""
 
 import pytest
-from toolchain import arm_compiler
 
+from tests.rig.toolchain import arm_compiler
 from tools.bench.spectrum_cost import NOISES, on_due, on_pc
 
 SAMPLES = 9000

@@ -1,8 +1,8 @@
 """Timer counters: what they count, when they compare, and which uses are refused."""
 
 import pytest
-from machine_support import Bench, peripheral, reason
 
+from tests.rig.machine_support import Bench, peripheral, reason
 from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 
 US = PS_PER_US

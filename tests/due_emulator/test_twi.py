@@ -3,8 +3,20 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sensor_support import MSEN, NACK, RXRDY, START, STOP, SWRST, TWI1_ID, TXCOMP, TXRDY, US, SmallBoard
 
+from tests.rig.sensor_support import (
+    MSEN,
+    NACK,
+    RXRDY,
+    START,
+    STOP,
+    SWRST,
+    TWI1_ID,
+    TXCOMP,
+    TXRDY,
+    US,
+    SmallBoard,
+)
 from tools.due_emulator.machine import EmulationFault
 from tools.due_emulator.noise import Motion
 

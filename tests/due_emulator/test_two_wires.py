@@ -2,8 +2,8 @@
 vanishes."""
 
 import pytest
-from sensor_support import RXRDY, SCL, SDA, START, STOP, SWRST, TXCOMP, SmallBoard
 
+from tests.rig.sensor_support import RXRDY, SCL, SDA, START, STOP, SWRST, TXCOMP, SmallBoard
 from tools.due_emulator.machine import EmulationFault, Machine
 from tools.due_emulator.wire import Wire
 

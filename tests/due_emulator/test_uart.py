@@ -2,8 +2,8 @@
 run."""
 
 import pytest
-from machine_support import Bench, reason, run
 
+from tests.rig.machine_support import Bench, reason, run
 from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.memory_map import RAM_BASE
 

@@ -3,11 +3,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from host_support import Processes, each_ended
-from mosquitto_support import Stage
-from nats_support import single
-from nats_worker import Servers, Start, Worker
 
+from tests.rig.host_support import Processes, each_ended
+from tests.rig.mosquitto_support import Stage
+from tests.rig.nats_support import single
+from tests.rig.nats_worker import Servers, Start, Worker
 from tools.faults.server import Server
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stage]:
 
 @pytest.fixture(scope="module")
 def chromium() -> "Iterator[Browser]":
-    from browser_support import browsers  # the browser library is an optional dependency
+    from tests.rig.browser_support import browsers  # the browser library is an optional dependency
 
     yield from browsers()
 

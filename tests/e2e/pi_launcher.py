@@ -1,5 +1,6 @@
-"""Run the real command on a machine that seems to have an MPU-9250 on /dev/i2c-1: `pi_launcher.py NOISE run
-…`.
+"""Run the real command on a machine that seems to have an MPU-9250 on /dev/i2c-1.
+
+Usage: `python -m tests.e2e.pi_launcher NOISE run …`.
 
 The chip model takes the place of the bus behind the interface of smbus2, in real time. All else is as on a
 Raspberry Pi.
@@ -8,17 +9,14 @@ Raspberry Pi.
 import sys
 import threading
 import time
-from pathlib import Path
 from unittest import mock
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "rig"))
-
-from fake_smbus import FakeBus
 from fltea.cli.app import main
 from fltea.records import clock
 from fltea.sources.i2c import bus as i2c_bus
 from fltea.sources.i2c.source import SystemClock
 
+from tests.rig.fake_smbus import FakeBus
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import fractional_world
 

@@ -11,15 +11,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from due_support import ROOT
-from example_records import GOOD, STATS
 from fltea.noise.spectra import g_of, step_variance
 from fltea.records.plus_minus import plus_minus
 from fltea.records.records import Estimate
 from fltea.settings.device_name import device_name
 from fltea.sources.synthetic import parse_noise
-from host_support import fltea_here
 
+from tests.rig.due_support import ROOT
+from tests.rig.example_records import GOOD, STATS
+from tests.rig.host_support import fltea_here
 from tools import demo
 from tools.due_emulator.pty_front import Pace
 from tools.validation.evaluate.cramer_rao import bound

@@ -11,9 +11,9 @@ from fltea.service.descriptors import RESERVE
 from fltea.sources.mcap import find_sessions
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import WIRE_HELLO, each_ended
-from terminal import Terminal, unplug
 
+from tests.rig.host_support import WIRE_HELLO, each_ended
+from tests.rig.terminal import Terminal, unplug
 from tools.faults.program import Program
 
 DEVICES = 40

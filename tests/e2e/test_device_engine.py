@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 from fltea.wire import layout as wire
 from fltea.wire.messages import Frame
-from host_support import Processes, wait_until
-from plain_decoder import decoded
+
+from tests.rig.host_support import Processes, wait_until
+from tests.rig.plain_decoder import decoded
 
 
 def test_the_stand_in_begins_again_for_a_program_that_empties_the_port_late(

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from host_support import Processes, fltea, fltea_here
+
+from tests.rig.host_support import Processes, fltea, fltea_here
 
 
 def findings(output: str) -> dict[str, dict[str, Any]]:

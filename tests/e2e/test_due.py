@@ -5,11 +5,11 @@ from functools import cache
 from itertools import pairwise
 
 import pytest
-from due_support import NOISE, DueRun, build, image
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
 from fltea.wire import layout as wire
-from tiers import slow
 
+from tests.rig.due_support import NOISE, DueRun, build, image
+from tests.rig.tiers import slow
 from tools.due_emulator import mpu9250_registers as reg
 
 PERIOD_US = 10_000

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import pytest
 import unicorn
-from due_support import IMAGE, NOISE, PERIOD_US, DueRun, build, image
 from fltea.wire import layout as wire
-from toolchain import needed
 
+from tests.rig.due_support import IMAGE, NOISE, PERIOD_US, DueRun, build, image
+from tests.rig.toolchain import needed
 from tools.due_emulator.machine import PS_PER_S, PS_PER_US
 from tools.due_emulator.memory_map import RAM_BASE
 from tools.due_emulator.timers import Timer

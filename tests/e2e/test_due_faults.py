@@ -9,7 +9,9 @@ Every sample is byte for byte what the sensor gave at that sample's time.
 from functools import cache
 
 import pytest
-from due_support import (
+from fltea.wire import layout as wire
+
+from tests.rig.due_support import (
     DUE_CASES,
     NOISE,
     PERIOD_US,
@@ -20,9 +22,7 @@ from due_support import (
     image,
     with_fault,
 )
-from fltea.wire import layout as wire
-from tiers import slow
-
+from tests.rig.tiers import slow
 from tools.faults.board import DueExpected
 from tools.faults.case import cells, line
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from device_probe import FIELDS, STARTUP, Device
-from due_support import NOISE, DueRun, build, image
 from fltea.records.records import AXES, DeviceEstimates, DeviceFits, Estimate
 from fltea.wire import layout as wire
-from spectrum_probe import BoardSpectrum
 
+from tests.rig.device_probe import FIELDS, STARTUP, Device
+from tests.rig.due_support import NOISE, DueRun, build, image
+from tests.rig.spectrum_probe import BoardSpectrum
 from tools.due_emulator.noise import recorded_world
 from tools.due_run import Arrival
 

@@ -2,10 +2,10 @@
 budget."""
 
 import pytest
-from due_support import NOISE, DueRun, image
 from fltea.sources.synthetic import parse_noise
 from fltea.wire import layout as wire
 
+from tests.rig.due_support import NOISE, DueRun, image
 from tools.due_emulator.noise import Fractional, Vector
 
 TURNS_S, ENDS_S, END_S = 30.0, 35.0, 38.0

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bank_support import assert_published, fed_directly
-from due_support import ROOT
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
-from host_support import PATIENCE_S, QUICK, Processes
+
+from tests.rig.bank_support import assert_published, fed_directly
+from tests.rig.due_support import ROOT
+from tests.rig.host_support import PATIENCE_S, QUICK, Processes
 
 NOISE = "alpha=0.5&f=-1&seed=9"
 ESTIMATES = 100
@@ -77,7 +78,7 @@ def test_the_chain_publishes_what_the_engine_gives_on_the_quantised_noise(
 @pytest.mark.slow
 def test_make_run_passes_a_signal_on_and_leaves_nothing_behind(tmp_path: Path) -> None:
     demo = subprocess.Popen(
-        [sys.executable, ROOT / "tools/demo.py", "--format", "ndjson", *QUICK],
+        [sys.executable, "-m", "tools.demo", "--format", "ndjson", *QUICK],
         cwd=ROOT,
         env={"PATH": "/usr/bin:/bin", "TMPDIR": str(tmp_path)},
         stdin=subprocess.DEVNULL,

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from built import make
-from due_support import DueRun, build
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import Frame
-from host_support import ROOT
-from toolchain import arm_compiler
 
+from tests.rig.built import make
+from tests.rig.due_support import DueRun, build
+from tests.rig.host_support import ROOT
+from tests.rig.toolchain import arm_compiler
 from tools.due_run import chip_bytes
 
 STARTUP, EVERY = 500, 50
@@ -41,9 +41,9 @@ def image_by_command(mode: str, folder: Path, *defines: str) -> bytes:
     """Build the same image with `make`, as a user does; `fltea flash` finds the build's id next to it."""
     arm_compiler()
     file = folder / "fast.bin"
-    command = [sys.executable, str(ROOT / "tools/build_firmware.py"), "--to", str(file), "--mode", mode]
+    command = [sys.executable, "-m", "tools.build_firmware", "--to", str(file), "--mode", mode]
     command += [word for define in defines for word in ("--define", define)]
-    subprocess.run(command, check=True, capture_output=True)
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     committed = json.loads((ROOT / "firmware/due/image/fltea_due.json").read_text())
     assert json.loads(file.with_suffix(".json").read_text())["build_id"] == committed["build_id"]
     return file.read_bytes()

@@ -17,9 +17,9 @@ import pytest
 from fltea.records.kinds import ERROR_KINDS
 from fltea.records.records import EpochReason
 from fltea.sources.wire_events import SILENCE_S
-from host_support import ROOT
 from nats.js import JetStreamContext
 
+from tests.rig.host_support import ROOT
 from tools.faults import __main__ as command
 from tools.faults.case import Case, cells, play
 from tools.faults.cut_line import CutLine

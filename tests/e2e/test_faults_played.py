@@ -6,8 +6,8 @@ from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import pytest
-from toolchain import missing, needed
 
+from tests.rig.toolchain import missing, needed
 from tools.faults.__main__ import PARTS
 from tools.faults.case import Case, play, play_all
 from tools.faults.daemon import lost_by_outputs

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from browser_support import PATIENCE_MS, Watched
-from host_support import PATIENCE_S, ROOT, fltea_here, wait_until
-from mosquitto_support import Mosquitto, Stage, make_authority
 from playwright.sync_api import Browser, expect
-from toolchain import needed
 
+from tests.rig.browser_support import PATIENCE_MS, Watched
+from tests.rig.host_support import PATIENCE_S, ROOT, fltea_here, wait_until
+from tests.rig.mosquitto_support import Mosquitto, Stage, make_authority
+from tests.rig.toolchain import needed
 from tools.faults.program import Program
 from tools.faults.server import Server, free_port
 

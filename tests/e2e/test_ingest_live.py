@@ -19,10 +19,11 @@ from fltea.service.ingest.mqtt import MqttFrames
 from fltea.service.ingest.receivers import receiver_of
 from fltea.settings.config import load_configs
 from fltea.settings.mqtt import MqttConfig
-from frames_messages import second_of
-from host_support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
-from mosquitto_support import Stage, make_authority
-from nats_support import PARTITIONS, single, three_nodes
+
+from tests.rig.frames_messages import second_of
+from tests.rig.host_support import PATIENCE_S, QUICK, Daemon, Processes, wait_until
+from tests.rig.mosquitto_support import Stage, make_authority
+from tests.rig.nats_support import PARTITIONS, single, three_nodes
 
 DEVICES = ("s0", "s1", "s2", "s3", "s4", "s5")
 SNAPSHOT_S = 2

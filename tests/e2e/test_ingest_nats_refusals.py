@@ -5,10 +5,11 @@ from typing import Any
 import pytest
 from fltea.service.ingest.inbox import Message
 from fltea.service.ingest.mapping import partition_of
-from host_support import wait_until
 from nats.js.api import RetentionPolicy, StreamConfig
-from nats_support import PARTITIONS
-from nats_worker import Servers, Start, Worker, ask, publish, taken
+
+from tests.rig.host_support import wait_until
+from tests.rig.nats_support import PARTITIONS
+from tests.rig.nats_worker import Servers, Start, Worker, ask, publish, taken
 
 S1 = partition_of("s1", PARTITIONS)
 

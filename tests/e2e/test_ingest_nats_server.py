@@ -13,12 +13,12 @@ from fltea.service.ingest.kept import Kept, pack
 from fltea.service.ingest.mapping import partition_of
 from fltea.service.ingest.nats_reports import explain_no_connection
 from fltea.service.ingest.store import Unfit
-from host_support import wait_until
-from mosquitto_support import Stage
-from nats_support import PARTITIONS, mapping
-from nats_worker import Servers, Start, Worker, ask, publish, taken
 from paho.mqtt.enums import MQTTProtocolVersion
 
+from tests.rig.host_support import wait_until
+from tests.rig.mosquitto_support import Stage
+from tests.rig.nats_support import PARTITIONS, mapping
+from tests.rig.nats_worker import Servers, Start, Worker, ask, publish, taken
 from tools.faults.server import Server, free_port
 from tools.nats_users import render
 

@@ -17,10 +17,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bank_support import assert_published, fed_directly
 from fltea.settings.config import load_config
 from fltea.sources.synthetic import NoiseGenerator, parse_noise
-from host_support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, wait_until
+
+from tests.rig.bank_support import assert_published, fed_directly
+from tests.rig.host_support import PATIENCE_S, QUICK, ROOT, Daemon, Processes, wait_until
 
 NOISE = "alpha=0.5&f=-1&seed=8"
 

@@ -12,9 +12,18 @@ from fltea.records.records import Gap
 from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt import delivery
 from fltea.sinks.mqtt.sink import MqttSink
-from host_support import Processes, wait_until
-from mosquitto_support import DAEMON, HELLO, STRANGER, WATCHER, Stage, last_status, make_authority, sample
 
+from tests.rig.host_support import Processes, wait_until
+from tests.rig.mosquitto_support import (
+    DAEMON,
+    HELLO,
+    STRANGER,
+    WATCHER,
+    Stage,
+    last_status,
+    make_authority,
+    sample,
+)
 from tools.faults.server import free_port
 
 pytestmark = [  # the library leaves closing the socket of a failed handshake to the garbage collector

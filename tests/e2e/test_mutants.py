@@ -6,8 +6,8 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from host_support import ROOT
 
+from tests.rig.host_support import ROOT
 from tools.mutants.host_changes import HOST, changes, choose
 from tools.mutants.host_trial import HostCopy
 from tools.mutants.workshop import Invalid, read_mutants

@@ -5,9 +5,10 @@ import socket
 from pathlib import Path
 
 import pytest
-from browser_support import SEQ, Watched
-from host_support import QUICK, Daemon, Processes, ask, port_of, wait_until
 from playwright.sync_api import Browser, expect
+
+from tests.rig.browser_support import SEQ, Watched
+from tests.rig.host_support import QUICK, Daemon, Processes, ask, port_of, wait_until
 
 FEW_DESCRIPTORS = (
     "-c",

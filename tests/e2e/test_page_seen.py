@@ -7,15 +7,16 @@ from collections.abc import Iterator
 import msgspec
 import pytest
 import yaml
-from browser_support import Watched
-from dashboard_support import both, records
-from example_records import MOVES, RESTS, STEP
-from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves
 from fltea.records.records import AnyRecord, Hello, Sample, Stats
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks.page.sink import DashboardSink
 from msgspec.structs import replace
 from playwright.sync_api import Browser, expect
+
+from tests.rig.browser_support import Watched
+from tests.rig.dashboard_support import both, records
+from tests.rig.example_records import MOVES, RESTS, STEP
+from tests.rig.fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves
 
 FITS = {
     "gyro_x": with_curves(FRACTIONAL),

@@ -2,14 +2,13 @@
 
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
-from due_support import image
-from fake_smbus import MS, Pi, S
 from fltea.records.records import Sample
-from host_support import QUICK, Processes
 
+from tests.rig.due_support import image
+from tests.rig.fake_smbus import MS, Pi, S
+from tests.rig.host_support import QUICK, Processes
 from tools.due_emulator.noise import fractional_world
 from tools.due_run import DueRun
 
@@ -71,7 +70,7 @@ def test_the_command(processes: Processes) -> None:
     On a busy machine the program may not run for longer than the sensor's FIFO lasts. Then samples are lost,
     which is reported, and they are counted.
     """
-    launcher = (str(Path(__file__).with_name("pi_launcher.py")), NOISE)
+    launcher = ("-m", "tests.e2e.pi_launcher", NOISE)
     command = processes.daemon("--source", SOURCE, "--samples", *QUICK, program=launcher)
     command.wait_for(lambda: len(command.of("estimate")) >= 120, "estimates")
     said = command.end_well()

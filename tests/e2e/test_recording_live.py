@@ -8,9 +8,10 @@ import time
 from pathlib import Path
 
 import pytest
-from host_support import QUICK, Daemon, Processes, fltea, wait_until
 from mcap.reader import make_reader
-from tiers import slow
+
+from tests.rig.host_support import QUICK, Daemon, Processes, fltea, wait_until
+from tests.rig.tiers import slow
 
 FLUSHED_S = 1.0
 

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_iio import imu, scan
 from fltea.sources.synthetic import parse_noise
-from host_support import Processes, fltea_here, wait_until
-from mcap_support import files
-from terminal import speaking
-from tiers import slow
 
+from tests.rig.fake_iio import imu, scan
+from tests.rig.host_support import Processes, fltea_here, wait_until
+from tests.rig.mcap_support import files
+from tests.rig.terminal import speaking
+from tests.rig.tiers import slow
 from tools.standin import Device
 
 EVERY_S = 0.02
@@ -123,7 +123,7 @@ def test_all_files_of_a_recording_are_used_or_named(
 ) -> None:
     folder = tmp_path / "rec"
     words = [folder] if command == "record" else ["--format", "none", "--record", folder]
-    launcher = [str(Path(__file__).with_name("pi_launcher.py")), "seed=1"] if kind is i2c else []
+    launcher = ["-m", "tests.e2e.pi_launcher", "seed=1"] if kind is i2c else []
     with kind(tmp_path) as source:
         program = processes.daemon(
             *words, "-s", *source, "--rotate-s", "0.4", command=command, program=launcher

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from host_support import PATIENCE_S, QUICK, Processes, wait_until
-from tiers import slow
+
+from tests.rig.host_support import PATIENCE_S, QUICK, Processes, wait_until
+from tests.rig.tiers import slow
 
 
 def of_device(records: list[dict[str, Any]], name: str, kind: str) -> list[dict[str, Any]]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bank_support import AXES, COLUMNS, Gaps, H, assert_close, assert_same, by_bank, by_sample
 from fltea.estimator.bank import Bank
 from fltea.estimator.baseline import Baseline
 from fltea.records.arrays import Array
@@ -14,6 +13,8 @@ from fltea.settings.estimator import EstimatorConfig
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import butter, lfilter
+
+from tests.rig.bank_support import AXES, COLUMNS, Gaps, H, assert_close, assert_same, by_bank, by_sample
 
 LSB = 1 / 16.4
 

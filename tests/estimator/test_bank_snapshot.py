@@ -7,7 +7,6 @@ import zlib
 import msgspec
 import numpy as np
 import pytest
-from bank_support import AXES, COLUMNS, H
 from fltea.estimator.bank import Bank
 from fltea.estimator.engine import instruction_sets
 from fltea.estimator.filter_model import FilterModel
@@ -16,6 +15,8 @@ from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.bank_support import AXES, COLUMNS, H
 
 
 def configured(**changes: object) -> EstimatorConfig:

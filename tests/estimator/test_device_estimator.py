@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
 from fltea.estimator.bank import Bank
 from fltea.estimator.engine import CAUSES, Estimates
 from fltea.recording.npz_file import open_npz
@@ -21,7 +20,9 @@ from fltea.wire.layout import EstimateFlags
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from sample_by_sample import Supervisor
+
+from tests.rig.device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
+from tests.rig.sample_by_sample import Supervisor
 
 # Examples are not shrunk: a failing one is as short as any other, and shrinking takes minutes.
 NO_SHRINKING = (Phase.explicit, Phase.generate)

@@ -6,7 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engine_cases import (
+from fltea.estimator.engine import Engine, instruction_sets
+from fltea.estimator.lane_settings import LaneSettings
+from fltea.records.arrays import Array
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.rig.engine_cases import (
     ESTIMATES,
     EXAMPLE,
     GYROSCOPE,
@@ -19,11 +25,6 @@ from engine_cases import (
     white,
     with_,
 )
-from fltea.estimator.engine import Engine, instruction_sets
-from fltea.estimator.lane_settings import LaneSettings
-from fltea.records.arrays import Array
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 ALL_KINDS = [
     with_(GYROSCOPE, memory=memory, variant=variant, guard=guard)

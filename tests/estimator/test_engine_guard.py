@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from engine_cases import ESTIMATES, GYROSCOPE, columns, run, same, saw_tooth, white, with_
 from fltea.estimator.engine import CAUSES, LARGEST_INPUT, Engine, Estimates
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array
@@ -17,6 +16,8 @@ from hypothesis import example as case
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
+from tests.rig.engine_cases import ESTIMATES, GYROSCOPE, columns, run, same, saw_tooth, white, with_
 
 Flags = NDArray[np.bool_]
 

@@ -5,12 +5,13 @@ from collections.abc import Mapping
 
 import numpy as np
 import pytest
-from engine_cases import GYROSCOPE, columns, run, run_changing, white, with_
 from fltea.estimator.engine import CAUSES, Engine
 from fltea.noise.simulation import FractionalNoise
 from fltea.noise.weights import weights
 from fltea.records.arrays import Array
 from fltea.settings.estimator import JointSettings, StateSettings
+
+from tests.rig.engine_cases import GYROSCOPE, columns, run, run_changing, white, with_
 
 RESTING = 0.0235
 

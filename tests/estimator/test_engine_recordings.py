@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import GYROSCOPE, with_
 from fltea.estimator.engine import Engine
 from fltea.noise.simulation import FractionalNoise
 from fltea.recording.npz_file import open_npz
-from tiers import slow
+
+from tests.rig.engine_cases import GYROSCOPE, with_
+from tests.rig.tiers import slow
 
 
 @pytest.mark.parametrize(

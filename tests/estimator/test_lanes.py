@@ -9,7 +9,8 @@ from fltea.estimator.lane_settings import LaneSettings
 from fltea.estimator.lanes import Lanes, Lost
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
-from sample_by_sample import LanesBySample
+
+from tests.rig.sample_by_sample import LanesBySample
 
 PRINTED = {"variant": "triple", "guard": "off"}
 

@@ -10,8 +10,9 @@ import pytest
 from fltea.noise.weights import weights
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from memory_probe import DIRECT, SETS, Memory, math
-from tiers import slow
+
+from tests.rig.memory_probe import DIRECT, SETS, Memory, math
+from tests.rig.tiers import slow
 
 EPS = {"f": 2.0**-24, "d": 2.0**-53, "w": 2.0**-53}
 

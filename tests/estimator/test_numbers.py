@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import EXAMPLE, columns, reference_run, run, with_
 from fltea.estimator.engine import instruction_sets
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.lab.reference.filters import Fltea, OrderSettings, ParameterSettings, StateSettings, System
 from fltea.records.arrays import Array
+
+from tests.rig.engine_cases import EXAMPLE, columns, reference_run, run, with_
 
 
 def near(*values: F | int) -> object:

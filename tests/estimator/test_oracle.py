@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from sample_by_sample import BLOCK, BLOCKS, FEWEST, whiteness
+
+from tests.rig.sample_by_sample import BLOCK, BLOCKS, FEWEST, whiteness
 
 
 def autoregression(lag: int, rho: float, n: int) -> list[tuple[float, float]]:

@@ -6,14 +6,15 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from bank_support import AXES, COLUMNS, H
-from engine_cases import GYROSCOPE, reference_run, run_changing, same, white, with_
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.engine import Engine, instruction_sets
 from fltea.estimator.filter_model import FilterModel
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
+
+from tests.rig.bank_support import AXES, COLUMNS, H
+from tests.rig.engine_cases import GYROSCOPE, reference_run, run_changing, same, white, with_
 
 CHANGES = {300: (0.01, 0.02), 301: (0.3, 0.05), 900: (0.0, 0.0235)}
 CONFIG = EstimatorConfig(startup=50, window=40)

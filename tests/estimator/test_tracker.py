@@ -10,8 +10,9 @@ from fltea.estimator.tracker import Tracker
 from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiers import slow
-from tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
+
+from tests.rig.tiers import slow
+from tests.rig.tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
 
 EXACT = 512
 """Number of samples after a start for which gains are exact."""

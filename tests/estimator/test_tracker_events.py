@@ -10,7 +10,8 @@ from fltea.noise.parts import Order, Resonance, Sharpening, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
 from scipy.signal import butter, lfilter
-from tracker_support import SYSTEMS, H, fixed, kalman, of, run, simulated, tracker, walk, white
+
+from tests.rig.tracker_support import SYSTEMS, H, fixed, kalman, of, run, simulated, tracker, walk, white
 
 N, AT = 12_000, 4000
 RESONANT = of(Resonance(5.0, 20.0, 1.0))

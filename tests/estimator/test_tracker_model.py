@@ -17,7 +17,8 @@ from fltea.estimator.tracker import (
 from fltea.noise.parts import Relaxation, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
-from tracker_support import SYSTEMS, H
+
+from tests.rig.tracker_support import SYSTEMS, H
 
 RULES = TrackerRules(ahead=100, checked=(50, 500), largest_step=1.0)
 WALKS = system([White(1.0), Relaxation(0.3, 5.0)], H, 100_000).with_offset(1e-6)

@@ -10,7 +10,8 @@ from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
-from tracker_support import SYSTEMS, kalman, lanes, relaxing, simulated, walk, white
+
+from tests.rig.tracker_support import SYSTEMS, kalman, lanes, relaxing, simulated, walk, white
 
 LANES = 24
 WHITE = white(1.0).with_offset()

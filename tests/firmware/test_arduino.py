@@ -8,16 +8,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from blocks import track_one
-from built import make
 from fltea.records.events import RawSample
 from fltea.stream.decode import Decoder
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.message_events import hello_event
 from fltea.wire.messages import Frame
-from tiers import slow
-from toolchain import needed
+
+from tests.rig.blocks import track_one
+from tests.rig.built import make
+from tests.rig.tiers import slow
+from tests.rig.toolchain import needed
 
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parents[1]

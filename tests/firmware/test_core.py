@@ -5,8 +5,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from built import BUILD, make
-from tiers import slow
+
+from tests.rig.built import BUILD, make
+from tests.rig.tiers import slow
 
 FOLDER = Path(__file__).parent
 

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tiers import slow
-from toolchain import arm_compiler, missing, run_tool
+
+from tests.rig.tiers import slow
+from tests.rig.toolchain import arm_compiler, missing, run_tool
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGE = "firmware/due/image/fltea_due.bin"
@@ -49,13 +50,13 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of the sources in which both images were freshly built."""
     arm_compiler()
     root = copy_tree(tmp_path_factory.mktemp("first") / "fltea")
-    done = run_tool("build_firmware.py", root)
+    done = run_tool("build_firmware", root)
     assert done.returncode == 0, done.stderr
     return root
 
 
 def test_image_is_what_the_sources_give() -> None:
-    done = run_tool("build_firmware.py", ROOT, "--check")
+    done = run_tool("build_firmware", ROOT, "--check")
     if done.returncode in (3, 4):
         missing(done.stderr)
     assert done.returncode == 0, done.stderr
@@ -68,7 +69,7 @@ def test_record_tells_of_this_image() -> None:
 
 
 def test_build_id_is_the_same_everywhere() -> None:
-    done = run_tool("generated.py", ROOT, "build_id", "--check")
+    done = run_tool("generated", ROOT, "build_id", "--check")
     assert done.returncode == 0, done.stderr
     text = (ROOT / BUILD_ID).read_text()
     named = dict(re.findall(r'constexpr char (\w+)\[\] = "(.*)";', text))
@@ -129,7 +130,7 @@ def test_image_knows_no_paths() -> None:
 @pytest.mark.slow
 def test_bytes_do_not_depend_on_the_place(built: Path, tmp_path: Path) -> None:
     root = copy_tree(tmp_path / "another place/and deeper")
-    done = run_tool("build_firmware.py", root)
+    done = run_tool("build_firmware", root)
     assert done.returncode == 0, done.stderr
     for mode in ("timer", "data_ready"):
         for name in ("fltea_due.bin", "fltea_due.elf"):
@@ -176,13 +177,13 @@ def test_check_finds_a_changed_byte(built: Path, tmp_path: Path) -> None:
     changed = bytearray((root / IMAGE).read_bytes())
     changed[0x200] ^= 1
     (root / IMAGE).write_bytes(changed)
-    done = run_tool("build_firmware.py", root, "--check")
+    done = run_tool("build_firmware", root, "--check")
     assert done.returncode == 1
     assert "another image" in done.stderr
     facts = json.loads((root / RECORD).read_text())
     facts["sha256"] = hashlib.sha256(changed).hexdigest()
     (root / RECORD).write_text(json.dumps(facts))
-    done = run_tool("build_firmware.py", root, "--check")
+    done = run_tool("build_firmware", root, "--check")
     assert done.returncode == 1
     assert "first differing byte at 0x00080200" in done.stderr
 
@@ -191,10 +192,10 @@ def test_check_finds_a_changed_source(tmp_path: Path) -> None:
     root = copy_tree(tmp_path)
     source = root / "firmware/due/clock.cpp"
     source.write_text(source.read_text() + "// changed\n")
-    done = run_tool("build_firmware.py", root, "--check", env={"PATH": ""})  # the check needs no compiler
+    done = run_tool("build_firmware", root, "--check", env={"PATH": ""})  # the check needs no compiler
     assert done.returncode == 1
     assert record()["build_id"] in done.stderr
-    done = run_tool("generated.py", root, "build_id", "--check")
+    done = run_tool("generated", root, "build_id", "--check")
     assert done.returncode == 1
     assert BUILD_ID in done.stderr
 
@@ -226,7 +227,7 @@ def test_what_cannot_be_checked_is_told(
     root = copy_tree(tmp_path)
     change(root)
     how = {} if has_compiler else {"env": {"PATH": str(tmp_path)}}
-    done = run_tool("build_firmware.py", root, "--check", **how)
+    done = run_tool("build_firmware", root, "--check", **how)
     assert (done.returncode, says in done.stderr) == (code, True), done.stderr
 
 
@@ -240,7 +241,7 @@ def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
         source.rename(source.with_name("lcd.cpp"))  # the sorting order stays the same
     else:
         source.with_name("empty.h").touch()
-    assert run_tool("generated.py", root, "build_id").returncode == 0
+    assert run_tool("generated", root, "build_id").returncode == 0
     text = (root / BUILD_ID).read_text()
     assert record()["build_id"] not in text
     assert re.search(r'kBuildId\[\] = "[0-9a-f]{8}"', text)

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from toolchain import missing, run_tool
+
+from tests.rig.toolchain import missing, run_tool
 
 ROOT = Path(__file__).resolve().parents[2]
 HEADER = "firmware/due/sam3x.h"
@@ -149,14 +150,14 @@ def test_one_register_an_offset_but_for_alternatives() -> None:
 
 def test_another_description_is_refused(tmp_path: Path) -> None:
     """A description in which one register has another address is refused."""
-    fetched = run_tool("generated.py", ROOT, "gen_registers", "--check")
+    fetched = run_tool("generated", ROOT, "gen_registers", "--check")
     if "could not fetch" in fetched.stderr:
         missing(fetched.stderr)
     for name in (HEADER, SVD):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / name, tmp_path / name)
     (tmp_path / SVD).write_bytes((ROOT / SVD).read_bytes().replace(b"0x400E0800", b"0x400E0804"))
-    done = run_tool("generated.py", tmp_path, "gen_registers")
+    done = run_tool("generated", tmp_path, "gen_registers")
     assert done.returncode == 1
     assert "SHA-256" in done.stderr
     assert SVD in done.stderr

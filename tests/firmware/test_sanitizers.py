@@ -5,7 +5,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from toolchain import needed
+
+from tests.rig.toolchain import needed
 
 FOLDERS = [Path(__file__).parent, Path(__file__).parents[1] / "native"]
 READS = """#include <cstdint>

@@ -21,8 +21,9 @@ from fltea.fleet.history import COLUMNS, TABLES, History
 from fltea.fleet.history_table import write
 from fltea.fleet.roll import Axis
 from fltea.records.errors import UsageError
-from history_support import add, axis, opened, rows_of, times_of, write_out
-from host_support import PATIENCE_S, fltea_here
+
+from tests.rig.history_support import add, axis, opened, rows_of, times_of, write_out
+from tests.rig.host_support import PATIENCE_S, fltea_here
 
 
 @pytest.fixture

@@ -17,9 +17,10 @@ from fltea.fleet import history as histories
 from fltea.fleet.databases import Postgres
 from fltea.fleet.history import TABLES, History
 from fltea.records.errors import UsageError
-from history_support import add, axis, rows_of, times_of, write_out
-from host_support import PATIENCE_S, each_ended
-from postgres_support import Server, started
+
+from tests.rig.history_support import add, axis, rows_of, times_of, write_out
+from tests.rig.host_support import PATIENCE_S, each_ended
+from tests.rig.postgres_support import Server, started
 
 NUMBERS = itertools.count()
 """Numbers that make the names of databases unique."""

@@ -4,7 +4,6 @@ import json
 
 import msgspec
 import pytest
-from example_records import STATS
 from fltea.fleet import roll as rolls
 from fltea.fleet.alerts import LOOKS, Alerts
 from fltea.fleet.clock import Clock
@@ -15,6 +14,8 @@ from fltea.records.fit import AxisFit, FitAllan, Interval
 from fltea.records.records import Fit
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.rig.example_records import STATS
 
 HELLO = b'{"class":"hello","rate_hz":100.0,"sensor":"MPU-9250","boot_id":7}'
 NOBODY = Comparison([], {})

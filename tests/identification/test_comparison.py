@@ -11,13 +11,14 @@ from fltea.identification.axis_report import AxisReport, FileReport
 from fltea.identification.comparison import Compared, compared, rows, said
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.records.fit import Interval
-from host_support import fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_files import counts, npz
-from identify_one import identify_series
-from identify_support import H, white
 from msgspec.structs import replace
+
+from tests.rig.host_support import fltea_here
+from tests.rig.identify_files import counts, npz
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, white
 
 N_SAMPLES = 30_000
 

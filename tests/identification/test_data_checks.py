@@ -12,8 +12,9 @@ from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral_lines import find_peaks
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H, ar, long_recursion, white
 from msgspec import structs
+
+from tests.rig.identify_support import H, ar, long_recursion, white
 
 LONG = 60_000
 LSB = 0.1

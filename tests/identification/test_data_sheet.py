@@ -10,8 +10,9 @@ import pytest
 from fltea.identification.data_sheet import SHEETS, compare, on_their_sides, sheet_name
 from fltea.records.errors import UsageError
 from fltea.records.fit import Interval, Level
-from host_support import fltea_here
-from identify_files import identify_axis
+
+from tests.rig.host_support import fltea_here
+from tests.rig.identify_files import identify_axis
 
 RATE_HZ = 100.0
 

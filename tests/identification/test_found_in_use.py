@@ -14,9 +14,10 @@ from fltea.identification.model_file import NoiseModels, read_models, write_json
 from fltea.identification.noise_model import AxisModel, draw
 from fltea.noise.parts import Order, White
 from fltea.records.fit import Interval, Level
-from identify_files import QUICK, identify_axis
-from identify_one import identify_series
-from identify_support import H, Truth, ar, composite, white
+
+from tests.rig.identify_files import QUICK, identify_axis
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, Truth, ar, composite, white
 
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)
 

@@ -6,9 +6,10 @@ from fltea.identification.axis import IdentifyOptions
 from fltea.identification.axis_report import AxisReport
 from fltea.identification.kalibr import axis_noise
 from fltea.identification.load import Series
-from identify_one import identify_series
-from identify_support import H
 from scipy.signal import lfilter
+
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H
 
 N, CORNER_HZ, SIGMA, K = 60_000, 0.1, 0.1, 1e-3
 OPTIONS = IdentifyOptions(shuffles=0)

@@ -13,7 +13,8 @@ from fltea.spectrum.allan_coefficients import Points, coefficients
 from fltea.spectrum.allan_curve import local_slopes
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H, white
+
+from tests.rig.identify_support import H, white
 
 N = 20_000
 

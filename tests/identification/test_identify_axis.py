@@ -12,8 +12,9 @@ from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.periodogram import FEWEST
 from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.verdict import decide
-from identify_files import identify_axis
-from identify_support import H, ar, long_recursion, white
+
+from tests.rig.identify_files import identify_axis
+from tests.rig.identify_support import H, ar, long_recursion, white
 
 QUICK = IdentifyOptions(shuffles=20)
 

@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from bag_support import even, write_bag
 from fltea.cli.identify_options import parse_notch
 from fltea.identification.model_file import read_models
 from fltea.records.errors import UsageError
-from host_support import fltea, fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_files import counts, npz
-from identify_support import ar, white
+
+from tests.rig.bag_support import even, write_bag
+from tests.rig.host_support import fltea, fltea_here
+from tests.rig.identify_files import counts, npz
+from tests.rig.identify_support import ar, white
 
 FAST = ("--jobs", "1", "--startup", "100", "--window", "100", "--shuffles", "5")
 

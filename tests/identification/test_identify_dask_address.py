@@ -12,15 +12,16 @@ from typing import Any
 from unittest.mock import Mock
 
 import pytest
-from cluster_support import ASK, identified, open_table
 from fltea import __version__
 from fltea.cli import identify as command
 from fltea.identification import dask_workers
 from fltea.identification.dask_address import check_address, trust_warning
 from fltea.identification.workers import Here, UnfitWorker
 from fltea.records.errors import UsageError
-from host_support import fltea_here
-from identify_files import counts, npz
+
+from tests.rig.cluster_support import ASK, identified, open_table
+from tests.rig.host_support import fltea_here
+from tests.rig.identify_files import counts, npz
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ from contextlib import closing
 
 import pytest
 from fltea.records.errors import FlteaError
-from host_support import PATIENCE_S
-from toolchain import missing
 
+from tests.rig.host_support import PATIENCE_S
+from tests.rig.toolchain import missing
 from tools.faults.cluster import Cluster
 
 

@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cluster_support import rows_in
 from fltea.records.errors import UsageError
-from host_support import PATIENCE_S, wait_until
-from identify_files import counts, npz
-from mosquitto_support import openssl
-from toolchain import missing
+
+from tests.rig.cluster_support import rows_in
+from tests.rig.host_support import PATIENCE_S, wait_until
+from tests.rig.identify_files import counts, npz
+from tests.rig.mosquitto_support import openssl
+from tests.rig.toolchain import missing
 
 QUICK = ("--shuffles", "0", "--window", "100", "--startup", "100")
 

@@ -35,13 +35,14 @@ from fltea.noise.parts import (
     White,
 )
 from fltea.settings.how import How
-from host_support import fltea, fltea_here
 from hypothesis import HealthCheck, example, given
 from hypothesis import settings as random
 from hypothesis import strategies as st
-from identify_files import QUICK, settings
-from identify_one import identify_series
-from identify_support import H, Truth, composite, long_recursion, white
+
+from tests.rig.host_support import fltea, fltea_here
+from tests.rig.identify_files import QUICK, settings
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, Truth, composite, long_recursion, white
 
 NAVIGABLE = Truth(0.005, ((0.03, 1.0), (0.03, 0.05)), K=0.01)
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)

@@ -22,8 +22,9 @@ from fltea.settings.estimator import AccelConfig, EstimatorConfig
 from fltea.spectrum.innovation_whiteness import innovations
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H, ar, long_recursion, white
-from one_fltea import fltea_fit
+
+from tests.rig.identify_support import H, ar, long_recursion, white
+from tests.rig.one_fltea import fltea_fit
 
 LSB = 1 / 16.4
 Variant = Literal["joint", "triple"]

@@ -39,11 +39,12 @@ from fltea.spectrum.periodogram import Periodogram
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, counts, identify_axis, npz
-from identify_files import settings as quick
-from identify_support import H, ar, white
 from numpy.typing import NDArray
-from one_fltea import fltea_fit
+
+from tests.rig.identify_files import LSB_PER_DPS, QUICK, RATE_HZ, counts, identify_axis, npz
+from tests.rig.identify_files import settings as quick
+from tests.rig.identify_support import H, ar, white
+from tests.rig.one_fltea import fltea_fit
 
 
 def lose(y: Array, keep: NDArray[np.bool_]) -> tuple[Array, Gaps]:

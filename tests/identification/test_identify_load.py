@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import mcap_support
 import msgspec
 import numpy as np
 import pytest
@@ -11,8 +10,10 @@ from fltea.records.errors import UsageError
 from fltea.records.records import AnyRecord, Epoch, Sample
 from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import How
-from host_support import hello
-from identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
+
+from tests.rig import mcap_support
+from tests.rig.host_support import hello
+from tests.rig.identify_files import LSB_PER_DPS, RATE_HZ, counts, npz
 
 
 def test_npz_in_deg_per_s(tmp_path: Path) -> None:

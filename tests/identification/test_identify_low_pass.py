@@ -7,10 +7,11 @@ import pytest
 from fltea.records.fit import Interval
 from fltea.settings.estimator import EstimatorConfig
 from fltea.spectrum.innovation_whiteness import describes, describes_order
-from identify_files import identify_axis
-from identify_support import H, white
-from one_fltea import fltea_fit
 from scipy.signal import butter, lfilter
+
+from tests.rig.identify_files import identify_axis
+from tests.rig.identify_support import H, white
+from tests.rig.one_fltea import fltea_fit
 
 FILTERS = {"one pole, 5 Hz": (1, 5.0), "two poles, 20 Hz": (2, 20.0), "two poles, 41 Hz": (2, 41.0)}
 N = 6_000

@@ -34,12 +34,13 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.sources.synthetic import NoiseSettings
 from fltea.spectrum.periodogram import binned, periodogram
 from fltea.spectrum.spectral_lines import Peak
-from host_support import QUICK, fltea, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_one import identify_series
-from identify_support import H, ar, white
 from msgspec.structs import replace
+
+from tests.rig.host_support import QUICK, fltea, strict_records
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, ar, white
 
 OPTIONS = IdentifyOptions(shuffles=0)
 PARTS = {

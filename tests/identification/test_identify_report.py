@@ -22,10 +22,11 @@ from fltea.identification.workers import Here
 from fltea.records.errors import UsageError
 from fltea.records.whole_file import prepare_folder
 from fltea.spectrum.intervals import CRITICAL
-from identify_files import QUICK, counts, npz
-from identify_support import H, long_recursion, white
 from msgspec.structs import replace
-from toolchain import missing
+
+from tests.rig.identify_files import QUICK, counts, npz
+from tests.rig.identify_support import H, long_recursion, white
+from tests.rig.toolchain import missing
 
 CHROMIUM = shutil.which("chromium")
 NAME = "<b>rest & more.npz"

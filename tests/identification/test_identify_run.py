@@ -14,7 +14,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from cluster_support import two_workers
 from fltea.identification.axis import NOT_RUN
 from fltea.identification.axis_report import AxisReport, Failure, FileReport
 from fltea.identification.findings import document
@@ -24,9 +23,11 @@ from fltea.identification.workers import SMALL, Here, Processes, Threads, open_l
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.records import ACCEL_AXES
 from fltea.settings.estimator import EstimatorConfig
-from host_support import wait_until
-from identify_files import Deadly, counts, npz, settings
-from identify_support import long_recursion
+
+from tests.rig.cluster_support import two_workers
+from tests.rig.host_support import wait_until
+from tests.rig.identify_files import Deadly, counts, npz, settings
+from tests.rig.identify_support import long_recursion
 
 N = 600
 PATIENCE_S = 60.0

@@ -14,9 +14,10 @@ from fltea.identification.forecast_judge import Errors, Piece
 from fltea.identification.inflation import own_inflation
 from fltea.records.errors import UsageError
 from fltea.records.plus_minus import NORMAL_95
-from host_support import fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.rig.host_support import fltea_here
 
 N, H = 60000, 0.01  # ten minutes at 100 Hz
 U = np.clip((np.arange(N) * H - 300) / 300, 0, None)

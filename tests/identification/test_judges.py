@@ -16,8 +16,9 @@ from fltea.records.arrays import Array
 from fltea.records.records import ACCEL_AXES, AXES
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H, ar, gauss_markov, white
 from scipy.signal import lfilter
+
+from tests.rig.identify_support import H, ar, gauss_markov, white
 
 N = 12_000
 IN_RAD_S = np.degrees(1.0)

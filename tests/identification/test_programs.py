@@ -13,13 +13,14 @@ from fltea.identification.axis_report import AxisReport
 from fltea.identification.filter_figures import filter_figures
 from fltea.identification.load import GYRO_UNIT, Series
 from fltea.identification.navigation_filter import FilterState, NavigationFilter
-from host_support import fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_files import QUICK, counts, npz
-from identify_one import identify_series
-from identify_support import H, Truth, composite, white
 from msgspec.structs import replace
+
+from tests.rig.host_support import fltea_here
+from tests.rig.identify_files import QUICK, counts, npz
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, Truth, composite, white
 
 PROGRAMS = programs()
 AS_MEASURED = Inflation(1.0, 1.0)

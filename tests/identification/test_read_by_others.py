@@ -12,7 +12,8 @@ import pyarrow.json
 import pyarrow.parquet
 import pytest
 from fltea.api.recording import open as open_recording
-from host_support import fltea_here
+
+from tests.rig.host_support import fltea_here
 
 AXES = ("gyro_x", "gyro_y")
 MODELS = ("--export-model", "--gauss-markov")

@@ -9,8 +9,9 @@ from fltea.identification.repeated import PARTS, repeats
 from fltea.records.arrays import Array
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H, ar, white
 from scipy.signal import lfilter
+
+from tests.rig.identify_support import H, ar, white
 
 
 def low_passed(hz: float, n: int, axes: int, seed: int) -> Array:

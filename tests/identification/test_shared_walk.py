@@ -16,8 +16,9 @@ from fltea.identification.workers import Here
 from fltea.noise.parts import Walk, White
 from fltea.records.arrays import Array
 from fltea.settings.how import How
-from identify_files import settings
-from identify_support import gauss_markov
+
+from tests.rig.identify_files import settings
+from tests.rig.identify_support import gauss_markov
 
 H, N = 0.01, 30_000
 

@@ -23,10 +23,11 @@ from fltea.identification.tracked_system import OffsetWalkFound
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
 from fltea.spectrum.drift_rate import around
-from host_support import fltea_here
-from identify_files import QUICK
-from identify_one import identify_series
-from identify_support import H, gauss_markov
+
+from tests.rig.host_support import fltea_here
+from tests.rig.identify_files import QUICK
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, gauss_markov
 
 N_TRUE, SIGMA = 0.01, 0.1
 OPTIONS = IdentifyOptions(QUICK, shuffles=0)

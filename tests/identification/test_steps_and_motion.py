@@ -22,10 +22,11 @@ from fltea.identification.workers import Here
 from fltea.records.arrays import Array
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_files import LSB_PER_DPS, QUICK, RATE_HZ, settings
-from identify_one import identify_series
-from identify_support import H
 from scipy.signal import lfilter
+
+from tests.rig.identify_files import LSB_PER_DPS, QUICK, RATE_HZ, settings
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H
 
 N_TRUE, SIGMA, SAMPLES = 0.01, 0.1, 60_000
 LSB_PER_G = 16384.0

@@ -13,10 +13,11 @@ from fltea.identification.run import identify_all
 from fltea.identification.telegraph import Telegraph, without_levels
 from fltea.identification.workers import Here
 from fltea.records.arrays import Array
-from identify_files import QUICK, npz, settings
-from identify_one import identify_series
-from identify_support import H, ar, long_recursion, white
 from scipy.signal import butter, lfilter
+
+from tests.rig.identify_files import QUICK, npz, settings
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import H, ar, long_recursion, white
 
 N = 20_000
 

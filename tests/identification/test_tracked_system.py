@@ -14,8 +14,9 @@ from fltea.identification.tracked_system import offset_walk_found
 from fltea.noise.parts import White
 from fltea.records.arrays import Array
 from fltea.records.fit import Interval
-from identify_one import identify_series
-from identify_support import gauss_markov
+
+from tests.rig.identify_one import identify_series
+from tests.rig.identify_support import gauss_markov
 
 H, N = 0.01, 30_000
 OPTIONS = IdentifyOptions(shuffles=0)

@@ -9,7 +9,8 @@ import pytest
 from fltea.identification.advice import CURE_FIRST
 from fltea.identification.values import value_data_checks
 from fltea.records.arrays import Array
-from identify_support import ar, long_recursion, white
+
+from tests.rig.identify_support import ar, long_recursion, white
 
 N = 20_000
 

@@ -4,11 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from engine_cases import driven, saw_tooth
 from fltea.lab.reference.filters import Fltea, OrderSettings, ParameterSettings, StateSettings, Step, System
 from fltea.records.arrays import Array
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+
+from tests.rig.engine_cases import driven, saw_tooth
 
 ORDER = OrderSettings(P0=0.05, Q0=0.005, alpha0=1, R=1e-3, delta=0.5)
 PARAMETER = ParameterSettings(P0=0.001, Q0=0.01, w0=0, R=1e-3, delta=0.5)

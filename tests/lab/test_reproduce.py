@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_cases import driven
 from fltea.estimator.engine import Estimates
 from fltea.lab.reproduce import gyroscope, paper, paper_tables, timing
 from fltea.lab.reproduce.figures import median_seed
@@ -17,6 +16,8 @@ from fltea.lab.reproduce.simulate import fractional_states, noises
 from fltea.noise.weights import weights
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
+
+from tests.rig.engine_cases import driven
 
 SEEDS = [0, 1, 7]
 

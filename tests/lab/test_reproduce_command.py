@@ -12,7 +12,8 @@ import pytest
 from fltea.lab import bench as bench_estimator
 from fltea.lab.reproduce import open_choices, timing
 from fltea.lab.reproduce.scenarios import example
-from host_support import fltea_here
+
+from tests.rig.host_support import fltea_here
 
 Call = Callable[..., tuple[int, str, str]]
 

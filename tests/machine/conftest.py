@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import pytest
-from fake_system import FakeSystem
 from fltea.machine import host_system
+
+from tests.rig.fake_system import FakeSystem
 
 
 @pytest.fixture

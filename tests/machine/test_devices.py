@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 import typer
-from fake_iio import FakeIio, imu
-from fake_system import FakeSystem
 from fltea.cli.devices import devices, doctor
 from fltea.machine import host_system
 from fltea.machine.devices import NATIVE, PROGRAMMING, find_iio, find_ports, stable_name
@@ -21,7 +19,10 @@ from fltea.records.events import Trouble
 from fltea.settings.config import Config
 from fltea.wire.permission import Group
 from fltea.wire.transport import DUE_NATIVE_PORT
-from host_support import hello, wait_until
+
+from tests.rig.fake_iio import FakeIio, imu
+from tests.rig.fake_system import FakeSystem
+from tests.rig.host_support import hello, wait_until
 
 
 def test_boards_come_first_and_each_port_says_what_it_is(system: FakeSystem) -> None:

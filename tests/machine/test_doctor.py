@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from fake_system import FakeSystem, finding_of, levels
 from fltea.machine.doctor.checks_host import check_packages, check_service, check_udev
 from fltea.machine.doctor.checks_i2c import check_i2c
 from fltea.machine.doctor.checks_outputs import check_outputs
@@ -16,6 +15,8 @@ from fltea.settings.config import load_configs
 from fltea.settings.extras import how_to_install
 from fltea.sources.i2c.chips import CHIPS
 from fltea.wire.sensors import SENSORS
+
+from tests.rig.fake_system import FakeSystem, finding_of, levels
 
 
 def outputs(system: FakeSystem, **settings: object) -> list[Finding]:

@@ -2,7 +2,6 @@
 
 import msgspec
 import pytest
-from fake_system import FakeSystem, finding_of, levels
 from fltea.machine.doctor import checks_link
 from fltea.machine.doctor.checks_link import check_serial, judge
 from fltea.machine.doctor.hearing import Drift, Heard
@@ -11,7 +10,9 @@ from fltea.records.stats import DeviceStatus, LinkStats
 from fltea.records.version import __version__
 from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD, DUE_NATIVE_PORT
-from host_support import hello
+
+from tests.rig.fake_system import FakeSystem, finding_of, levels
+from tests.rig.host_support import hello
 
 HELLO = hello(
     firmware_version=f"{__version__} due fca274b5",

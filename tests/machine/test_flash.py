@@ -15,8 +15,9 @@ from fltea.records.errors import FlteaError, UsageError
 from fltea.wire import layout as wire
 from fltea.wire import transport
 from fltea.wire.messages import encode
-from host_support import ROOT, WIRE_HELLO, fltea, fltea_here
-from terminal import SpeakingPort, speaking
+
+from tests.rig.host_support import ROOT, WIRE_HELLO, fltea, fltea_here
+from tests.rig.terminal import SpeakingPort, speaking
 
 HELLO = WIRE_HELLO._replace(firmware_version="0.1.0 due 12ab34cd", who_am_i=0, sensor_starts=0)
 

@@ -11,8 +11,9 @@ import pytest
 import serial
 from fltea.machine import flash
 from fltea.records.errors import FlteaError, UsageError
-from host_support import ROOT
-from terminal import SpeakingPort, speaking
+
+from tests.rig.host_support import ROOT
+from tests.rig.terminal import SpeakingPort, speaking
 
 
 @pytest.fixture

@@ -10,8 +10,9 @@ from fltea.records.errors import UsageError
 from fltea.sources import wire_events
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import WIRE_HELLO
-from terminal import SpeakingPort, speaking
+
+from tests.rig.host_support import WIRE_HELLO
+from tests.rig.terminal import SpeakingPort, speaking
 
 
 @pytest.fixture

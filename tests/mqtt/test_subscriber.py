@@ -8,7 +8,8 @@ import pytest
 from fltea.mqtt.connection import Receiver, Subscription
 from fltea.mqtt.subscriber import Subscriber
 from fltea.settings.mqtt import MqttConfig
-from host_support import PATIENCE_S, wait_until
+
+from tests.rig.host_support import PATIENCE_S, wait_until
 
 CONNACK = b"\x20\x03\x00\x00\x00"
 CONNECT, SUBSCRIBE = 0x10, 0x82

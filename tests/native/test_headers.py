@@ -3,8 +3,9 @@
 import subprocess
 
 import pytest
-from built import BUILD, NATIVE, make
-from tiers import slow
+
+from tests.rig.built import BUILD, NATIVE, make
+from tests.rig.tiers import slow
 
 TESTS = BUILD / "tests-native"
 

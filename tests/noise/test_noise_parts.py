@@ -11,8 +11,9 @@ from fltea.spectrum.candidate_models import native
 from fltea.spectrum.periodogram import periodogram
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H, recursion
-from model_support import PARTS, bins, closed_form
+
+from tests.rig.identify_support import H, recursion
+from tests.rig.model_support import PARTS, bins, closed_form
 
 LAM = np.linspace(1e-3, np.pi, 5000)
 

@@ -14,11 +14,12 @@ from fltea.noise.system import system
 from fltea.spectrum import wording
 from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.reading import read
-from host_support import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H
-from model_support import EXAMPLES, PARTS, bins
+
+from tests.rig.host_support import ROOT
+from tests.rig.identify_support import H
+from tests.rig.model_support import EXAMPLES, PARTS, bins
 
 LAM = np.geomspace(1e-4, np.pi, 300)
 SAMPLES = 200_000

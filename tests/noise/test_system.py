@@ -11,9 +11,10 @@ from fltea.noise.spectra import stationary
 from fltea.noise.system import System, system
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H
-from model_support import PARTS
-from model_support import order as an_order
+
+from tests.rig.identify_support import H
+from tests.rig.model_support import PARTS
+from tests.rig.model_support import order as an_order
 
 N = 10**6
 LAM = np.geomspace(4 * math.pi / N, math.pi, 1000)

@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pytest
 from fltea.wire import layout as wire
-from protocol_definition import DefinitionError, load
-from protocol_support import DEFINITION, PROTOCOL, ROOT
-from toolchain import run_tool
+
+from tests.rig.protocol_support import DEFINITION, PROTOCOL, ROOT
+from tests.rig.toolchain import run_tool
+from tools.protocol_definition import DefinitionError, load
 
 FILES = ["firmware/core/messages.h", "host/fltea/wire/layout.py"]
 
@@ -28,7 +29,7 @@ def test_check_names_what_differs_and_writes_nothing(tree: Path) -> None:
     definition = tree / "protocol/messages.toml"
     definition.write_text(DEFINITION.replace('name = "boot_id"', 'name = "boot_number"'))
     before = {name: (tree / name).read_bytes() for name in FILES}
-    done = run_tool("generated.py", tree, "gen_protocol", "--check")
+    done = run_tool("generated", tree, "gen_protocol", "--check")
     assert done.returncode == 1
     assert [line.split()[0] for line in done.stderr.splitlines()] == FILES
     assert before == {name: (tree / name).read_bytes() for name in FILES}
@@ -37,7 +38,7 @@ def test_check_names_what_differs_and_writes_nothing(tree: Path) -> None:
 def test_generate_writes_only_what_differs(tree: Path) -> None:
     (tree / FILES[1]).write_text("")
     stamps = {name: (tree / name).stat().st_mtime_ns for name in FILES}
-    done = run_tool("generated.py", tree, "gen_protocol")
+    done = run_tool("generated", tree, "gen_protocol")
     assert (done.returncode, done.stdout) == (0, f"wrote {FILES[1]}\n")
     assert (tree / FILES[1]).read_text() == (ROOT / FILES[1]).read_text()
     assert (tree / FILES[0]).stat().st_mtime_ns == stamps[FILES[0]]
@@ -45,7 +46,7 @@ def test_generate_writes_only_what_differs(tree: Path) -> None:
 
 def test_what_is_wrong_ends_the_command(tree: Path) -> None:
     (tree / "protocol/messages.toml").write_text(DEFINITION.replace("id = 2", "id = 1"))
-    done = run_tool("generated.py", tree, "gen_protocol")
+    done = run_tool("generated", tree, "gen_protocol")
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == "protocol/messages.toml: message: id 1 is there twice\n"
 

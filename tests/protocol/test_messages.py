@@ -15,7 +15,8 @@ from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import BadFrame, Frame, Refused, encode, encode_frame, refusal
 from hypothesis import given
 from hypothesis import strategies as st
-from protocol_support import HELLO, PROTOCOL, fixed, messages, sequences, times
+
+from tests.rig.protocol_support import HELLO, PROTOCOL, fixed, messages, sequences, times
 
 
 def decode(data: bytes) -> Frame | Refused | BadFrame:

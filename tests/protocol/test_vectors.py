@@ -13,8 +13,9 @@ from fltea import _native
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import BlockReader, FrameReader
 from fltea.wire.messages import REASONS, BadFrame, Frame, Refused, encode, encode_frame
-from plain_decoder import Found, decoded, in_chunks
-from protocol_support import names, records, run, table
+
+from tests.rig.plain_decoder import Found, decoded, in_chunks
+from tests.rig.protocol_support import names, records, run, table
 
 GOOD, BAD, STREAMS = records("good.txt"), records("bad.txt"), records("streams.txt")
 

@@ -9,15 +9,15 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import gen_protocol
-import protocol_definition
 import pytest
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.messages import BadFrame, Frame, Refused, encode, encode_frame, refusal
-from protocol_definition import DefinitionError
-from protocol_support import DEFINITION, HELLO, PROTOCOL, ROOT
-from toolchain import needed
+
+from tests.rig.protocol_support import DEFINITION, HELLO, PROTOCOL, ROOT
+from tests.rig.toolchain import needed
+from tools import gen_protocol, protocol_definition
+from tools.protocol_definition import DefinitionError
 
 MINOR = PROTOCOL.minor + 1
 ADDED_FIELD = f"""

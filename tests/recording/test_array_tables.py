@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from blocks import samples_of
 from fltea.recording.files import Stored
 from fltea.recording.npy_file import open_npy
 from fltea.recording.reader_process import open_in_process
@@ -15,6 +14,8 @@ from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 from fltea.sources.replay import ReplaySource
 from pyarrow import parquet
+
+from tests.rig.blocks import samples_of
 
 N = 300
 TIMES_S = np.arange(N) / 100

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_support import KINDS, Messages, even, write_bag
 from fltea.archive.export import export
 from fltea.archive.info import as_text, sessions, summarise
 from fltea.identification.load import Request, load, recordings
@@ -16,7 +15,9 @@ from fltea.recording.ros_bag import open_bag
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.sources.replay import ReplaySource
-from host_support import fltea_here
+
+from tests.rig.bag_support import KINDS, Messages, even, write_bag
+from tests.rig.host_support import fltea_here
 
 N = 1200
 

@@ -7,7 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import (
+from fltea.recording.bag_sensors import Sensors
+from fltea.recording.reading import NotStated
+from fltea.recording.ros_bag import open_bag
+from fltea.records.errors import UsageError
+from fltea.settings.how import How
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.rig.bag_support import (
     KINDS,
     PX4_FIFO,
     PX4_GYRO,
@@ -18,13 +26,6 @@ from bag_support import (
     write_publishers,
     write_types,
 )
-from fltea.recording.bag_sensors import Sensors
-from fltea.recording.reading import NotStated
-from fltea.recording.ros_bag import open_bag
-from fltea.records.errors import UsageError
-from fltea.settings.how import How
-from hypothesis import given
-from hypothesis import strategies as st
 
 N, RATE_HZ = 400, 200.0
 STAMPS = (START_NS + np.arange(N) * 5_000_000).tolist()

@@ -20,7 +20,8 @@ from fltea.sources.text_events import TextEvents
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 N = 4000
 SEEDS = st.integers(0, 1 << 20)

@@ -10,13 +10,14 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from blocks import samples_of
-from corpus_files import HERE, N, text
 from fltea.recording.formats import FORMATS
 from fltea.records.errors import UsageError
 from fltea.records.events import Trouble
 from fltea.settings.how import How
 from fltea.sources.replay import ReplaySource
+
+from tests.rig.blocks import samples_of
+from tests.rig.corpus_files import HERE, N, text
 
 
 def archive(path: Path, **files: bytes) -> Path:

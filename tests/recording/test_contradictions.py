@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 N = 60
 _random = np.random.default_rng(7)

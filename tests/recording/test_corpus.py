@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from corpus_files import ACCEL_MS2, COARSE_DPS, GYRO_DPS, HERE, RATE_HZ, RATES_HZ
-from corpus_reading import BY_NAME, OPTIONS, UNREAD_DIALECTS, how_of, pairs
 from fltea.archive.info import as_text, summarise
 from fltea.recording.formats import UNREAD, Unread
 from fltea.recording.opening import Printed, open_recording
@@ -19,6 +17,9 @@ from fltea.settings.how import AS_IT_SAYS
 from fltea.sources import replay
 from fltea.sources.replay import ReplaySource
 from fltea.sources.text_events import TextEvents
+
+from tests.rig.corpus_files import ACCEL_MS2, COARSE_DPS, GYRO_DPS, HERE, RATE_HZ, RATES_HZ
+from tests.rig.corpus_reading import BY_NAME, OPTIONS, UNREAD_DIALECTS, how_of, pairs
 
 EVIDENCE = {"given", "stated", "dialect", "convention", "measured"}
 

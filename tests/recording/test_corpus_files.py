@@ -5,10 +5,11 @@ import shutil
 import time
 from pathlib import Path
 
-import corpus_files
 import openpyxl
 import pytest
 import scipy.io
+
+from tests.rig import corpus_files
 
 
 def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:

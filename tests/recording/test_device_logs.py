@@ -9,14 +9,15 @@ import asammdf
 import nptdms
 import numpy as np
 import pytest
-from corpus_files import IMU_FORM, dataflash, ulog
 from fltea.recording.files import Stored
 from fltea.recording.reader_process import open_in_process
 from fltea.recording.reading import NotStated
 from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS
-from table_support import open_here
+
+from tests.rig.corpus_files import IMU_FORM, dataflash, ulog
+from tests.rig.table_support import open_here
 
 N = 240
 TIMES_US = np.arange(N) * 5_000

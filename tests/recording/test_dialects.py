@@ -8,8 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from corpus_files import HERE
-from corpus_reading import OPTIONS, how_of, pairs
 from fltea.recording import columns, dialects
 from fltea.recording.column_names import accel_axis_of
 from fltea.recording.csv_file import open_csv
@@ -20,6 +18,9 @@ from fltea.recording.text_head import stated_in
 from fltea.recording.units import accel_unit, parse_units, rate_unit, time_unit
 from fltea.records.errors import UsageError
 from fltea.settings.limits import DEFAULT_LIMITS
+
+from tests.rig.corpus_files import HERE
+from tests.rig.corpus_reading import OPTIONS, how_of, pairs
 
 TABLE = dialects.dialects()
 APART = {"ronin.h5": "hdf5", "ardupilot.mat": "mat"}

@@ -11,9 +11,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import scipy.io
-from corpus_edits import Case, Figures, falsified, figures, text_of
-from corpus_files import ACCEL_MS2, GYRO_DPS, HERE, RATE_HZ, TIMES_S
-from corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of, pairs
 from fltea.recording.formats import FORMATS, loaded
 from fltea.recording.kind import open_one_file
 from fltea.recording.opening import open_recording
@@ -23,6 +20,10 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import DEFAULT_LIMITS
 from pyarrow import parquet
+
+from tests.rig.corpus_edits import Case, Figures, falsified, figures, text_of
+from tests.rig.corpus_files import ACCEL_MS2, GYRO_DPS, HERE, RATE_HZ, TIMES_S
+from tests.rig.corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of, pairs
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"

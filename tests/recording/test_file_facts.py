@@ -10,7 +10,8 @@ import pytest
 from fltea.recording.files import Stored
 from fltea.recording.opening import open_recording
 from fltea.settings.how import How
-from table_support import (
+
+from tests.rig.table_support import (
     GYRO,
     OTHER,
     TIMES_S,

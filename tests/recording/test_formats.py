@@ -10,7 +10,6 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from corpus_files import HERE
 from fltea.recording.dialects import dialects
 from fltea.recording.formats import ALL, FORMATS, KINDS, MAGIC, UNREAD, Unread, loaded
 from fltea.recording.kind import open_one_file
@@ -18,6 +17,8 @@ from fltea.records.errors import UsageError
 from fltea.records.records import Hello
 from fltea.settings.how import How
 from fltea.sources.replay import ReplaySource
+
+from tests.rig.corpus_files import HERE
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "host/docs/guide/files.md").read_text()

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import of
 from fltea.archive.info import Summary, as_text, summarise
 from fltea.recording.part_reader import Part, read_entries, read_info
 from fltea.recording.recovery import recover
@@ -18,7 +17,9 @@ from fltea.sinks import record as record_module
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
-from mcap_support import files, kill, record, replay, transport
+
+from tests.rig.blocks import of
+from tests.rig.mcap_support import files, kill, record, replay, transport
 
 
 class Case:

@@ -7,10 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import hostile_files
 import numpy as np
 import pytest
-from blocks import samples_of
 from fltea.recording.csv_file import open_csv
 from fltea.recording.ndjson import read_ndjson
 from fltea.recording.npz_file import open_npz
@@ -19,9 +17,12 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
-from host_support import fltea_here
-from mcap_support import record, transport
-from tiers import slow_but
+
+from tests.rig import hostile_files
+from tests.rig.blocks import samples_of
+from tests.rig.host_support import fltea_here
+from tests.rig.mcap_support import record, transport
+from tests.rig.tiers import slow_but
 
 RIG = Path(__file__).parents[1] / "rig"
 SMALL = ["--set", "estimator.startup=2", "--format", "none", "--once"]

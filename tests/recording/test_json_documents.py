@@ -11,7 +11,8 @@ from fltea.recording.files import Stored
 from fltea.records.errors import UsageError
 from hypothesis import given
 from hypothesis import strategies as st
-from table_support import open_here
+
+from tests.rig.table_support import open_here
 
 N, RATE_HZ = 300, 100.0
 TIMES_S = np.arange(N) / RATE_HZ

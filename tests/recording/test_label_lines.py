@@ -18,7 +18,8 @@ from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from hypothesis import given
 from hypothesis import strategies as st
-from table_support import open_here
+
+from tests.rig.table_support import open_here
 
 N = 300
 GYRO = np.round(np.random.default_rng(8).normal(size=(N, 3)), 4)

@@ -6,7 +6,8 @@ import pytest
 from fltea.recording.ndjson import EpochMark, read_ndjson
 from fltea.records.errors import UsageError
 from fltea.records.records import Hello, Sample
-from text_files import refused
+
+from tests.rig.text_files import refused
 
 HELLO = '{"class":"hello","source":"x","host_ns":0,"rate_hz":100.0,"sampling_mode":"timer"}'
 SAMPLE = '{"class":"sample","seq":0,"epoch":1,"device_us":0,"host_ns":0,"gyro_dps":[1.0,2.0]}'

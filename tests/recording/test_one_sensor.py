@@ -21,7 +21,8 @@ from fltea.sources.text_events import TextEvents
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import feather, parquet
-from table_support import open_here
+
+from tests.rig.table_support import open_here
 
 FILES = itertools.count()
 N = 200

@@ -10,11 +10,12 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from corpus_files import HERE
 from fltea.recording.process_limits import OUT_OF_MEMORY, SILENT_RATIO, ProcessLimits
 from fltea.recording.quota import Quota
 from fltea.records.errors import FlteaError, UsageError
 from fltea.settings.limits import Limits
+
+from tests.rig.corpus_files import HERE
 
 LIMITED = """
 import resource, sys

@@ -14,13 +14,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from corpus_files import HERE, N
 from fltea.recording import process_limits
 from fltea.recording.reader_process import open_in_process
 from fltea.records.errors import UsageError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
+
+from tests.rig.corpus_files import HERE, N
 
 MB = 1_000_000
 SMALL = Limits(max_mb=64.0)

@@ -14,13 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import h5py
-import hostile_files
 import msgspec
 import numpy as np
 import pyarrow as pa
 import pytest
-from bag_support import even, write_bag
-from corpus_files import HERE
 from fltea.archive.export import export
 from fltea.archive.info import as_text, summarise
 from fltea.identification.load import Loaded, Request, load
@@ -30,14 +27,18 @@ from fltea.recording.session import SESSION
 from fltea.records.errors import FlteaError
 from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import Limits
-from hostile_files import Files
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Message, Metadata
-from mcap_support import record, transport
 from pyarrow import feather, parquet
-from tiers import slow_but
+
+from tests.rig import hostile_files
+from tests.rig.bag_support import even, write_bag
+from tests.rig.corpus_files import HERE
+from tests.rig.hostile_files import Files
+from tests.rig.mcap_support import record, transport
+from tests.rig.tiers import slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000

@@ -10,7 +10,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from corpus_files import HERE
 from fltea.recording import process_limits
 from fltea.recording.readers import hdf5
 from fltea.recording.ros_bag import open_bag
@@ -20,6 +19,8 @@ from fltea.sources.replay import ReplaySource
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import Writer
+
+from tests.rig.corpus_files import HERE
 
 MB = 1_000_000
 START_NS = 1_700_000_000_000_000_000

@@ -6,16 +6,17 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from blocks import of
-from example_records import MOVES, RESTS, STEP
 from fltea.archive.export import export
 from fltea.archive.info import Summary, as_text, summarise
 from fltea.records.errors import UsageError
 from fltea.records.records import AnyRecord, Motion, Sample, Step
 from fltea.settings.outputs import Recorded
 from fltea.sources.replay import ReplaySource
-from mcap_support import files, messages, record, replay, transport
 from msgspec.structs import replace
+
+from tests.rig.blocks import of
+from tests.rig.example_records import MOVES, RESTS, STEP
+from tests.rig.mcap_support import files, messages, record, replay, transport
 
 DOWN = replace(STEP, axis="gyro_z", size=-0.2, host_ns=9 * 10**9)
 CHANGES = [STEP, DOWN, MOVES, RESTS, replace(MOVES, host_ns=12 * 10**9)]

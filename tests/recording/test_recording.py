@@ -10,8 +10,9 @@ from fltea.recording.units import parse_units
 from fltea.records.errors import UsageError
 from fltea.records.records import Estimate
 from fltea.settings.limits import Limits
-from host_support import QUICK, fltea_here, strict_records
-from text_files import refusal, refused, stored
+
+from tests.rig.host_support import QUICK, fltea_here, strict_records
+from tests.rig.text_files import refusal, refused, stored
 
 # --- units ---
 

@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import of, records_of
 from fltea.archive.export import export
 from fltea.archive.info import Summary, as_text, sessions, summarise
 from fltea.cli import record as cli_record
@@ -22,8 +21,9 @@ from fltea.sinks import record as record_module
 from fltea.sinks.json_lines import BlockLines
 from fltea.stream.decode import Decoded, Decoder
 from mcap.reader import make_reader
-from mcap_support import files, kill, record, replay, transport
 
+from tests.rig.blocks import of, records_of
+from tests.rig.mcap_support import files, kill, record, replay, transport
 from tools.fed_source import FedSource
 
 

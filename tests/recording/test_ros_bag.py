@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_support import KINDS, START_NS, Messages, even, gathered, serialised, told, write_bag, write_mcap
 from fltea.recording.bag_imu import GYRO, Encoding, Imu, read_ros, ros_layout
 from fltea.recording.files import Stored
 from fltea.recording.kind import is_one_file
@@ -16,6 +15,18 @@ from fltea.settings.how import How
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType
+
+from tests.rig.bag_support import (
+    KINDS,
+    START_NS,
+    Messages,
+    even,
+    gathered,
+    serialised,
+    told,
+    write_bag,
+    write_mcap,
+)
 
 N = 900
 

@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import KINDS, even, told, write_bag
 from fltea.recording.ros_bag import open_bag
 from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock, Trouble
 from fltea.settings.how import How
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
-from hostile_files import Files, zeros
-from hostile_sqlite import ENDLESS_TREE, HOSTILE
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.bag_support import KINDS, even, told, write_bag
+from tests.rig.hostile_files import Files, zeros
+from tests.rig.hostile_sqlite import ENDLESS_TREE, HOSTILE
 
 N = 900
 

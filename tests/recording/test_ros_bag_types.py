@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import PX4_FIFO, PX4_GYRO, START_NS, even, told, write_bag, write_types
 from fltea.recording.bag_definition import parse_definition, read_columns
 from fltea.recording.reading import NotStated
 from fltea.recording.ros_bag import open_bag
@@ -17,6 +16,8 @@ from fltea.settings.how import How
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from tests.rig.bag_support import PX4_FIFO, PX4_GYRO, START_NS, even, told, write_bag, write_types
 
 N = 120
 ARRIVALS = (START_NS + np.arange(N) * 5_000_000).tolist()

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import KINDS, START_NS, Messages, even, told, write_bag, write_objects, write_protobuf
 from fltea.recording.bag_imu import ros_layout
 from fltea.recording.bag_names import units_in
 from fltea.recording.bag_units import AtRest, check_rates, scales
@@ -22,6 +21,17 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import How, TimeUnit
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.bag_support import (
+    KINDS,
+    START_NS,
+    Messages,
+    even,
+    told,
+    write_bag,
+    write_objects,
+    write_protobuf,
+)
 
 N, RATE_HZ = 1500, 200.0
 STAMPS = (START_NS + np.arange(N) * 5_000_000).tolist()

@@ -8,7 +8,8 @@ from fltea.recording.sample_times import EVENNESS, Floats, between
 from fltea.recording.table import FEWEST_BETWEEN
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 N = 400
 SEEDS = st.integers(0, 1 << 20)

@@ -10,7 +10,8 @@ from fltea.recording.sample_times import SECONDS, Elapsed
 from fltea.settings.how import TimeUnit
 from hypothesis import given
 from hypothesis import strategies as st
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 UNITS: st.SearchStrategy[TimeUnit] = st.sampled_from(["ms", "us", "ns"])
 RATES = st.sampled_from([10.0, 50.0, 104.0, 200.0, 1000.0])

@@ -13,7 +13,8 @@ from fltea.recording.groups import gyroscopes_in
 from fltea.recording.readers.file_facts import rate_of
 from hypothesis import given
 from hypothesis import strategies as st
-from table_support import (
+
+from tests.rig.table_support import (
     GYRO,
     OTHER,
     TIMES_S,

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 DEG = 180 / np.pi
 GYRO = [[1.5, 2.5, 3.5], [4.0, 5.0, -6.0], [7.0, 8.0, 9.0]]

@@ -7,7 +7,8 @@ import pytest
 from fltea.recording.files import Stored
 from fltea.recording.text_rows import TextReader
 from fltea.settings.how import How
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 N, RATE_HZ = 400, 100.0
 GYRO_DPS = np.round(np.random.default_rng(3).normal([0.5, -0.3, 0.2], 0.2, (N, 3)), 5)

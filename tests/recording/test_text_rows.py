@@ -15,7 +15,8 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from text_files import stored
+
+from tests.rig.text_files import stored
 
 NAMES = ["gx", "gy"]
 TIMED = How(columns=NAMES, time_column="t", time_unit="s", units="dps")

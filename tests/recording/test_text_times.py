@@ -11,7 +11,8 @@ from fltea.recording.sample_times import Elapsed
 from fltea.recording.text_times import Clocks, with_seconds
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from text_files import refusal, stored
+
+from tests.rig.text_files import refusal, stored
 
 # --- the accelerometer ---
 

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from corpus_files import ulog
 from fltea.recording.files import Stored
 from fltea.recording.readers.ulog import mended
 from fltea.records.errors import UsageError
 from hypothesis import given
 from hypothesis import strategies as st
 from pyulog import ULog
-from table_support import open_here
+
+from tests.rig.corpus_files import ulog
+from tests.rig.table_support import open_here
 
 N = 400
 FORM = "float[3] gyro_rad;uint32_t gyro_integral_dt;float[3] accelerometer_m_s2;"

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bag_support import START_NS, gathered, write_objects
 from fltea.recording import bag_objects, quota
 from fltea.recording.bag_definition import parse_definition
 from fltea.recording.files import Stored
@@ -17,6 +16,8 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits
 from google.protobuf import descriptor_pb2
 from mcap.writer import Writer
+
+from tests.rig.bag_support import START_NS, gathered, write_objects
 
 N = 60
 STAMPS = [START_NS + k * 10_000_000 for k in range(N)]

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import msgspec
 from fltea.records.records import AnyRecord
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
 
 MOST = 30
 """More fields than a record has, for calls with `*arguments`."""

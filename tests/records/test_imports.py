@@ -6,7 +6,7 @@ import functools
 import re
 from pathlib import Path
 
-from host_support import ROOT
+from tests.rig.host_support import ROOT
 
 PACKAGE = ROOT / "host/fltea"
 FILES = {

@@ -15,7 +15,8 @@ from fltea.records import clock
 from fltea.settings.config import load_configs
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_support import files
+
+from tests.rig.mcap_support import files
 
 NOW_NS = time.time_ns()
 YEAR_NS = 31_556_952 * 10**9

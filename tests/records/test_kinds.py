@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from fltea.records.kinds import ERROR_KINDS
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
 
 LISTED = ERROR_KINDS.keys()
 MAKERS = {"Unusable", "Trouble", "Failed", "Error", "Notice", "Down", "Note"}

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cluster_support import open_table
 from fltea.cluster.listing import JOURNAL
 from fltea.recording.bag_ros2 import unpacked_file
 from fltea.records.errors import FlteaError, UsageError
@@ -14,6 +13,8 @@ from fltea.records.own_file import open_own
 from fltea.service.state import StateFile
 from fltea.settings.limits import Limits
 from fltea.settings.outputs import StateConfig
+
+from tests.rig.cluster_support import open_table
 
 TEXT = "what somebody else wrote\n"
 

@@ -15,8 +15,9 @@ import pyarrow.json
 import pytest
 from fltea.records.records import AnyRecord, Sample
 from fltea.sinks.record_json import OBJECTS
-from host_support import QUICK, fltea_here
 from msgspec import inspect
+
+from tests.rig.host_support import QUICK, fltea_here
 
 CLASSES = typing.get_args(AnyRecord)
 

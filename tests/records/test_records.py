@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-import site_records
 from fltea.records.device_fit import DeviceAxisFit, DeviceVerdict
 from fltea.records.fit import FittedAxis, VerdictKind
 from fltea.records.records import (
@@ -29,7 +28,9 @@ from fltea.records.records import (
 from fltea.records.stats import DeviceStatus
 from fltea.wire import layout as wire
 from fltea.wire.messages import REASONS
-from host_support import QUICK, ROOT, fltea_here, strict_records
+
+from tests.rig.host_support import QUICK, ROOT, fltea_here, strict_records
+from tools import site_records
 
 SYNTHETIC = ("-s", "synthetic:?n=300")
 

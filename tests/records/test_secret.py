@@ -7,9 +7,10 @@ import pytest
 from fltea.cli import fleet
 from fltea.records.errors import UsageError
 from fltea.records.secret import hidden, refuse_secret
-from host_support import fltea_here
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.host_support import fltea_here
 
 RUN = ["run", "--once", "--format", "none"]
 OPTIONS = {

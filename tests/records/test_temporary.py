@@ -10,11 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bag_support import even, write_bag
 from fltea.records import temporary
 from fltea.records.errors import UsageError
 from fltea.records.temporary import TemporaryFailed, nameless_file, work_folder
 from fltea.records.whole_file import prepare_folder
+
+from tests.rig.bag_support import even, write_bag
 
 HELD = """
 import os, sys

@@ -5,13 +5,14 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
-from blocks import in_blocks
-from device_stream_support import Source
 from fltea.records.events import Break, Event, LinkDown, RawSample, Tick, Trouble, block_of
 from fltea.records.records import Hello
 from fltea.records.stats import DeviceStatus
-from host_support import hello
 from hypothesis import strategies as st
+
+from tests.rig.blocks import in_blocks
+from tests.rig.device_stream_support import Source
+from tests.rig.host_support import hello
 
 SECOND_NS = 10**9
 

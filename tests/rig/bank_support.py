@@ -13,7 +13,8 @@ from fltea.estimator.lanes import LaneBlock, Lost
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
-from sample_by_sample import LanesBySample, baseline, whiteness
+
+from tests.rig.sample_by_sample import LanesBySample, baseline, whiteness
 
 H = 0.01
 AXES = ("gyro_x", "gyro_y", "gyro_z")

@@ -7,8 +7,8 @@ from importlib import resources
 from typing import Any
 
 from playwright.sync_api import Browser, Page, sync_playwright
-from toolchain import missing
 
+from tests.rig.toolchain import missing
 from tools.faults.program import wait_until
 
 CHROMIUM = shutil.which("chromium")

@@ -17,9 +17,10 @@ from fltea.cluster.run import Progress, run
 from fltea.cluster.verdict_table import VerdictTable
 from fltea.cluster.whole import Ask
 from fltea.identification.workers import Workers
-from identify_files import settings
 from pyarrow import parquet
-from toolchain import missing
+
+from tests.rig.identify_files import settings
+from tests.rig.toolchain import missing
 
 ASK = Ask(settings(shuffles=0))
 """Settings of `fltea identify` without shuffled copies, which saves time."""

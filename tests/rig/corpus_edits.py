@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from corpus_files import HERE
-from corpus_reading import OPTIONS, how_of, pairs
 from fltea.identification.gaps import no_gaps
 from fltea.identification.judges import judge
 from fltea.recording.column_names import is_time
@@ -21,6 +19,9 @@ from fltea.recording.reading import Answer
 from fltea.recording.text_layout import Layout
 from fltea.recording.text_rows import TextReader
 from fltea.records.records import ACCEL_AXES, AXES
+
+from tests.rig.corpus_files import HERE
+from tests.rig.corpus_reading import OPTIONS, how_of, pairs
 
 
 class Figures(NamedTuple):

@@ -10,8 +10,6 @@ from typing import Any, ParamSpec
 
 import msgspec
 import numpy as np
-from blocks import as_block, records_of
-from device_stream_support import Source
 from fltea.records.events import Break, Event, RawSample
 from fltea.records.ports import Recorder
 from fltea.records.records import (
@@ -36,7 +34,10 @@ from fltea.sinks.page.state import State
 from fltea.sinks.page.tiers import Cursor
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
-from host_support import hello
+
+from tests.rig.blocks import as_block, records_of
+from tests.rig.device_stream_support import Source
+from tests.rig.host_support import hello
 
 P = ParamSpec("P")
 

@@ -6,13 +6,14 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from built import BYTES, COUNTS, DOUBLES, probe
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.arrays import Array
 from fltea.settings.estimator import EstimatorConfig
 from fltea.wire.layout import Estimate
 from numpy.typing import ArrayLike
+
+from tests.rig.built import BYTES, COUNTS, DOUBLES, probe
 
 VARIANTS = ("joint", "triple")
 FIELDS = Estimate._fields[: Estimate._fields.index("tracker_bias")]

@@ -11,7 +11,8 @@ from fltea.settings.config import Config, load_config
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.pipeline import Pipeline
 from fltea.stream.snapshot import DeviceState
-from host_support import hello
+
+from tests.rig.host_support import hello
 
 SMALL = {"estimator.window": 50, "estimator.startup": 20, "link.max_gap": 60}
 PLAIN = SMALL | {"live.on": False}

@@ -3,15 +3,11 @@ runs.
 """
 
 import os
-import sys
 from functools import cache
 from pathlib import Path
 
-from host_support import ROOT
-from toolchain import arm_compiler
-
-sys.path.insert(0, str(ROOT))
-
+from tests.rig.host_support import ROOT
+from tests.rig.toolchain import arm_compiler
 from tools.due_emulator.__main__ import IMAGE as COMMITTED
 from tools.due_run import DueRun
 from tools.faults.board import DUE_CASES, Measured, measure
@@ -47,7 +43,6 @@ def build(mode: str, folder: Path, *defines: str) -> bytes:
     `defines`: overrides of firmware/core/settings.h.
     """
     arm_compiler()
-    sys.path.insert(0, str(ROOT / "tools"))
-    from build_firmware import build
+    from tools.build_firmware import build
 
     return build(ROOT, mode, folder, defines).data

@@ -5,8 +5,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from blocks import as_block, of, records_of
-from device_stream_support import Source
 from fltea.records.events import Chunk, Event, Opened, RawSample
 from fltea.records.records import AnyRecord, DeviceEstimates, Estimate, FlteaEstimate
 from fltea.settings.config import load_config
@@ -14,8 +12,10 @@ from fltea.sources.wire_events import WireEvents
 from fltea.stream.pipeline import Pipeline
 from fltea.wire import layout as wire
 from fltea.wire.message_events import axis_event, estimator_event, hello_event
-from host_support import WIRE_HELLO
 
+from tests.rig.blocks import as_block, of, records_of
+from tests.rig.device_stream_support import Source
+from tests.rig.host_support import WIRE_HELLO
 from tools.made_up_board import MadeUpBoard, Sent
 from tools.own_estimator import JOINT, OwnEstimator
 

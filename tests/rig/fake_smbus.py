@@ -7,11 +7,8 @@ message follows a read.
 
 import ctypes
 import errno
-import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
-from blocks import in_samples, records_of, samples_of
 from fltea.records.events import Event, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Gap, Hello, Sample
 from fltea.settings.config import load_config
@@ -19,8 +16,7 @@ from fltea.sources.i2c.source import I2cSource
 from fltea.stream.pipeline import Pipeline
 from smbus2 import i2c_msg
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
-
+from tests.rig.blocks import in_samples, records_of, samples_of
 from tools.due_emulator.chip import Chip
 from tools.due_emulator.mpu9250 import Mpu9250
 from tools.due_emulator.noise import Motion, World

@@ -8,9 +8,6 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import jinja2
 import msgspec
-from dashboard_support import BOARD, OWN, told
-from example_records import GOOD, STATS
-from fit_support import FRACTIONAL, with_curves
 from fltea.records.clock import host_ns
 from fltea.records.device_fit import DeviceAxisFit
 from fltea.records.fit import AxisFit, Until
@@ -36,10 +33,14 @@ from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.state import PARTS, View
 from fltea.sinks.table import TableSink
-from host_support import hello
 from msgspec.structs import replace
 from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
+
+from tests.rig.dashboard_support import BOARD, OWN, told
+from tests.rig.example_records import GOOD, STATS
+from tests.rig.fit_support import FRACTIONAL, with_curves
+from tests.rig.host_support import hello
 
 KEYS: dict[str, Any] = {"str": "order_box", "int": 60}
 """A key of each type, for a mapping that an example leaves empty."""

@@ -135,7 +135,8 @@ class StandIn:
 
     def __init__(self, link: Path, *arguments: str) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, ROOT / "tools/standin.py", "--link", link, *arguments],
+            [sys.executable, "-m", "tools.standin", "--link", link, *arguments],
+            cwd=ROOT,
             stdout=subprocess.PIPE,
             text=True,
         )

@@ -9,7 +9,8 @@ from fltea.identification.axis import AxisResult, IdentifyOptions, identified, r
 from fltea.identification.gaps import Gaps
 from fltea.identification.run import Settings
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
-from identify_support import white
+
+from tests.rig.identify_support import white
 
 RATE_HZ, LSB_PER_DPS = 100.0, 131.0
 QUICK = EstimatorConfig(window=100, startup=100)

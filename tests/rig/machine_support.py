@@ -6,8 +6,8 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from toolchain import arm_compiler
 
+from tests.rig.toolchain import arm_compiler
 from tools.due_emulator.board import Board
 from tools.due_emulator.machine import PS_PER_S, EmulationFault
 from tools.due_emulator.memory_map import RAM_BASE

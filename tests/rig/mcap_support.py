@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from blocks import records_of
 from fltea.recording.part_reader import Part, read_entries, read_info
 from fltea.recording.session import WIRE, Entry
 from fltea.records.events import Chunk, Failed, Opened, TransportEvent
@@ -22,6 +21,7 @@ from fltea.stream.pipeline import Pipeline
 from mcap.reader import make_reader
 from mcap.records import Message
 
+from tests.rig.blocks import records_of
 from tools.fed_source import FedSource
 from tools.standin import Device
 

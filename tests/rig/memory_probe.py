@@ -7,10 +7,11 @@ import weakref
 from functools import lru_cache
 
 import numpy as np
-from built import DOUBLES, probe
 from fltea.estimator.engine import instruction_sets
 from fltea.records.arrays import Array
 from numpy.typing import ArrayLike
+
+from tests.rig.built import DOUBLES, probe
 
 SETS = instruction_sets()
 """Instruction sets that this processor supports."""

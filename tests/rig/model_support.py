@@ -12,8 +12,8 @@ from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.verdict import Verdict, winner
 from hypothesis import strategies as st
-from identify_support import H
 
+from tests.rig.identify_support import H
 from tools.validation.closed_form import closed_form
 from tools.validation.closed_form import samples as drawn
 

@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from fltea.records.records import Hello, Sample
-from host_support import PATIENCE_S, wait_until
-from mqtt_support import Driven
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
-from toolchain import needed
 
+from tests.rig.host_support import PATIENCE_S, wait_until
+from tests.rig.mqtt_support import Driven
+from tests.rig.toolchain import needed
 from tools.faults.server import Server, free_port
 
 WATCHER, DAEMON, STRANGER = ("watcher", "w-secret"), ("fltea", "hunter2:with colon"), ("stranger", "s-secret")

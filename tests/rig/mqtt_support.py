@@ -6,8 +6,6 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import pytest
-from blocks import as_items
-from example_records import GOOD, STATS
 from fltea.mqtt.connection import Acknowledged, Down, Session, Up
 from fltea.records import clock
 from fltea.records.records import AnyRecord, Estimate, Gap, Sample, Stats
@@ -15,7 +13,10 @@ from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt import status
 from fltea.sinks.mqtt.sink import MqttSink
-from host_support import hello
+
+from tests.rig.blocks import as_items
+from tests.rig.example_records import GOOD, STATS
+from tests.rig.host_support import hello
 
 S = 10**9
 

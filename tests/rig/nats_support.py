@@ -5,9 +5,8 @@ import os
 import shutil
 from pathlib import Path
 
-from host_support import ROOT
-from toolchain import needed
-
+from tests.rig.host_support import ROOT
+from tests.rig.toolchain import needed
 from tools.faults.server import Server, free_port
 
 PARTITIONS = 4

@@ -8,8 +8,8 @@ import nats
 from fltea.service.ingest.inbox import Inbox, Left, Message, Resumed, Served
 from fltea.service.ingest.nats import NatsFrames
 from fltea.settings.config import load_configs
-from nats_support import PARTITIONS
 
+from tests.rig.nats_support import PARTITIONS
 from tools.faults.server import Server
 
 Servers = Callable[..., Server]

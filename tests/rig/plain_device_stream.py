@@ -41,10 +41,11 @@ from fltea.records.records import (
 from fltea.records.stats import DeviceStatus, SampleStats
 from fltea.settings.config import Config
 from fltea.settings.estimator import EstimatorConfig
-from one_by_one import Timebase
-from plain_sensor import Loss, Sensor, Vector
-from plain_sequence_tracker import LONGEST_SILENCE_NS, PlainSequenceTracker, steps_between
-from plain_tracks import SampleTimes, SensorTracks, with_tracks
+
+from tests.rig.one_by_one import Timebase
+from tests.rig.plain_sensor import Loss, Sensor, Vector
+from tests.rig.plain_sequence_tracker import LONGEST_SILENCE_NS, PlainSequenceTracker, steps_between
+from tests.rig.plain_tracks import SampleTimes, SensorTracks, with_tracks
 
 SECOND_NS = 10**9
 MINUTE_NS = 60 * SECOND_NS

@@ -16,7 +16,8 @@ from fltea.records.fit import Interval
 from fltea.records.records import AxisEstimate, EstimatorInfo, FlteaEstimate
 from fltea.records.stats import AxisStats
 from fltea.settings.estimator import EstimatorConfig
-from sample_by_sample import LanesBySample, whiteness
+
+from tests.rig.sample_by_sample import LanesBySample, whiteness
 
 LONGEST_BRIDGE = 30_000
 """Largest number of samples that filters of unlimited memory predict after a snapshot."""

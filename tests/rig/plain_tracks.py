@@ -17,7 +17,8 @@ from fltea.settings.estimator import EstimatorConfig
 from fltea.settings.live import LiveConfig
 from fltea.spectrum.innovation_whiteness import describes
 from fltea.stream.tracking import CHECKED_S, rules_of
-from plain_sensor import Vector
+
+from tests.rig.plain_sensor import Vector
 
 
 class SampleTimes(NamedTuple):

@@ -3,10 +3,11 @@
 import math
 from pathlib import Path
 
-import protocol_definition
 from fltea.wire import layout as wire
 from hypothesis import settings
 from hypothesis import strategies as st
+
+from tools import protocol_definition
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "protocol/vectors"

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from built import COUNTS, DOUBLES, probe
 from numpy.typing import NDArray
+
+from tests.rig.built import COUNTS, DOUBLES, probe
 
 
 class BoardFit(NamedTuple):

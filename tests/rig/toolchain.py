@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-TOOLS = Path(__file__).resolve().parents[2] / "tools"
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def missing(reason: str) -> NoReturn:
@@ -33,6 +33,6 @@ def arm_compiler() -> str:
 
 
 def run_tool(tool: str, root: Path, *options: str, **how: Any) -> subprocess.CompletedProcess[str]:
-    """Run a program of `tools` on a repository at `root`; Python warnings are errors."""
-    command = [sys.executable, "-W", "error", TOOLS / tool, *options, "--root", root]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **how)
+    """Run a module of `tools` on a repository at `root`; Python warnings are errors."""
+    command = [sys.executable, "-W", "error", "-m", f"tools.{tool}", *options, "--root", root]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, **how)

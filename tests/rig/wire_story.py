@@ -5,11 +5,11 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from estimating_board import noise
 from fltea.records.events import Event, LinkDown, Opened, Reads
 from fltea.wire import layout as wire
 from hypothesis import strategies as st
 
+from tests.rig.estimating_board import noise
 from tools.fed_source import FedSource
 from tools.made_up_board import STATUS, MadeUpBoard, frames
 

@@ -14,8 +14,9 @@ from fltea.machine.doctor.checks_outputs import SERVICE_USER
 from fltea.service.descriptors import MOST
 from fltea.settings.config import load_config, load_configs
 from fltea.wire.transport import DUE_NATIVE_PORT, DUE_PROGRAMMING_PORT, DUE_VENDORS
-from host_support import ROOT
-from toolchain import needed
+
+from tests.rig.host_support import ROOT
+from tests.rig.toolchain import needed
 
 DEPLOY = ROOT / "tools/deploy"
 SCRIPT = DEPLOY / "service.sh"

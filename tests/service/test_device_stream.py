@@ -4,16 +4,17 @@ blocks."""
 import io
 
 import pytest
-from blocks import of, records_of
-from device_stream_support import SMALL, Source, raw
 from fltea.records.records import Fit
 from fltea.service.device_stream import DeviceStream
 from fltea.service.hub import Hub
 from fltea.settings.config import load_config
 from fltea.sinks.ndjson import NdjsonSink
 from fltea.sinks.record_json import record_json
-from host_support import closed, hello
-from memory_sink import Memory
+
+from tests.rig.blocks import of, records_of
+from tests.rig.device_stream_support import SMALL, Source, raw
+from tests.rig.host_support import closed, hello
+from tests.rig.memory_sink import Memory
 
 
 @pytest.mark.parametrize("size", [7, 300])

@@ -12,7 +12,8 @@ from fltea.service.daemon import _Run
 from fltea.service.ending import KEEP_S, OTHER_S, SAY_S, Awaited, Ending
 from fltea.service.state import StateFile
 from fltea.settings.config import load_configs
-from host_support import PATIENCE_S
+
+from tests.rig.host_support import PATIENCE_S
 
 
 class Scene:

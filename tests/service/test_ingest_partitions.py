@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import pytest
-from blocks import of
 from fltea.records.block import Block
 from fltea.records.clock import host_ns, unix_offset_ns
 from fltea.records.ports import Departed
@@ -17,11 +16,13 @@ from fltea.service.ingest.loop import Ingest
 from fltea.settings.config import load_configs
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState, LastSample, missing_since
-from frames_messages import second_of
-from host_support import closed, wait_until
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from memory_sink import Memory
+
+from tests.rig.blocks import of
+from tests.rig.frames_messages import second_of
+from tests.rig.host_support import closed, wait_until
+from tests.rig.memory_sink import Memory
 
 S = 10**9
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from blocks import of
 from fltea.records.block import Block
 from fltea.records.clock import host_ns
 from fltea.records.records import Error, Stats
@@ -17,12 +16,13 @@ from fltea.service.ingest.mqtt import MqttFrames
 from fltea.settings.config import load_configs
 from fltea.settings.mqtt import MqttConfig
 from fltea.stream.fit_worker import FitWorker
-from frames_messages import second_of
-from host_support import PATIENCE_S, closed, wait_until
-from memory_sink import Memory
 from paho.mqtt.client import Client
 from paho.mqtt.enums import CallbackAPIVersion
 
+from tests.rig.blocks import of
+from tests.rig.frames_messages import second_of
+from tests.rig.host_support import PATIENCE_S, closed, wait_until
+from tests.rig.memory_sink import Memory
 from tools.faults.server import Broker
 
 SECONDS, DEVICES = 120, ("a", "b")

@@ -6,8 +6,9 @@ from fltea.service.hub import Hub
 from fltea.service.open_outputs import open_outputs
 from fltea.settings.config import load_config
 from fltea.sinks.page import sink as page
-from host_support import closed
-from memory_sink import Memory
+
+from tests.rig.host_support import closed
+from tests.rig.memory_sink import Memory
 
 
 def test_what_an_output_reports_while_it_is_opened_is_in_the_lines(

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-import site_outputs
 from fltea.machine.doctor.checks_outputs import LOOKS
 from fltea.records.errors import UsageError
 from fltea.service import open_outputs as opening
@@ -19,8 +18,10 @@ from fltea.settings.config import SETTINGS, Config, load_config, load_configs
 from fltea.settings.outputs import OUTPUTS, Output, Outputs
 from fltea.sinks.opening import Opening
 from fltea.sources.open_source import check_shared
-from host_support import ROOT, closed
-from memory_sink import Memory
+
+from tests.rig.host_support import ROOT, closed
+from tests.rig.memory_sink import Memory
+from tools import site_outputs
 
 SINKS = ROOT / "host/fltea/sinks"
 NO_OUTPUTS = {"output", "state"}

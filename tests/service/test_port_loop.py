@@ -9,7 +9,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from blocks import of
 from fltea.records import clock
 from fltea.records.block import Block
 from fltea.records.events import Event, Ints, Trouble
@@ -25,8 +24,10 @@ from fltea.stream.decode import Rows
 from fltea.stream.fit_worker import FitWorker
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
-from host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
-from memory_sink import Memory
+
+from tests.rig.blocks import of
+from tests.rig.host_support import PATIENCE_S, WIRE_HELLO, each_ended, wait_until
+from tests.rig.memory_sink import Memory
 
 
 class Watched(DeviceStream):

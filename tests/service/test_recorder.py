@@ -5,7 +5,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import of
 from fltea.records.errors import FlteaError, UsageError
 from fltea.records.events import Chunk
 from fltea.records.records import Error, Hello, Sample
@@ -16,8 +15,10 @@ from fltea.settings.config import load_config
 from fltea.settings.outputs import RecordConfig
 from fltea.sinks.record import RecordSink
 from fltea.sources.synthetic import SyntheticSource
-from host_support import closed, hello, wait_until
-from mcap_support import replay, sink_in, transport, written
+
+from tests.rig.blocks import of
+from tests.rig.host_support import closed, hello, wait_until
+from tests.rig.mcap_support import replay, sink_in, transport, written
 
 
 def made(record_to: Path, **settings: object) -> tuple[Hub, RecorderOfHub]:

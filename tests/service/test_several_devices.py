@@ -6,9 +6,10 @@ import pytest
 from fltea.records.errors import UsageError
 from fltea.settings.config import Config, load_configs
 from fltea.settings.device_name import NAME, device_name
-from host_support import QUICK, fltea
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.rig.host_support import QUICK, fltea
 
 TWO = """
 format = "none"

@@ -10,10 +10,11 @@ from fltea.records.ports import LATENCY_BOUNDS_MS, Latency, Printed, Sink, SinkC
 from fltea.records.records import AnyRecord, Error, Gap
 from fltea.service.hub import Hub, Tap
 from fltea.service.sink_queue import SinkQueue, SinkThread
-from host_support import PATIENCE_S, closed, wait_until
 from hypothesis import given
 from hypothesis import strategies as st
-from memory_sink import Memory
+
+from tests.rig.host_support import PATIENCE_S, closed, wait_until
+from tests.rig.memory_sink import Memory
 
 
 def gap(seq: int) -> Gap:

@@ -8,8 +8,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import of, of_samples, records_of
-from device_stream_support import Source, small_config
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Estimate, FlteaEstimate, Stats
@@ -18,7 +16,10 @@ from fltea.service.state import DeviceState, StateFile
 from fltea.settings.config import Config
 from fltea.settings.outputs import StateConfig
 from fltea.stream.pipeline import Pipeline
-from host_support import fltea_here, hello, wait_until
+
+from tests.rig.blocks import of, of_samples, records_of
+from tests.rig.device_stream_support import Source, small_config
+from tests.rig.host_support import fltea_here, hello, wait_until
 
 PERIOD_NS = 10**7
 S = 10**9

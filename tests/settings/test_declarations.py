@@ -9,10 +9,8 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import gen_settings
 import msgspec
 import pytest
-import site_settings
 import typer.main
 from click.testing import CliRunner
 from fltea.cli.app import app
@@ -21,8 +19,10 @@ from fltea.records.errors import UsageError
 from fltea.service import daemon
 from fltea.settings.config import SETTINGS, TABLES, Config
 from fltea.settings.setting import MOST_SHOWN, Declared, Table, shown
-from host_support import ROOT
 from msgspec import inspect as types
+
+from tests.rig.host_support import ROOT
+from tools import gen_settings, site_settings
 
 COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-defined]
 

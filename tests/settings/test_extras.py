@@ -7,7 +7,8 @@ import pytest
 from fltea.records.errors import UsageError
 from fltea.settings import extras
 from fltea.settings.extras import how_to_install, load, need_matplotlib
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
 
 
 def test_a_command_for_the_clone_that_the_program_runs_from() -> None:

@@ -6,8 +6,6 @@ import time
 from collections.abc import Iterator
 
 import pytest
-from dashboard_support import Reader, records, told
-from example_records import MOVES, RESTS, STEP
 from fltea.records.records import ACCEL_UNIT, Motion, Step
 from fltea.sinks.changes import sentence, time_of
 from fltea.sinks.log import BURST, LogSink
@@ -17,6 +15,9 @@ from fltea.sinks.page.tiers import WINDOWS
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
+
+from tests.rig.dashboard_support import Reader, records, told
+from tests.rig.example_records import MOVES, RESTS, STEP
 
 S = 10**9
 UNIX_NS = 1_817_035_387 * S

@@ -6,8 +6,6 @@ from typing import get_args
 
 import msgspec
 import pytest
-from dashboard_support import records, told
-from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 from fltea.records.fit import AxisFit, FitAllan, Interval, Until, VerdictKind
 from fltea.records.records import Stats
 from fltea.sinks.page import facts
@@ -17,6 +15,9 @@ from fltea.sinks.page.fits import TimeToTell
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
+
+from tests.rig.dashboard_support import records, told
+from tests.rig.fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 
 KINDS = get_args(VerdictKind)
 

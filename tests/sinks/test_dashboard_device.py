@@ -5,7 +5,6 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 import pytest
-from dashboard_support import alone, both, columns, records, told, with_breaks
 from fltea.records.records import (
     ACCEL_AXES,
     AXES,
@@ -21,6 +20,8 @@ from fltea.settings.estimator import EstimateOn
 from fltea.sinks.page import facts, facts_of_device
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.words import apart
+
+from tests.rig.dashboard_support import alone, both, columns, records, told, with_breaks
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 SLOW = "n=700&rate_hz=20"

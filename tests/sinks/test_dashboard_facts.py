@@ -8,8 +8,6 @@ from collections.abc import Callable
 
 import msgspec
 import pytest
-from dashboard_support import records, told, with_breaks
-from example_records import STATS
 from fltea.records import clock
 from fltea.records.plus_minus import plus_minus
 from fltea.records.records import AnyRecord, Error, Estimate, FlteaEstimate, Gap, Stats
@@ -17,7 +15,10 @@ from fltea.records.stats import LinkStats, OutputStats
 from fltea.sinks.page import facts
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.words import duration, figure
-from host_support import hello
+
+from tests.rig.dashboard_support import records, told, with_breaks
+from tests.rig.example_records import STATS
+from tests.rig.host_support import hello
 
 
 def later(history: DeviceHistory, seconds: float) -> tuple[str, str]:

@@ -3,11 +3,12 @@
 import msgspec
 import numpy as np
 import pytest
-from blocks import of
-from dashboard_support import columns, records, told, with_breaks
-from fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
 from fltea.records.records import Epoch, Error, Estimate, Fit, Gap, Sample, Stats
 from fltea.settings.estimator import EstimatorConfig
+
+from tests.rig.blocks import of
+from tests.rig.dashboard_support import columns, records, told, with_breaks
+from tests.rig.fit_support import FRACTIONAL, UNDECIDED, WHITE, fit_after, with_curves, with_fits
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 

@@ -11,8 +11,6 @@ from pathlib import Path
 import msgspec
 import pytest
 import yaml
-from dashboard_support import records
-from fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
 from fltea.records.errors import UsageError
 from fltea.records.fit import AxisFit
 from fltea.records.ports import RecordingView
@@ -23,7 +21,10 @@ from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.requests import NOT_ALLOWED
 from fltea.sinks.page.sink import DashboardSink
 from fltea.sinks.web.handler import BY_SCRIPT
-from host_support import Answer, ask, port_of
+
+from tests.rig.dashboard_support import records
+from tests.rig.fit_support import FRACTIONAL, UNDECIDED, WHITE, with_curves, with_fits
+from tests.rig.host_support import Answer, ask, port_of
 
 AXES = {"gyro_x": with_curves(FRACTIONAL), "gyro_y": with_curves(WHITE, 2.0), "gyro_z": UNDECIDED}
 

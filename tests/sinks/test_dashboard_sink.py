@@ -6,13 +6,14 @@ import threading
 from pathlib import Path
 
 import pytest
-from dashboard_support import records
 from fltea.records.errors import FlteaError
 from fltea.settings.outputs import DashboardConfig
 from fltea.sinks import page
 from fltea.sinks.page.sink import DashboardSink
-from host_support import ask, port_of, wait_until
 from msgspec.structs import replace
+
+from tests.rig.dashboard_support import records
+from tests.rig.host_support import ask, port_of, wait_until
 
 
 def no_report(kind: str, message: str) -> None:

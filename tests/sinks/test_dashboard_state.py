@@ -3,8 +3,6 @@
 import json
 
 import pytest
-from dashboard_support import Reader, alone, both, records, told
-from fit_support import FRACTIONAL, WHITE, fit_after, with_curves
 from fltea.records.fit import AxisFit
 from fltea.records.records import Sample
 from fltea.sinks.page import facts
@@ -12,6 +10,9 @@ from fltea.sinks.page.course import DRAWN
 from fltea.sinks.page.history import DeviceHistory
 from fltea.sinks.page.tiers import WINDOWS
 from msgspec.structs import replace
+
+from tests.rig.dashboard_support import Reader, alone, both, records, told
+from tests.rig.fit_support import FRACTIONAL, WHITE, fit_after, with_curves
 
 NOISE = "alpha=0.5&f=-1&n=600&offset_dps=1.5&seed=3"
 

@@ -6,7 +6,12 @@ from typing import get_args, get_type_hints
 
 import msgspec
 import pytest
-from figure_records import (
+from fltea.records.records import AnyRecord, Estimate, Placed, Record
+from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
+from fltea.sinks.figures.figure import ROOTS, Hidden, Root
+from fltea.sinks.figures.table import FIGURES, UNSHOWN, WITHOUT_FIGURES
+
+from tests.rig.figure_records import (
     EVERYTHING,
     EXAMPLES,
     Records,
@@ -17,11 +22,7 @@ from figure_records import (
     parts_of,
     terminal,
 )
-from fltea.records.records import AnyRecord, Estimate, Placed, Record
-from fltea.sinks.figures import of_axis, of_device, of_filters, of_fit, of_link
-from fltea.sinks.figures.figure import ROOTS, Hidden, Root
-from fltea.sinks.figures.table import FIGURES, UNSHOWN, WITHOUT_FIGURES
-from host_support import ROOT
+from tests.rig.host_support import ROOT
 
 FOLDER = "host/fltea/sinks/figures"
 DASHBOARD = "tools/deploy/grafana/fltea.json"

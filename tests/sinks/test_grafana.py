@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 from fltea.sinks.metrics.families import Families
-from host_support import ROOT
 from prometheus_client import CollectorRegistry, ProcessCollector
+
+from tests.rig.host_support import ROOT
 
 BOARD = json.loads((ROOT / "tools/deploy/grafana/fltea.json").read_text(encoding="utf-8"))
 SUFFIXES = {

@@ -11,9 +11,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from blocks import as_items
-from example_records import GOOD, INVALID, MOVES, RESTS, STATS, STEP, axis_estimate
-from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.errors import FlteaError
 from fltea.records.identities import MOST
 from fltea.records.ports import LATENCY_BOUNDS_MS
@@ -23,12 +20,16 @@ from fltea.service.sink_queue import SinkQueue
 from fltea.settings.outputs import MetricsConfig
 from fltea.sinks.metrics.families import Families
 from fltea.sinks.metrics.sink import MetricsSink
-from host_support import PATIENCE_S, ask, each_ended, fltea_here, hello, port_of
 from hypothesis import given
 from hypothesis import strategies as st
-from memory_sink import Memory
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.parser import text_string_to_metric_families
+
+from tests.rig.blocks import as_items
+from tests.rig.example_records import GOOD, INVALID, MOVES, RESTS, STATS, STEP, axis_estimate
+from tests.rig.fit_support import FRACTIONAL, UNDECIDED, WHITE
+from tests.rig.host_support import PATIENCE_S, ask, each_ended, fltea_here, hello, port_of
+from tests.rig.memory_sink import Memory
 
 AXES = {
     "gyro_x": GOOD,

@@ -10,15 +10,16 @@ from typing import Any
 
 import jinja2
 import pytest
-from example_records import STATS
-from fit_support import FRACTIONAL
 from fltea.mqtt.connection import Up
 from fltea.records.records import Fit
 from fltea.settings.mqtt import MqttConfig
 from fltea.sinks.mqtt.discovery import discovery_topic
 from hypothesis import example, given
 from hypothesis import strategies as st
-from mqtt_support import Bench, MakeBench, make_bench, stats
+
+from tests.rig.example_records import STATS
+from tests.rig.fit_support import FRACTIONAL
+from tests.rig.mqtt_support import Bench, MakeBench, make_bench, stats
 
 TOPIC = "homeassistant/device/fltea_a0/config"
 DEVICE_KEYS = {

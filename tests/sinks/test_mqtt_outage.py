@@ -4,10 +4,11 @@ import pytest
 from fltea.mqtt.connection import Down, Up
 from fltea.sinks.mqtt import delivery
 from fltea.sinks.mqtt.delivery import BACKLOG, IN_FLIGHT
-from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
-from mqtt_support import FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
+
+from tests.rig.host_support import hello
+from tests.rig.mqtt_support import FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
 
 
 @pytest.fixture

@@ -3,8 +3,6 @@
 import json
 
 import pytest
-from example_records import MOVES, STEP
-from fit_support import FRACTIONAL
 from fltea.mqtt.connection import Down, Up
 from fltea.records import identities
 from fltea.records.records import Epoch, Error, Estimate, EstimatorInfo, Fit, Sample
@@ -13,10 +11,13 @@ from fltea.sinks.mqtt import sink as mqtt
 from fltea.sinks.mqtt.delivery import BACKLOG
 from fltea.sinks.mqtt.sink import LONGEST_NAME, device_level
 from fltea.sinks.record_json import record_json
-from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
-from mqtt_support import FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
+
+from tests.rig.example_records import MOVES, STEP
+from tests.rig.fit_support import FRACTIONAL
+from tests.rig.host_support import hello
+from tests.rig.mqtt_support import FakeConnection, MakeBench, estimate, gap, make_bench, sample, stats
 
 INFO = EstimatorInfo("joint", "host", "compressed", "consistent", 3000, 500, (), ())
 

@@ -8,14 +8,15 @@ from typing import Any
 
 import msgspec
 import pytest
-from blocks import of
 from fltea.recording.append_only import AppendOnly
 from fltea.recording.scan import Scan
 from fltea.records import clock
 from fltea.records.events import Chunk
 from fltea.records.records import Error, Hello, Sample
 from fltea.sinks import record as record_module
-from mcap_support import MONOTONIC_NS, files, messages, replay, sink_in, transport, wire_data
+
+from tests.rig.blocks import of
+from tests.rig.mcap_support import MONOTONIC_NS, files, messages, replay, sink_in, transport, wire_data
 
 
 class Recorder:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from blocks import of
 from fltea.records import clock
 from fltea.records.events import Chunk, TransportEvent
 from fltea.records.records import Error, Gap, Sample
@@ -15,8 +14,9 @@ from fltea.sinks import record as record_module
 from fltea.sinks import record_session
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_support import MONOTONIC_NS, files, replay, sink_in, transport, wire_data
 
+from tests.rig.blocks import of
+from tests.rig.mcap_support import MONOTONIC_NS, files, replay, sink_in, transport, wire_data
 from tools.faults.daemon import read_recording
 
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import msgspec
 import pytest
-from blocks import of
 from fltea.recording.part_reader import read_info
 from fltea.recording.schema import encode_message, record_schema
 from fltea.recording.session import LinkMessage, from_metadata
@@ -23,11 +22,13 @@ from fltea.sinks.record import KINDS
 from fltea.sinks.record_session import MOST_NOTES
 from fltea.sources.synthetic import parse_noise
 from fltea.wire.messages import encode
-from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
-from mcap_support import (
+
+from tests.rig.blocks import of
+from tests.rig.host_support import hello
+from tests.rig.mcap_support import (
     MONOTONIC_NS,
     OFFSET_NS,
     files,
@@ -42,7 +43,6 @@ from mcap_support import (
     wire_of,
     written,
 )
-
 from tools import standin
 from tools.made_up_board import HELLO
 

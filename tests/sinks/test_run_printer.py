@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from device_stream_support import SMALL, Source, raw, reads
 from fltea._native import Device, Lines, RunPrinter
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
@@ -15,6 +14,8 @@ from fltea.sinks.json_lines import BlockLines, run_printer
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.device_stream_support import SMALL, Source, raw, reads
 
 N = 700
 BOTH = ["gyro_z", "accel_x", "gyro_x"]

@@ -9,13 +9,8 @@ import threading
 import time
 from typing import Any
 
-import example_records
 import msgspec
 import pytest
-from blocks import as_items
-from dashboard_support import told
-from example_records import GOOD, INVALID, axis_estimate
-from fit_support import FRACTIONAL, UNDECIDED, WHITE
 from fltea.records.ports import Printed, SinkClosed, Wanted
 from fltea.records.records import (
     ACCEL_UNIT,
@@ -33,10 +28,16 @@ from fltea.records.stats import LinkStats
 from fltea.sinks.ndjson import BUFFER, NdjsonSink
 from fltea.sinks.page.axis_sentence import answer_of, axis_sentence
 from fltea.sinks.table import BARS, TREND_WIDTH, PipedConsole, TableSink, sparkline
-from host_support import hello, strict_records
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
+
+from tests.rig import example_records
+from tests.rig.blocks import as_items
+from tests.rig.dashboard_support import told
+from tests.rig.example_records import GOOD, INVALID, axis_estimate
+from tests.rig.fit_support import FRACTIONAL, UNDECIDED, WHITE
+from tests.rig.host_support import hello, strict_records
 
 HELLO = hello(
     source="serial:/dev/ttyACM0", sensor="MPU-9250", gyro_range_dps=2000.0, firmware_version="0.1.0"

@@ -14,8 +14,9 @@ from fltea.sinks.listening import own_names
 from fltea.sinks.web import door as door_module
 from fltea.sinks.web.door import Door, LibraryErrors, bind
 from fltea.sinks.web.handler import Handler, Site
-from host_support import PATIENCE_S, ask, each_ended, wait_until
 from tornado.ioloop import IOLoop
+
+from tests.rig.host_support import PATIENCE_S, ask, each_ended, wait_until
 
 
 class Echo(Handler):

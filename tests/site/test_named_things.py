@@ -5,10 +5,11 @@ import subprocess
 from functools import cache
 
 import pytest
-import site_records
 from fltea.settings.config import Config
 from fltea.settings.setting import all_declared
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
+from tools import site_records
 
 SOURCES = (".py", ".pyi", ".hpp", ".cpp", ".h", ".ino", ".sh")
 ELSEWHERE = frozenset(

@@ -1,7 +1,8 @@
 """The reference of metrics names the field of each, and the other places that show it."""
 
-import site_hooks
 from fltea.sinks.figures.table import FIGURES
+
+from tools import site_hooks
 
 
 def test_each_metric_has_its_field_and_the_places_that_show_it() -> None:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from browser_support import Watched, browsers
 from playwright.sync_api import Browser
+
+from tests.rig.browser_support import Watched, browsers
 
 HOST = Path(__file__).parents[2] / "host"
 PAGE = """# A page

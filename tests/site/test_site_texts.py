@@ -13,16 +13,15 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-import site_hooks
-import site_records
-import site_settings
 import typer.main
 from fltea.cli.app import app
 from fltea.recording.npz_file import open_npz
 from fltea.records.records import AnyRecord, Epoch
 from fltea.settings.config import Config
-from host_support import ROOT, fltea
 from pymdownx.slugs import slugify
+
+from tests.rig.host_support import ROOT, fltea
+from tools import site_hooks, site_records, site_settings
 
 DOCS = ROOT / "host/docs"
 PAGES = sorted(DOCS.rglob("*.md"))

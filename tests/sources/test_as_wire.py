@@ -2,7 +2,6 @@
 
 import msgspec
 import pytest
-from blocks import in_samples, of, of_samples, raw_samples
 from fltea.records.errors import UsageError
 from fltea.records.events import Break, Chunk, Event, Failed, LinkDown, Opened, RawSample, Tick, Trouble
 from fltea.records.records import Hello
@@ -11,9 +10,11 @@ from fltea.sources.as_wire import AsWire, as_stated
 from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
-from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.rig.blocks import in_samples, of, of_samples, raw_samples
+from tests.rig.host_support import hello
 
 OFFSET_NS = 1_800_000_000_000_000_000
 

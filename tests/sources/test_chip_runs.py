@@ -5,10 +5,11 @@ import random
 from typing import Any
 
 import pytest
-from emulated_chips import EMULATED
-from fake_smbus import MS, Pi, S, TellsTime
 from fltea.sources.i2c.chips import chip_of
 from fltea.wire.sensors import SENSORS
+
+from tests.rig.emulated_chips import EMULATED
+from tests.rig.fake_smbus import MS, Pi, S, TellsTime
 
 FIRST = {one.family: who_am_i for who_am_i, one in reversed(SENSORS.items())}
 EACH_FAMILY = pytest.mark.parametrize("who_am_i", FIRST.values(), ids=FIRST)

@@ -7,14 +7,15 @@ import importlib
 
 import numpy as np
 import pytest
-import site_chips
-from emulated_chips import EMULATED
 from fltea.sources.i2c import texts
 from fltea.sources.i2c.chips import ADDRESSES, CHIPS, chip_of
 from fltea.sources.i2c.source import POLL_S
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS, temperature_c
-from host_support import ROOT
+
+from tests.rig.emulated_chips import EMULATED
+from tests.rig.host_support import ROOT
+from tools import site_chips
 
 FOLDER = ROOT / "host/fltea/sources/i2c"
 

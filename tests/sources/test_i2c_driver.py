@@ -5,16 +5,16 @@ import itertools
 import re
 
 import pytest
-from emulated_chips import EMULATED
-from fake_smbus import MS, FakeBus, FakeHost, TellsTime, taken_ns
 from fltea.sources.i2c import mpu9250_registers as reg
 from fltea.sources.i2c.chips import chip_of
 from fltea.sources.i2c.driver import TRIES, Driver, SensorFault, TransferFailed
 from fltea.wire.layout import FaultCode
 from fltea.wire.sensors import SENSORS
-from host_support import ROOT
 from smbus2 import i2c_msg
 
+from tests.rig.emulated_chips import EMULATED
+from tests.rig.fake_smbus import MS, FakeBus, FakeHost, TellsTime, taken_ns
+from tests.rig.host_support import ROOT
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 

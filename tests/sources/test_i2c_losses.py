@@ -5,11 +5,12 @@ import random
 from collections.abc import Callable
 
 import pytest
-from fake_smbus import MS, Pi, S
 from fltea.wire.layout import SampleFlags
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from smbus2 import i2c_msg
+
+from tests.rig.fake_smbus import MS, Pi, S
 
 SETTLED_S = 12.0
 """Time after which the sensor's clock is known well enough to count any loss exactly."""

@@ -5,7 +5,6 @@ import threading
 from itertools import count, pairwise
 
 import pytest
-from fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
 from fltea.records.errors import UsageError
 from fltea.records.events import LinkDown, Trouble
 from fltea.records.records import Error, Sample
@@ -18,6 +17,7 @@ from fltea.wire import layout as wire
 from fltea.wire.layout import SampleFlags
 from fltea.wire.permission import Group, User
 
+from tests.rig.fake_smbus import MS, UNIX_OFFSET_NS, FakeHost, Pi, S, taken_ns
 from tools.due_emulator.icm20948 import Icm20948
 from tools.due_emulator.mpu9250 import Mpu9250
 

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_iio import FakeIio, imu, scan
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.sources.iio import buffer, source
 from fltea.sources.iio.source import IioSource
 from fltea.stream.decode import Decoder
-from host_support import fltea
+
+from tests.rig.fake_iio import FakeIio, imu, scan
+from tests.rig.host_support import fltea
 
 MS = 10**6
 BEGIN_NS = 1_700_000_000 * 10**9

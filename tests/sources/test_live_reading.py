@@ -10,9 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from blocks import of
-from corpus_files import HERE
-from corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of
 from fltea.recording.csv_file import open_csv
 from fltea.recording.dialects import dialects
 from fltea.recording.reading import Answer, NotStated
@@ -23,6 +20,10 @@ from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.blocks import of
+from tests.rig.corpus_files import HERE
+from tests.rig.corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of
 
 N = 300
 GYRO = np.round(np.random.default_rng(8).normal(size=(N, 3)), 4)

@@ -3,12 +3,13 @@
 from pathlib import Path
 
 import pytest
-from blocks import of
 from fltea.records.errors import UsageError
 from fltea.records.records import Sample
 from fltea.sources.mcap import find_session
 from fltea.sources.replay import ReplaySource
-from mcap_support import files, record, replay, transport
+
+from tests.rig.blocks import of
+from tests.rig.mcap_support import files, record, replay, transport
 
 
 def test_folder_session_and_file_name_the_same(tmp_path: Path) -> None:

@@ -8,8 +8,6 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from blocks import of
-from fake_smbus import Pi
 from fltea.recording.session import check_hello
 from fltea.records.events import Event
 from fltea.records.records import AnyRecord, Sample
@@ -19,11 +17,13 @@ from fltea.sources.synthetic import SyntheticSource
 from fltea.sources.wire_events import hello_problem
 from fltea.wire import layout as wire
 from fltea.wire.message_events import hello_event
-from host_support import fltea_here
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap_support import record, replay, transport
 
+from tests.rig.blocks import of
+from tests.rig.fake_smbus import Pi
+from tests.rig.host_support import fltea_here
+from tests.rig.mcap_support import record, replay, transport
 from tools import standin
 
 

@@ -6,7 +6,6 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
-from blocks import in_samples, of
 from fltea.recording.part_reader import read_entries
 from fltea.recording.resync import HEAD
 from fltea.records.errors import UsageError
@@ -24,7 +23,9 @@ from fltea.sources.wire_events import WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from mcap.opcode import Opcode
-from mcap_support import OFFSET_NS, SMALL, files, kill, record, replay, transport, without
+
+from tests.rig.blocks import in_samples, of
+from tests.rig.mcap_support import OFFSET_NS, SMALL, files, kill, record, replay, transport, without
 
 
 @pytest.fixture

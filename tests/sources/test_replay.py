@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import in_samples, of, of_samples, records_of, samples_of, track_all, track_events
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Estimate, Gap, Hello, Sample
@@ -23,11 +22,12 @@ from fltea.sources.replay import ReplaySource
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.decode import Decoder
 from fltea.stream.pipeline import Pipeline
-from host_support import QUICK, fltea_here, hello, strict_records
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mcap_support import SMALL, record
 
+from tests.rig.blocks import in_samples, of, of_samples, records_of, samples_of, track_all, track_events
+from tests.rig.host_support import QUICK, fltea_here, hello, strict_records
+from tests.rig.mcap_support import SMALL, record
 from tools.fed_source import FedSource
 
 NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(

@@ -14,14 +14,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import samples_of
-from corpus_files import HERE, N
 from fltea.recording.kind import is_of_this_process, is_one_file, is_stream
 from fltea.records import small_file
 from fltea.records.errors import UsageError
 from fltea.settings.limits import Limits
 from fltea.sources.replay import ReplaySource
-from host_support import fltea_here
+
+from tests.rig.blocks import samples_of
+from tests.rig.corpus_files import HERE, N
+from tests.rig.host_support import fltea_here
 
 CSV = b"time_s,gyro_x_dps\n" + b"".join(b"%.2f,%d\n" % (k / 100, k % 7) for k in range(50))
 NDJSON = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode":"timer"}\n' + b"".join(

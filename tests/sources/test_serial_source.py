@@ -3,7 +3,6 @@
 from typing import Any
 
 import pytest
-from blocks import in_samples
 from fltea.records import clock
 from fltea.records.events import (
     Chunk,
@@ -23,7 +22,9 @@ from fltea.sources.wire_events import SILENCE_S, WireEvents
 from fltea.wire import layout as wire
 from fltea.wire.messages import encode
 from fltea.wire.reader import Reader
-from host_support import WIRE_HELLO as HELLO
+
+from tests.rig.blocks import in_samples
+from tests.rig.host_support import WIRE_HELLO as HELLO
 
 S = 10**9
 LIMIT = int(SILENCE_S * S)

@@ -4,11 +4,12 @@ import time
 
 import numpy as np
 import pytest
-from blocks import in_samples
 from fltea.records.errors import UsageError
 from fltea.records.events import RawBlock
 from fltea.records.records import Hello
 from fltea.sources.synthetic import NoiseSettings, SyntheticSource, parse_noise
+
+from tests.rig.blocks import in_samples
 
 
 def events(query: str) -> list:

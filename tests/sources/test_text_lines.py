@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import of, track_events
 from fltea.records.errors import UsageError
 from fltea.records.events import TIME_WRAP_US, Event, Failed, LinkDown, RawBlock, Tick, Trouble
 from fltea.records.records import Hello
 from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 from fltea.sources.text_lines import PipeText, SerialText, parse_serial
+
+from tests.rig.blocks import of, track_events
 
 S = 10**9
 RATE = How(columns=["gx"], rate_hz=100.0, units="dps")

@@ -17,7 +17,8 @@ from fltea.spectrum.allan_curve import fit_allan, live_allan
 from fltea.spectrum.allan_dof import degrees_of_freedom, full_overlap
 from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.periodogram import binned, periodogram
-from identify_support import H, white
+
+from tests.rig.identify_support import H, white
 
 N_LONG = 60_000
 

@@ -14,10 +14,10 @@ from fltea.spectrum.candidate_models import CandidateModels, native, order_in_wh
 from fltea.spectrum.intervals import OrderFit, order_fit
 from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import Periodogram, binned
-from identify_support import H
 from numpy.typing import NDArray
-from spectrum_probe import BoardFit, BoardSpectrum, board_quantile
 
+from tests.rig.identify_support import H
+from tests.rig.spectrum_probe import BoardFit, BoardSpectrum, board_quantile
 from tools.validation.device import SIGMA, agreement, drawn
 
 WHITE, FRACTIONAL = 1, 2

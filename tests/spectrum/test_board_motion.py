@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from identify_support import H, long_recursion
 from numpy.typing import NDArray
-from spectrum_probe import BoardSpectrum, track_sensor
+
+from tests.rig.identify_support import H, long_recursion
+from tests.rig.spectrum_probe import BoardSpectrum, track_sensor
 
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 AHEAD = 100

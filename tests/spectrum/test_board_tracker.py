@@ -7,9 +7,10 @@ from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Order, Relaxation, White
 from fltea.noise.system import System, system
 from fltea.records.arrays import Array
-from identify_support import H, ar, long_recursion
 from numpy.typing import NDArray
-from spectrum_probe import BoardSpectrum
+
+from tests.rig.identify_support import H, ar, long_recursion
+from tests.rig.spectrum_probe import BoardSpectrum
 
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 OFFSET = 37.3

@@ -16,9 +16,10 @@ from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.spectral_lines import Repeats
 from fltea.spectrum.verdict import decide
-from identify_support import H, ar, white
-from numpy_octaves import fed
 from scipy.signal import butter, lfilter, sawtooth
+
+from tests.rig.identify_support import H, ar, white
+from tests.rig.numpy_octaves import fed
 
 RATE_HZ = 1 / H
 

@@ -7,7 +7,8 @@ import pytest
 from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.drift_rate import drift_rate, slope_variance
 from fltea.spectrum.periodogram import binned, periodogram
-from identify_support import H, Truth, composite, white
+
+from tests.rig.identify_support import H, Truth, composite, white
 
 
 def test_a_ramp() -> None:

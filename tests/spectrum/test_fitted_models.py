@@ -12,9 +12,10 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel, native
 from fltea.spectrum.intervals import CRITICAL, estimated, order_fit
 from fltea.spectrum.periodogram import Binned
 from fltea.spectrum.reading import read
-from identify_support import H
-from model_support import bins, closed_form
 from scipy.optimize import minimize
+
+from tests.rig.identify_support import H
+from tests.rig.model_support import bins, closed_form
 
 Parts = Sequence[p.Part]
 

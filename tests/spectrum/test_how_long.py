@@ -8,8 +8,8 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.how_long import seconds_more
 from fltea.spectrum.intervals import order_deviation, order_fit
 from fltea.spectrum.periodogram import binned, periodogram
-from identify_support import H, long_recursion, white
 
+from tests.rig.identify_support import H, long_recursion, white
 from tools.validation.evaluate.cramer_rao import bound
 
 ALPHA, G, R = 0.8, -0.025, 1 / 3

@@ -10,9 +10,10 @@ from fltea.spectrum.periodogram import periodogram
 from fltea.spectrum.spectral import null_ratio
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H, long_recursion, white
 from scipy.signal import lfilter
-from spectrum_probe import board_quantile
+
+from tests.rig.identify_support import H, long_recursion, white
+from tests.rig.spectrum_probe import board_quantile
 
 
 def p_values(y: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ import pytest
 from fltea.spectrum.periodogram import FEWEST, Periodogram, binned, periodogram
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H, white
+
+from tests.rig.identify_support import H, white
 
 
 def test_scale_and_ordinates() -> None:

@@ -8,8 +8,9 @@ from fltea.noise import parts as p
 from fltea.noise.parts import CODES
 from fltea.spectrum.candidate_models import CandidateModels, native
 from fltea.spectrum.intervals import AT_BOUND, BY_F, BY_NOISE, BY_PARAMETER, BY_STEP, CRITICAL, interval_end
-from identify_support import H
-from model_support import bins
+
+from tests.rig.identify_support import H
+from tests.rig.model_support import bins
 
 ORDER, ARFIMA = CODES.index(p.Order), CODES.index(p.Arfima)
 ALPHA, LOGIT, LOG_S2 = 0.5, -2.0, 0.3

@@ -13,7 +13,8 @@ from fltea.spectrum.live_axes import FEWEST_SAMPLES, POINTS, LiveAxes
 from fltea.spectrum.verdict import decide
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H, long_recursion, white
+
+from tests.rig.identify_support import H, long_recursion, white
 
 AXES = ("gyro_x", "gyro_y")
 

@@ -11,8 +11,9 @@ from fltea.spectrum.octaves import LANE_BYTES, WHOLE, Octaves
 from fltea.spectrum.periodogram import Periodogram, binned, periodogram
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H, long_recursion
-from numpy_octaves import TAPS, check_lines, fed, lines, noise
+
+from tests.rig.identify_support import H, long_recursion
+from tests.rig.numpy_octaves import TAPS, check_lines, fed, lines, noise
 
 
 def test_filter_is_that_of_scipy() -> None:

@@ -7,8 +7,9 @@ import pytest
 from fltea.records.arrays import Array
 from fltea.spectrum.octaves import Counts, Octaves
 from fltea.spectrum.periodogram import Periodogram
-from identify_support import H, long_recursion
-from numpy_octaves import fed
+
+from tests.rig.identify_support import H, long_recursion
+from tests.rig.numpy_octaves import fed
 
 
 def noise(n: int, seed: int = 1) -> Array:

@@ -5,8 +5,9 @@ import pytest
 from fltea.spectrum.octaves import WHOLE, Octaves
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from identify_support import H
-from numpy_octaves import check_lines, fed, lines, noise
+
+from tests.rig.identify_support import H
+from tests.rig.numpy_octaves import check_lines, fed, lines, noise
 
 
 @settings(deadline=None, max_examples=30)

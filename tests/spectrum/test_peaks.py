@@ -13,10 +13,11 @@ from fltea.spectrum.spectral import _above_slow_lines
 from fltea.spectrum.spectral_lines import Peak, find_peaks
 from hypothesis import given
 from hypothesis import strategies as st
-from identify_support import H, ar, long_recursion, white
-from numpy_octaves import fed
-from peak_oracle import strongest
 from scipy.signal import butter, lfilter
+
+from tests.rig.identify_support import H, ar, long_recursion, white
+from tests.rig.numpy_octaves import fed
+from tests.rig.peak_oracle import strongest
 
 N = 60_000
 

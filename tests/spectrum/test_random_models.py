@@ -13,9 +13,10 @@ from fltea.identification.sums import examined
 from fltea.noise import parts as p
 from fltea.spectrum.evidence import Evidence
 from fltea.spectrum.verdict import decide
-from identify_support import H
-from model_support import samples, sound
-from tiers import slow
+
+from tests.rig.identify_support import H
+from tests.rig.model_support import samples, sound
+from tests.rig.tiers import slow
 
 Parts = list[p.Part]
 

@@ -11,10 +11,10 @@ from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.spectral import examine
 from fltea.spectrum.stationarity import Change, find_change
 from fltea.spectrum.verdict import decide
-from identify_support import H, ar, long_recursion, white
-from numpy_octaves import fed
-from tiers import slow
 
+from tests.rig.identify_support import H, ar, long_recursion, white
+from tests.rig.numpy_octaves import fed
+from tests.rig.tiers import slow
 from tools.validation.power import WHITE
 
 LEVEL = 0.01

@@ -20,10 +20,11 @@ from fltea.spectrum.residuals import kolmogorov
 from fltea.spectrum.spectral_lines import Peak
 from fltea.spectrum.stationarity import Change
 from fltea.spectrum.verdict import Verdict, decide, winner
-from identify_support import H, white
-from model_support import samples, sound
 from scipy.signal import lfilter
-from tiers import slow
+
+from tests.rig.identify_support import H, white
+from tests.rig.model_support import samples, sound
+from tests.rig.tiers import slow
 
 RELAXING = (p.White(0.0025), *(p.Relaxation(0.0175, tau) for tau in (1.0, 0.1, 0.02)))
 FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 from fltea.stream import live
-from quick_fit import QuickAxes
+
+from tests.rig.quick_fit import QuickAxes
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -6,9 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from blocks import cuts, in_blocks, ndjson, of, one_by_one, records_of
-from device_stream_support import SMALL
-from estimating_board import ESTIMATOR, Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import Estimate, Sample
@@ -16,8 +13,12 @@ from fltea.settings.config import Config, load_config
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tiers import slow
-from wire_story import HAPPENINGS, Moment, Story, StorySource, stories, torn
+
+from tests.rig.blocks import cuts, in_blocks, ndjson, of, one_by_one, records_of
+from tests.rig.device_stream_support import SMALL
+from tests.rig.estimating_board import ESTIMATOR, Board, events, noise
+from tests.rig.tiers import slow
+from tests.rig.wire_story import HAPPENINGS, Moment, Story, StorySource, stories, torn
 
 RUNAWAY = {
     "estimator.R": 1e-4,

@@ -3,11 +3,12 @@
 import itertools
 
 import pytest
-from example_records import GOOD, INVALID
 from fltea.records.events import DeviceAxis
 from fltea.records.records import DeviceAxisEstimate, WhyNot
 from fltea.records.why_not import WHY_NOT
 from fltea.stream.board_compare import compare
+
+from tests.rig.example_records import GOOD, INVALID
 
 NUMBERS = {"alpha": 0.4, "alpha_std": 0.03, "f": -2.0, "f_std": 0.2, "state_dps": 0.1, "innovation_dps": 0.0}
 OF_DEVICE = DeviceAxis(

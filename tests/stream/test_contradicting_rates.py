@@ -6,17 +6,18 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from blocks import as_block, ndjson, of, records_of
-from device_stream_support import NO_FILTERS, Source
 from fltea.records.block import Block
 from fltea.records.events import Event, LinkDown, RawSample
 from fltea.records.records import AnyRecord, Epoch, Error, Stats
 from fltea.records.stats import SampleStats
 from fltea.settings.config import load_config
 from fltea.stream.pipeline import Pipeline
-from host_support import hello
-from plain_device_stream import PlainDeviceStream
-from same_records import assert_same
+
+from tests.rig.blocks import as_block, ndjson, of, records_of
+from tests.rig.device_stream_support import NO_FILTERS, Source
+from tests.rig.host_support import hello
+from tests.rig.plain_device_stream import PlainDeviceStream
+from tests.rig.same_records import assert_same
 
 N = 1000
 FIRST_SECOND = 105

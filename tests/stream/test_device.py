@@ -5,15 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from blocks import ndjson
-from device_stream_support import SMALL, Source, raw, reads
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import AnyRecord
 from fltea.settings.config import load_config
 from fltea.stream.pipeline import HANDLERS, Pipeline, Stop
-from host_support import hello
-from tiers import slow
+
+from tests.rig.blocks import ndjson
+from tests.rig.device_stream_support import SMALL, Source, raw, reads
+from tests.rig.host_support import hello
+from tests.rig.tiers import slow
 
 N = 1000
 SETTINGS: list[dict[str, Any]] = [

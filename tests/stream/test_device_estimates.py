@@ -6,8 +6,12 @@ from typing import Any
 
 import msgspec
 import pytest
-from blocks import of
-from estimating_board import (
+from fltea.records.records import DeviceEstimates, Epoch, Estimate, EstimatorInfo, Sample, Stats
+from fltea.sources.wire_events import WireEvents
+from fltea.wire import layout as wire
+
+from tests.rig.blocks import of
+from tests.rig.estimating_board import (
     AXES,
     ESTIMATOR,
     STARTUP,
@@ -23,11 +27,7 @@ from estimating_board import (
     reasons,
     said,
 )
-from fltea.records.records import DeviceEstimates, Epoch, Estimate, EstimatorInfo, Sample, Stats
-from fltea.sources.wire_events import WireEvents
-from fltea.wire import layout as wire
-from host_support import WIRE_HELLO
-
+from tests.rig.host_support import WIRE_HELLO
 from tools.own_estimator import TRIPLE
 
 PRINTED = TRIPLE._replace(startup=STARTUP, remaining=STARTUP, guard=wire.EstimatorGuard.FAITHFUL)

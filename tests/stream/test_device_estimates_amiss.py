@@ -3,8 +3,13 @@
 import math
 
 import pytest
-from blocks import of
-from estimating_board import (
+from fltea.records.events import LinkDown, RawBlock, host_ns_of
+from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Sample, Stats
+from fltea.sources.wire_events import WireEvents
+from fltea.wire import layout as wire
+
+from tests.rig.blocks import of
+from tests.rig.estimating_board import (
     ESTIMATOR,
     STARTUP,
     Board,
@@ -18,11 +23,7 @@ from estimating_board import (
     reasons,
     said,
 )
-from fltea.records.events import LinkDown, RawBlock, host_ns_of
-from fltea.records.records import DeviceEstimates, Epoch, Error, Estimate, Sample, Stats
-from fltea.sources.wire_events import WireEvents
-from fltea.wire import layout as wire
-from host_support import WIRE_HELLO
+from tests.rig.host_support import WIRE_HELLO
 
 
 def test_what_was_skipped_is_told_once_a_minute_and_not_compared() -> None:

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import msgspec
 import pytest
-from blocks import of
-from estimating_board import START_NS, Board, chunks, noise
 from fltea.archive.export import export
 from fltea.recording.schema import record_schema
 from fltea.records.errors import UsageError
@@ -30,11 +28,13 @@ from fltea.sinks.metrics.families import Families, Newest
 from fltea.sinks.record import KINDS
 from fltea.sinks.table import TableSink
 from fltea.sources.open_source import check_recordable, open_source
-from mcap_support import record, replay, without
-from mqtt_support import Bench, make_bench
 from prometheus_client import CollectorRegistry, generate_latest
 from rich.console import Console
 
+from tests.rig.blocks import of
+from tests.rig.estimating_board import START_NS, Board, chunks, noise
+from tests.rig.mcap_support import record, replay, without
+from tests.rig.mqtt_support import Bench, make_bench
 from tools.fed_source import FedSource
 
 APART = {"alpha_difference": 3.2e-7, "f_difference": -4.5e-6, "state_difference": 1e-9}

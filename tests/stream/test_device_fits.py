@@ -9,8 +9,6 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from blocks import of
-from estimating_board import AXES, Board, Sent, events, feed, noise, pipeline, said
 from fltea.records.fit import AxisFit, Interval
 from fltea.records.records import DeviceFits, Sample
 from fltea.sinks.metrics.families import Families, Newest
@@ -26,6 +24,9 @@ from fltea.wire.message_events import bins_event, fit_event
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, Group
+
+from tests.rig.blocks import of
+from tests.rig.estimating_board import AXES, Board, Sent, events, feed, noise, pipeline, said
 
 FIT = wire.Fit(
     axis=wire.Axis.GYRO_Y,

@@ -9,20 +9,21 @@ from functools import partial
 from typing import Any, TypeVar
 
 import pytest
-from blocks import cuts, in_blocks, ndjson, of, records_of
-from device_stream_support import raw, run_pipeline
 from fltea.estimator.offset_walk import Followed
 from fltea.estimator.tracker import Remembered, TrackerModel
 from fltea.records.events import LinkDown
 from fltea.records.records import Estimate, Fit
 from fltea.stream import fit_times, learning, live
 from fltea.stream.fit_worker import FitThread, FitWorker
-from host_support import hello
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from quick_fit import QuickAxes
-from tiers import slow
+
+from tests.rig.blocks import cuts, in_blocks, ndjson, of, records_of
+from tests.rig.device_stream_support import raw, run_pipeline
+from tests.rig.host_support import hello
+from tests.rig.quick_fit import QuickAxes
+from tests.rig.tiers import slow
 
 T = TypeVar("T")
 

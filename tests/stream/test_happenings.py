@@ -5,14 +5,15 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from blocks import in_blocks, ndjson, of
-from device_stream_support import run_pipeline
 from fltea.records.block import Block
 from fltea.records.events import RawBlock
 from fltea.records.records import AnyRecord, Fit, Motion, Step
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import live
-from host_support import hello
+
+from tests.rig.blocks import in_blocks, ndjson, of
+from tests.rig.device_stream_support import run_pipeline
+from tests.rig.host_support import hello
 
 STEP, TURN, STOP, TILT, END = 5000, 5700, 6100, 6500, 7000
 SIGMA, SIZE = 2.0, 4.0

@@ -5,9 +5,6 @@ import itertools
 from collections.abc import Iterable
 
 import pytest
-from blocks import cuts, in_blocks, ndjson, of, records_of
-from device_stream_support import raw, run_pipeline
-from estimating_board import Board, events, noise
 from fltea.records.block import Block
 from fltea.records.events import Break, Event, LinkDown
 from fltea.records.records import Epoch, Error, Estimate, Fit, Hello, Stats
@@ -17,10 +14,14 @@ from fltea.stream import live
 from fltea.stream.fit_times import Refit, RefitTimes, turn
 from fltea.stream.fit_worker import FitWorker
 from fltea.stream.snapshot import DeviceState
-from host_support import hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
+
+from tests.rig.blocks import cuts, in_blocks, ndjson, of, records_of
+from tests.rig.device_stream_support import raw, run_pipeline
+from tests.rig.estimating_board import Board, events, noise
+from tests.rig.host_support import hello
 
 
 def left_out(fit: Fit) -> int:

@@ -5,8 +5,6 @@ from collections.abc import Callable
 import fltea
 import numpy as np
 import pytest
-from blocks import in_blocks, ndjson, of
-from device_stream_support import run_pipeline
 from fltea.records.arrays import Array
 from fltea.records.block import Block
 from fltea.records.events import RawBlock
@@ -14,7 +12,10 @@ from fltea.records.records import AnyRecord, Fit
 from fltea.spectrum.live_axes import LONGEST_MOTION_S, LiveAxes
 from fltea.spectrum.octaves import Octaves
 from fltea.stream import live
-from host_support import hello
+
+from tests.rig.blocks import in_blocks, ndjson, of
+from tests.rig.device_stream_support import run_pipeline
+from tests.rig.host_support import hello
 
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000

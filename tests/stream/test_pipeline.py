@@ -6,9 +6,6 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from blocks import as_block, of, records_of
-from device_stream_support import Source, small_config
-from engine_cases import ESTIMATES, reference_run
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, LinkDown, RawSample, Tick, Trouble
@@ -16,6 +13,10 @@ from fltea.records.records import AnyRecord, Epoch, Error, Estimate, Gap, Hello,
 from fltea.records.stats import DeviceStatus
 from fltea.sources.replay import ReplaySource
 from fltea.stream.pipeline import Pipeline
+
+from tests.rig.blocks import as_block, of, records_of
+from tests.rig.device_stream_support import Source, small_config
+from tests.rig.engine_cases import ESTIMATES, reference_run
 
 PERIOD_NS = 10**7
 PRINTED = {"estimator__guard": "off", "estimator__variant": "triple"}

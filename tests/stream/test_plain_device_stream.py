@@ -5,9 +5,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 import pytest
-from acted_device import ACTS, Act, Birth, Device, acts, births
-from blocks import of, records_of
-from device_stream_support import NO_FILTERS, PLAIN, SMALL, Source
 from fltea.records.block import Block
 from fltea.records.events import Event, RawBlock
 from fltea.records.records import AnyRecord, AxisEstimate, Epoch, Estimate, Motion, Stats, Step
@@ -15,9 +12,13 @@ from fltea.settings.config import Config, load_config
 from fltea.stream.pipeline import Pipeline
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plain_device_stream import PlainDeviceStream
-from same_records import assert_same
-from tiers import slow, slow_but
+
+from tests.rig.acted_device import ACTS, Act, Birth, Device, acts, births
+from tests.rig.blocks import of, records_of
+from tests.rig.device_stream_support import NO_FILTERS, PLAIN, SMALL, Source
+from tests.rig.plain_device_stream import PlainDeviceStream
+from tests.rig.same_records import assert_same
+from tests.rig.tiers import slow, slow_but
 
 WINDOW = SMALL["estimator.window"]
 

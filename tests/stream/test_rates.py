@@ -5,8 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from blocks import of, records_of
-from dashboard_support import told
 from fltea.records.block import Block
 from fltea.records.errors import UsageError
 from fltea.records.events import Event, RawBlock
@@ -15,7 +13,10 @@ from fltea.settings.config import load_config
 from fltea.sources.replay import TOGETHER_NS, _paced
 from fltea.sources.synthetic import SyntheticSource
 from fltea.stream.pipeline import Pipeline
-from tiers import slow
+
+from tests.rig.blocks import of, records_of
+from tests.rig.dashboard_support import told
+from tests.rig.tiers import slow
 
 LASTS_S = 2
 STARTUP_S = 1

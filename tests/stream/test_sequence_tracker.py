@@ -5,12 +5,13 @@ from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
 
 import pytest
-from blocks import Tracked, cuts, track_all, track_one
 from fltea.records.events import Break, LinkDown, RawSample
 from fltea.stream.decode import Decoder
-from host_support import hello
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+
+from tests.rig.blocks import Tracked, cuts, track_all, track_one
+from tests.rig.host_support import hello
 
 PERIOD_US = 10_000
 HALF_HOUR = 30 * 60 * 100

@@ -4,13 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from blocks import cuts, of
 from fltea import _native
 from fltea.records.events import Ints, RawBlock
 from fltea.sources.replay import ReplaySource
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from one_by_one import Timebase as TimeOneByOne
+
+from tests.rig.blocks import cuts, of
+from tests.rig.one_by_one import Timebase as TimeOneByOne
 
 PERIOD_US = 10_000
 HOUR_NS = 3600 * 10**9

@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from blocks import of, records_of
-from device_stream_support import raw, run_pipeline
 from fltea.estimator.offset_walk import offset_walk
 from fltea.estimator.tracker import Tracker
 from fltea.noise.parts import Alternating, Mean, Order, Part, Relaxation, White
@@ -19,8 +17,11 @@ from fltea.settings.live import LiveConfig
 from fltea.spectrum.live_axes import AxisRefit, Noise
 from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tracking import SensorTracks
-from host_support import hello
 from numpy.typing import NDArray
+
+from tests.rig.blocks import of, records_of
+from tests.rig.device_stream_support import raw, run_pipeline
+from tests.rig.host_support import hello
 
 H = 0.01
 LSB_DPS = 1 / 16.4

@@ -5,8 +5,6 @@ from typing import Literal
 import msgspec
 import numpy as np
 import pytest
-from blocks import ndjson, of, records_of
-from device_stream_support import raw, run_pipeline
 from fltea.estimator.bank import Bank, Variances
 from fltea.estimator.filter_model import FilterModel
 from fltea.records.block import Block
@@ -20,10 +18,12 @@ from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.live_axes import LiveAxes
 from fltea.stream import live
 from fltea.stream.tuning import handed_over
-from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.rig.blocks import ndjson, of, records_of
+from tests.rig.device_stream_support import raw, run_pipeline
+from tests.rig.host_support import hello
 from tools.validation.evaluate.cases import Case, H, samples
 
 KNOWN = AxisFit(

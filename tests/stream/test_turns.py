@@ -2,13 +2,14 @@
 
 from itertools import pairwise
 
-from blocks import cuts, in_blocks, ndjson, of
-from device_stream_support import raw, run_pipeline
 from fltea.records.records import Stats
 from fltea.stream.fit_worker import FitWorker
-from host_support import hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.rig.blocks import cuts, in_blocks, ndjson, of
+from tests.rig.device_stream_support import raw, run_pipeline
+from tests.rig.host_support import hello
 
 SECOND_NS, PERIOD_NS = 10**9, 10**7
 

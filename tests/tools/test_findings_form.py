@@ -3,8 +3,9 @@
 import shutil
 from pathlib import Path
 
-import findings_form as form
 import pytest
+
+from tools import findings_form as form
 
 HEAD = """#!/usr/bin/env bash
 # library: one 1.2, two 3

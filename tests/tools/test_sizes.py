@@ -13,7 +13,8 @@ from functools import cache, lru_cache
 from typing import NamedTuple
 
 import pytest
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
 
 LONGEST_FUNCTION = 60
 MOST_ATTRIBUTES = 12

@@ -9,8 +9,8 @@ from fltea.estimator.baseline import lane_baselines
 from fltea.estimator.engine import Engine
 from fltea.estimator.lane_settings import LaneSettings
 from fltea.settings.estimator import EstimatorConfig
-from one_fltea import fltea_fit
 
+from tests.rig.one_fltea import fltea_fit
 from tools.validation.evaluate.cases import POWER, Case, H, samples
 from tools.validation.evaluate.fits import QUANTITIES, fitted_variances, live_readings, truths, whole_reading
 from tools.validation.evaluate.online import Tuning, read

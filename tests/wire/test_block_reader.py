@@ -12,9 +12,10 @@ from fltea.wire.block_reader import BlockReader, Decoded, FrameReader, Located, 
 from fltea.wire.messages import BadFrame, Frame, encode, encode_frame
 from hypothesis import given
 from hypothesis import strategies as st
-from plain_decoder import Found, decoded, in_chunks, unfinished
-from protocol_support import HELLO, fixed, messages, sequences, times
-from tiers import slow
+
+from tests.rig.plain_decoder import Found, decoded, in_chunks, unfinished
+from tests.rig.protocol_support import HELLO, fixed, messages, sequences, times
+from tests.rig.tiers import slow
 
 SAMPLE = wire.Sample(12, -7, 3, -120, 85, 16390, -1042, 5)
 NEXT = encode(SAMPLE, 99, 990_000)

@@ -8,9 +8,9 @@ from fltea.wire import layout as wire
 from fltea.wire.block_reader import FrameReader
 from fltea.wire.inspection import HEX_BYTES_SHOWN, describe, inspect, summary
 from fltea.wire.messages import REASONS, Frame
-from host_support import fltea, fltea_here
-from protocol_support import records
 
+from tests.rig.host_support import fltea, fltea_here
+from tests.rig.protocol_support import records
 from tools.own_estimator import f32
 
 ACCEL = "accel_x -120  accel_y 85  accel_z 16390"

@@ -19,10 +19,11 @@ from fltea.records.events import Failed, Opened, Reads, Tick
 from fltea.wire import transport
 from fltea.wire.ports import Ports
 from fltea.wire.transport import Port
-from host_support import PATIENCE_S, each_ended, wait_until
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from terminal import Terminal, unplug
+
+from tests.rig.host_support import PATIENCE_S, each_ended, wait_until
+from tests.rig.terminal import Terminal, unplug
 
 BAUD = 250_000
 

@@ -1,15 +1,16 @@
 """Conversion of counts to units, with figures worked by hand."""
 
 import pytest
-from blocks import as_block, raw_samples
 from fltea.records.events import RawSample
 from fltea.records.records import Sample
 from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE
 from fltea.stream.decode import Decoder
 from fltea.wire.sample_scaling import to_counts
-from host_support import hello
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.rig.blocks import as_block, raw_samples
+from tests.rig.host_support import hello
 
 # MPU-9250 Product Specification PS-MPU-9250A-01 rev. 1.1, tables 1 and 2: full scale and LSB per unit.
 GYRO_LSB_PER_DPS = {250: 131.0, 500: 65.5, 1000: 32.8, 2000: 16.4}

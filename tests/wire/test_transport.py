@@ -16,8 +16,9 @@ from fltea.wire import transport
 from fltea.wire.permission import Group, User
 from fltea.wire.reader import Reader
 from fltea.wire.transport import Port, explain_open_failure
-from host_support import PATIENCE_S, ROOT, each_ended, wait_until
-from terminal import Terminal
+
+from tests.rig.host_support import PATIENCE_S, ROOT, each_ended, wait_until
+from tests.rig.terminal import Terminal
 
 
 @pytest.fixture

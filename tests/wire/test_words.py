@@ -4,7 +4,8 @@ import pytest
 from fltea.wire.faults import fault_text
 from fltea.wire.layout import FaultCode, Status
 from fltea.wire.sensors import sensor_name, temperature_c
-from host_support import ROOT
+
+from tests.rig.host_support import ROOT
 
 
 @pytest.mark.parametrize(

@@ -6,16 +6,12 @@ samples and over the range of orders.
 """
 
 import statistics
-import sys
-from pathlib import Path
 from typing import Any
 
 import mpmath
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/rig"))
-from memory_probe import DIRECT, SETS, Memory
-
+from tests.rig.memory_probe import DIRECT, SETS, Memory
 from tools.validation.tables import NONE, Table, number
 
 DIGITS = (3, 4, 5, 6, 7, 8, 9, 10, 11)

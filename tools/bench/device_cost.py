@@ -5,20 +5,16 @@ cycles: the share of a real processor's time assumes `CYCLES` per instruction.
 """
 
 import re
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
+from tools.build_firmware import build
 from tools.due_emulator.board import Board
 from tools.due_emulator.function_profile import Profile, functions_of
 from tools.due_emulator.noise import fractional_world
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "tools"))
-
-from build_firmware import build  # noqa: E402
-
 CYCLES = 1.4
 """Assumed clock cycles per instruction of a Cortex-M3 with flash at four wait states."""
 CLOCK_HZ = 84_000_000

@@ -14,7 +14,7 @@ need lintian lintian
 here=$PWD
 maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
 
-"$python" tools/man_pages.py >/dev/null
+"$python" -m tools.man_pages >/dev/null
 pack() { # SYSTEM ARCHITECTURE
     local system=$1 architecture=$2 machine py=${python_of[$1]} package folder tree
     machine=$(machine_of "$architecture")

@@ -94,7 +94,7 @@ def nearest_tests(root: Path, file: str) -> list[str]:
     texts = {path: path.read_text(encoding="utf-8") for path in sorted((root / "tests").rglob("*.py"))}
     direct = {path for path, text in texts.items() if re.search(imports, text, re.MULTILINE)}
     if stand_ins := "|".join(path.stem for path in direct if path.parent.name == "rig"):
-        of_stand_ins = rf"^(from|import) ({stand_ins})\b"
+        of_stand_ins = rf"^from tests\.rig(\.({stand_ins})| import .*\b({stand_ins}))\b"
         direct |= {path for path, text in texts.items() if re.search(of_stand_ins, text, re.MULTILINE)}
     tests = [path for path in texts if path.name.startswith("test_") and path.parent.name != "e2e"]
     tests.sort(key=lambda path: len(re.findall(r"^ *(from|import) ", texts[path], re.MULTILINE)))

@@ -11,10 +11,9 @@ from typing import NamedTuple
 
 import msgspec
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(REPOSITORY / "tools"))
+from tools.build_firmware import BuildError, build
 
-from build_firmware import BuildError, build  # noqa: E402
+REPOSITORY = Path(__file__).resolve().parents[2]
 
 LIST = Path(__file__).with_name("mutants.toml")
 PARTS = (
@@ -22,6 +21,7 @@ PARTS = (
     "tests/firmware",
     "tests/native",
     "host/native",
+    "tests/__init__.py",
     "tests/conftest.py",
     "tests/rig",
     "protocol/vectors",

@@ -6,7 +6,6 @@ Fits: of twenty fractional noises in white noise, against the host's fit of the 
 which it keeps more.
 """
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -21,13 +20,11 @@ from fltea.spectrum.octaves import Octaves
 from fltea.spectrum.periodogram import binned
 from numpy.typing import NDArray
 
+from tests.rig.device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
+from tests.rig.spectrum_probe import BoardSpectrum
 from tools.validation.recursions import FractionalState
 from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/rig"))
-from device_probe import LSB_PER_DPS, STARTUP, VARIANTS, Device, host_baseline, host_engine
-from spectrum_probe import BoardSpectrum
 
 Counts = NDArray[np.int16]
 
