@@ -14,7 +14,7 @@ from fltea.spectrum.allan_curve import live_allan
 from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.evidence import ANYTIME_LEVEL
 from fltea.spectrum.intervals import order_fit
-from fltea.spectrum.live_axes import LiveAxes, Looked
+from fltea.spectrum.live_axes import AxisRefit, LiveAxes
 from fltea.spectrum.octaves import LANE_BYTES, Octaves
 from fltea.spectrum.periodogram import binned
 from fltea.spectrum.spectral import examine
@@ -53,7 +53,7 @@ def measure() -> dict[str, Any]:
     sums.add(np.random.default_rng(1).standard_normal(SAMPLES))
     return {
         "works": timed,
-        "looks_ms": _medians(timed),
+        "refits_ms": _medians(timed),
         "lane_bytes": LANE_BYTES,
         "allan_bytes_saved": len(sums.save()),
     }
@@ -75,8 +75,8 @@ def text(figures: dict[str, Any]) -> str:
     lines = [f"{r['work']:<52}{r['median']:>9.2f} ({r['largest']:.2f}) {r['unit']}" for r in figures["works"]]
     lane, saved = figures["lane_bytes"], figures["allan_bytes_saved"]
     sizes = f"bytes: a lane's spectrum {lane:,}, saved Allan sums {saved:,}"
-    last_refit = ", ".join(f"{kind} {ms:.2f}" for kind, ms in figures["looks_ms"].items())
-    return "\n".join([head, *lines, f"median of the noises, ms: {last_refit}", sizes])
+    refits = ", ".join(f"{kind} {ms:.2f}" for kind, ms in figures["refits_ms"].items())
+    return "\n".join([head, *lines, f"median of the noises, ms: {refits}", sizes])
 
 
 Work = tuple[str, str, float, Callable[[], object]]
@@ -93,16 +93,16 @@ def _octaves() -> list[Work]:
         for begin in range(0, end, rows):
             sums.add(y[begin : begin + rows])
 
-    def look() -> None:
+    def compute() -> None:
         for lane in range(LANES):
             binned(octaves.periodogram(lane, H))
 
-    look()  # The first call allocates what later calls reuse.
+    compute()  # The first call allocates what later calls reuse.
     works: list[Work] = [
         (f"spectrum: a sample, {rows:,} rows a call", "ns", 1e9 / (end * LANES), partial(add, rows, end))
         for rows, end in ((1, SINGLE_ROWS), (10, ROWS), (100, ROWS), (ROWS, ROWS))
     ]
-    return [*works, ("spectrum: a periodogram in bins", "us", 1e6 / LANES, look)]
+    return [*works, ("spectrum: a periodogram in bins", "us", 1e6 / LANES, compute)]
 
 
 def _allan() -> list[Work]:
@@ -147,8 +147,8 @@ def _models() -> list[Work]:
 def _last_refits() -> list[Work]:
     """Return refits of an axis without new samples, without and with a model search."""
 
-    def made(axes: LiveAxes, *, fresh: bool) -> Looked:
-        return axes.look(curves=False, fresh=fresh)["x"]()
+    def made(axes: LiveAxes, *, fresh: bool) -> AxisRefit:
+        return axes.refits(curves=False, fresh=fresh)["x"]()
 
     works: list[Work] = []
     for samples in LENGTHS:

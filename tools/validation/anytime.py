@@ -20,7 +20,7 @@ from fltea.spectrum.spectral import LastRefit, examine
 from fltea.spectrum.spectral_lines import FALSE_ALARM, find_peaks
 from fltea.spectrum.stationarity import find_change
 from fltea.spectrum.verdict import decide
-from fltea.stream.fit_times import LookTimes
+from fltea.stream.fit_times import RefitTimes
 
 from tools.validation.power import WHITE
 from tools.validation.recursions import Stream
@@ -69,8 +69,8 @@ def axis(noise: str, samples: int, seed: int) -> list[Row]:
     """Return the highest level at which each rule is silent all the time."""
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
-    sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _look if noise in WHITE else _claim
-    times = LookTimes(1 / H, grows=True, every=True)
+    sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _levels if noise in WHITE else _claim
+    times = RefitTimes(1 / H, grows=True, every=True)
     times.begin(PERIOD)
     lowest: dict[str, float] = {}
     while (until := times.due) <= samples:
@@ -78,8 +78,8 @@ def axis(noise: str, samples: int, seed: int) -> list[Row]:
             part = min(until - taken, AT_ONCE)
             sums.add(np.ascontiguousarray(draw(part)[:, np.newaxis]))
             taken += part
-        look = times.at(taken, taken, PERIOD, noticed=False)
-        if is_search := look is not None and look.fresh:
+        refit = times.at(taken, taken, PERIOD, noticed=False)
+        if is_search := refit is not None and refit.fresh:
             last_refit.forget()
         if taken >= FEWEST_SAMPLES:
             for rule, p in of(sums, last_refit, taken, is_search=is_search).items():
@@ -97,7 +97,7 @@ def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
     ).evidence
 
 
-def _look(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
+def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
     """The levels from which on the rules speak now; some do only where everything is searched for."""
     e = _evidence(sums, last_refit, taken)
     f = e.candidates

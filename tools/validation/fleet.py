@@ -16,7 +16,7 @@ import numpy as np
 from fltea.fleet.figures import QUANTITIES, Figure, figures_of
 from fltea.fleet.messages import AxisFit
 from fltea.fleet.roll import Axis, Roll, Sensor
-from fltea.fleet.summary import look
+from fltea.fleet.summary import compare
 from numpy.typing import NDArray
 
 from tools.fleet_fits import NOISES, RATE_HZ, fits
@@ -57,8 +57,8 @@ def fitted(noise: str, first: int, count: int, at: Sequence[int], rate_hz: float
     rows: list[Row] = []
     for seed in range(first, first + count):
         record = NOISES[noise].draw(at[-1], np.random.default_rng((seed, at[-1])), rate_hz)
-        last_refit = [msgspec.structs.replace(fit, spectrum=None) for fit in fits(record, at, rate_hz)]
-        rows.append({"noise": noise, "rate_hz": rate_hz, "fits": msgspec.to_builtins(last_refit)})
+        comparisons = [msgspec.structs.replace(fit, spectrum=None) for fit in fits(record, at, rate_hz)]
+        rows.append({"noise": noise, "rate_hz": rate_hz, "fits": msgspec.to_builtins(comparisons)})
     return rows
 
 
@@ -78,14 +78,14 @@ def tables(rows: list[Row]) -> list[Table | str]:
                     shares = share_of_fleets(pool, rate_hz, sensors, differ, FLEETS, ages=ages)
                     kind = name + (", a day" if grows else "") + (", of all ages" if ages else "")
                     cells.append((kind, str(sensors), f"{differ:.0%}", *_shares(shares)))
-    headings = ("noise", "sensors", "they differ by", "fleets with any odd", "looks", "by figure")
+    headings = ("noise", "sensors", "they differ by", "fleets with any odd", "comparisons", "by figure")
     return [Table(f"False alarms of {FLEETS} fleets", headings, cells)]
 
 
 def _shares(shares: dict[str, float]) -> tuple[str, ...]:
     names = [one.name for one in QUANTITIES if one.name in shares]
     by = ", ".join(f"{name} {shares[name]:.1%}" for name in names) or "none"
-    return number(shares["any"], ".1%"), number(shares["look"], ".2%"), by
+    return number(shares["any"], ".1%"), number(shares["comparison"], ".2%"), by
 
 
 def share_of_fleets(
@@ -93,21 +93,21 @@ def share_of_fleets(
 ) -> dict[str, float]:
     """Return the share of fleets in which any sensor is ever called odd.
 
-    The result is by figure, for any figure (`any`), and as a share of comparisons (`look`). `ages`: each
-    sensor has been on for a different time, and there is one comparison. Otherwise all began at the same time
-    and are compared while their records grow; fits change little between these comparisons, so a single odd
-    result already is an alert.
+    The result is by figure, for any figure (`any`), and as a share of comparisons (`comparison`). `ages`:
+    each sensor has been on for a different time, and there is one comparison. Otherwise all began at the same
+    time and are compared while their records grow; fits change little between these comparisons, so a single
+    odd result already is an alert.
     """
     rng = np.random.default_rng(sensors)
-    figures = [_all_figures(last_refit, rate_hz) for last_refit in pool]
+    figures = [_all_figures(comparisons, rate_hz) for comparisons in pool]
     ever: Counter[str] = Counter()
-    times_odd, last_refit = 0, len(pool[0])
+    times_odd, comparisons = 0, len(pool[0])
     for _ in range(count):
         members = rng.choice(len(pool), sensors, replace=False)
         factors = np.exp(rng.normal(0, differ, sensors))
         fleet = [(pool[i], figures[i], float(factor)) for i, factor in zip(members, factors, strict=True)]
         turns: Any = (
-            [rng.integers(last_refit, size=sensors)] if ages else np.arange(last_refit)[:, np.newaxis]
+            [rng.integers(comparisons, size=sensors)] if ages else np.arange(comparisons)[:, np.newaxis]
         )
         seen = [_odd_at(fleet, np.broadcast_to(turn, sensors)) for turn in turns]
         times_odd += sum(map(bool, seen))
@@ -115,13 +115,13 @@ def share_of_fleets(
         ever.update(quantities)
         ever["any"] += bool(quantities)
     found = {name: times / count for name, times in ever.items()}
-    return {"any": 0.0, **found, "look": times_odd / count / (1 if ages else last_refit)}
+    return {"any": 0.0, **found, "comparison": times_odd / count / (1 if ages else comparisons)}
 
 
-def _all_figures(last_refit: Fits, rate_hz: float) -> list[dict[str, Figure]]:
+def _all_figures(comparisons: Fits, rate_hz: float) -> list[dict[str, Figure]]:
     """Return the figures of one sensor for each comparison."""
     found: list[dict[str, Figure]] = []
-    for fit in last_refit:
+    for fit in comparisons:
         found.append(figures_of(fit, rate_hz, found[-1] if found else {}))
     return found
 
@@ -130,11 +130,11 @@ def _odd_at(fleet: list[Place], turns: NDArray[np.int64]) -> set[str]:
     """Return the figures by which any sensor is called odd, with each sensor at its own number in `turns`."""
     logarithmic = {quantity.name for quantity in QUANTITIES if quantity.log}
     roll = Roll()
-    for place, ((last_refit, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):
+    for place, ((comparisons, figures, factor), turn) in enumerate(zip(fleet, turns, strict=True)):
         sensor = roll.sensors[str(place)] = Sensor(str(place), 0.0, 0.0)
         scaled = {
             name: Figure(*(factor * end for end in figure)) if name in logarithmic else figure
             for name, figure in figures[turn].items()
         }
-        sensor.axes["gyro_x"] = Axis(last_refit[turn].verdict, "", last_refit[turn].unit, 0, scaled, 0.0)
-    return {one.quantity for one in look(roll, 0.0).odd}
+        sensor.axes["gyro_x"] = Axis(comparisons[turn].verdict, "", comparisons[turn].unit, 0, scaled, 0.0)
+    return {one.quantity for one in compare(roll, 0.0).odd}

@@ -80,9 +80,9 @@ class LiveSensor:
         return Lived._make(np.concatenate(column) for column in columns)
 
     def _fit(self) -> None:
-        fits = self._live.look(curves=False, fresh=True)
+        fits = self._live.refits(curves=False, fresh=True)
         self._settled = {
-            axis: self._settled[axis].followed_by(fit(), self._tracks.learner(axis))
+            axis: self._settled[axis].followed_by(fit(), self._tracks.maker(axis))
             for axis, fit in fits.items()
         }
         self._due = self._at + max(self._second, math.ceil(self._at / GROWTH))

@@ -11,7 +11,7 @@ class DateWatch:
         self._report = report
         self._is_wrong = False
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Check the date now."""
         text = wrong_date()
         if text and not self._is_wrong:

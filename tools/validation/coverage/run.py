@@ -61,7 +61,7 @@ def _axis(population: Population, rng: np.random.Generator, number: int) -> list
     parts = population.draw(rng)
     n = round(between(rng, population.shortest, population.longest))
     y = samples(parts, n, H, rng)
-    axis = measure.look(parts, y)
+    axis = measure.analyse(parts, y)
     found = list(measure.of_fit(axis))
     if population.steady:
         found += [*measure.of_drift(axis, y), *measure.of_allan(axis, y)]
