@@ -1,4 +1,5 @@
-// Limits some work to a share of the time: passing time adds allowance, and the work spends it.
+// Limits some work to a share of the processor time: passing time adds to an allowance of time, and the work
+// uses it up.
 #pragma once
 
 #include <stdint.h>
@@ -8,7 +9,7 @@ namespace fltea {
 template <uint32_t kPercent>
 class Allowance {
   public:
-    // Starts with no allowance.
+    // Starts without any allowance, so the work has to wait first.
     void begin(uint32_t now_us) {
         at_us_ = now_us;
         earned_ = 0;
@@ -29,11 +30,11 @@ class Allowance {
     void spend(uint32_t took_us) { earned_ -= static_cast<int32_t>(100 * took_us); }
 
   private:
-    // Largest allowance that is kept: what one second adds.
+    // Largest allowance that can accumulate: the allowance that one second adds.
     static constexpr int32_t kMost = 1000000 * kPercent;
 
     uint32_t at_us_ = 0;
-    int32_t earned_ = 0;  // in hundredths of a microsecond
+    int32_t earned_ = 0;  // allowance in hundredths of a microsecond
 };
 
 }  // namespace fltea

@@ -1,5 +1,5 @@
-// The whole device without its hardware. A board port creates one, calls start() once, and then step()
-// forever.
+// The whole device except its hardware. The code for a board creates one Application, calls its start() once
+// and then its step() forever.
 #pragma once
 
 #include <stddef.h>
@@ -24,9 +24,9 @@
 
 namespace fltea {
 
-// What a board port knows about the board.
+// What the code for a board knows about the board.
 struct Identity {
-    uint32_t boot_id;       // differs from boot to boot
+    uint32_t boot_id;       // another number at every boot
     uint8_t device_id[16];  // unique identifier of the microcontroller
     const char* port;       // "due" or "arduino"
     ResetCause reset_cause;
@@ -47,8 +47,8 @@ class Application {
     void start() {
         const uint32_t now_us = clock_.now_us();
         sampler_.begin(now_us);
-        // HELLO and STATUS are sent in mid-period. Otherwise, on a port that does not sleep, a sampling
-        // instant would have to wait for them.
+        // HELLO and STATUS are sent in the middle between two sampling instants. Otherwise, on a board that
+        // does not sleep, a sampling instant would have to wait until they are written.
         const uint32_t mid_us = now_us - now_us % kPeriodUs - kPeriodUs / 2;
         hello_.begin(mid_us);
         status_.begin(mid_us + kSecondUs / 2 / kPeriodUs * kPeriodUs);
@@ -58,7 +58,7 @@ class Application {
     }
 
     // Call this in the main loop, after every wake-up and at least every 10 ms. It returns within 10 ms,
-    // whatever the bus does. Returns true if more work waits.
+    // whatever the bus does. Returns true if more work waits to be done.
     bool step() {
         const uint32_t now_us = clock_.now_us(), transfers = health_.transfers();
         health_.pass_time(now_us);
@@ -90,11 +90,12 @@ class Application {
     void on_data_ready(uint32_t now_us) { sampler_.on_data_ready(now_us); }
 
   private:
-    // Bytes per second on the serial port, with HELLO, ESTIMATOR, STATUS, one FAULT and one FIT per second. A
-    // tenth of the capacity stays free.
+    // Bytes per second on the serial port, with HELLO, ESTIMATOR, STATUS, one FAULT and one FIT per second.
+    // They leave a tenth of the port's capacity free.
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
     static constexpr size_t kSamplesPerS = kSecondUs / settings::kSamplePeriodUs;
-    // 176 bins per axis, in rounds of kFitEvery samples.
+    // Largest number of SPECTRUM messages per second. An axis sends up to 176 bins with one of kSpectrumEvery
+    // fits, and is fitted every kFitEvery samples.
     static constexpr size_t kMostSpectraPerS =
         kSamplesPerS * 3 * 176 / 5 / settings::kFitEvery / settings::kSpectrumEvery + 1;
     static constexpr size_t kBytesPerS =
@@ -107,13 +108,13 @@ class Application {
     static_assert(
         kBytesPerS < settings::kLineBaud / 10 * 9 / 10,
         "the line has to take all that is to be said: another FLTEA_RATE_HZ, FLTEA_BAUD or kEstimateEvery");
-    // Time of the bus for a sample and its guard: nine clocks per byte, and a register number for each
-    // transfer.
+    // Time on the I2C bus for a sample and the registers that guard it: nine clocks per byte, and a register
+    // number for each transfer.
     static constexpr uint32_t kReadUs =
         (Mpu9250::kBurstBytes + Mpu9250::kGuardBytes + 6) * 9 * 1000000 / settings::kI2cHz;
     static_assert(kReadUs < settings::kSamplePeriodUs * 3 / 4, "the bus has to take all samples");
-    // Three axes take 1.1 ms of processor time. Even a ring buffer as small as Arduino's needs room for
-    // ESTIMATOR in mid-period (Link::send).
+    // The estimates of three axes take 1.1 ms of processor time. In the middle between two samples, even a
+    // ring buffer as small as Arduino's needs room for ESTIMATOR (Link::send).
     static_assert(!settings::kEstimate || settings::kSamplePeriodUs >= 2000, "too fast for estimates");
 
     static constexpr uint32_t kLateUs = settings::kSamplePeriodUs / 10;
@@ -122,7 +123,7 @@ class Application {
 
     void take_sample() {
         Health::Reading reading;
-        // Sends no sample before the HELLO that announces this set-up of the sensor.
+        // Sends no sample before it has sent the HELLO that announces the present set-up of the sensor.
         if (announced_starts_ != health_.sensor_starts() || !health_.read(reading)) {
             sampler_.missed();
             return;
@@ -135,19 +136,20 @@ class Application {
         if (settings::kEstimate && estimation_.add(reading.sample, sampler_.instant())) forget_estimates();
     }
 
-    // The estimates that wait to be sent belong to an earlier start-up window.
+    // The messages that wait to be sent belong to an earlier start-up window, so they are dropped.
     void forget_estimates() { estimate_due_ = fit_due_ = spectrum_due_ = false; }
 
-    // Whether there is time for an estimate: not while its predecessor waits to be sent, and not if the next
-    // sampling instant would have to wait. Estimates may take up to half a period, however slow they are.
+    // Whether there is time for an estimate. There is none while the previous estimate waits to be sent, or
+    // if the next sampling instant would have to wait. Estimates may take up to half a period, however slow
+    // they are.
     bool may_estimate(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return estimation_.busy() && !estimate_due_ && !estimator_due_ &&
                sampler_.until_next_us(now_us) > (longest_axis_us_ < most_us ? longest_axis_us_ : most_us);
     }
 
-    // Whether there is time for a slice of a fit: after all estimates, within its share of the time, and not
-    // if the next sampling instant would have to wait.
+    // Whether there is time for a slice of a fit. All estimates come first, the fits have a limited share of
+    // the processor time, and the next sampling instant must not have to wait.
     bool may_fit(uint32_t now_us) const {
         const uint32_t most_us = settings::kSamplePeriodUs / 2;
         return settings::kFit && estimation_.noise().busy() && !estimation_.busy() && !fit_due_ &&
@@ -155,7 +157,7 @@ class Application {
                sampler_.until_next_us(now_us) > (longest_slice_us_ < most_us ? longest_slice_us_ : most_us);
     }
 
-    // Advances one axis by one sample, if there is time.
+    // Advances the estimates of one axis by one sample, if there is time.
     bool estimate(uint32_t now_us) {
         if (!settings::kEstimate || !may_estimate(now_us)) return false;
         const bool started = estimation_.started();
@@ -197,7 +199,8 @@ class Application {
         if (estimator_due_ && link_.send(estimator(), now_us, quiet_us)) estimator_due_ = false;
         if (estimate_due_ && link_.send(estimate_, now_us, quiet_us)) estimate_due_ = false;
         if (fit_due_ && link_.send(fit_, now_us, quiet_us)) fit_due_ = false;
-        // At most one per period: the serial port has to be free again when the next sample comes.
+        // Sends at most one waiting message per sampling period, because the serial port has to be free again
+        // when the next sample comes.
         const uint16_t instant = sampler_.sequence();
         if (spectrum_due_ && instant != spectrum_at_ && link_.send(spectrum_, now_us, quiet_us)) {
             spectrum_due_ = false;
@@ -266,9 +269,9 @@ class Application {
     EverySecond hello_;
     EverySecond status_;
     Estimation estimation_;
-    Estimate estimate_ = {};  // the newest; valid if estimate_due_
-    Fit fit_ = {};            // valid if fit_due_
-    Spectrum spectrum_ = {};  // valid if spectrum_due_
+    Estimate estimate_ = {};  // the newest estimate; valid if estimate_due_
+    Fit fit_ = {};            // the FIT that waits to be sent; valid if fit_due_
+    Spectrum spectrum_ = {};  // the SPECTRUM that waits to be sent; valid if spectrum_due_
     Allowance<settings::kFitShare> fits_share_;
     Workload workload_;
     uint32_t longest_axis_us_ = 0;
@@ -276,7 +279,7 @@ class Application {
     uint16_t announced_starts_ = 0;
     bool estimate_due_ = false;
     bool estimator_due_ = false;
-    uint16_t spectrum_at_ = 0;  // sample after which the last SPECTRUM was sent
+    uint16_t spectrum_at_ = 0;  // sequence number of the sample after which the last SPECTRUM was sent
     bool fit_due_ = false;
     bool spectrum_due_ = false;
 };

@@ -57,7 +57,7 @@ struct AxisEstimator::Filter {
     float r_dps2;
     Lane lane;
     engine::Estimate<float> estimate = {};
-    // Counts of the guard's interventions. As a float, such a count would stop at 2^24.
+    // Counts of the guard's interventions, as integers: a float would stop counting at 2^24.
     uint32_t interventions[engine::kCauses] = {};
 };
 

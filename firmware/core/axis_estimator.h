@@ -1,5 +1,6 @@
-// The estimator of one gyroscope axis: start-up window, filter and supervisor. The filter is the host's
-// (engine/lane.hpp) in float, with a memory in integers. It is compiled once, in axis_estimator.cpp.
+// The estimator of one gyroscope axis: start-up window, filter and supervisor. The filter is the same
+// template as the host's (engine/lane.hpp), here in float and with a memory in integers. It is compiled once,
+// in axis_estimator.cpp.
 #pragma once
 
 #include <stddef.h>
@@ -27,25 +28,27 @@ class AxisEstimator {
     // Ends the full start-up window and starts the filter.
     void start();
 
-    // Sets Q and R of the filters, which keep their memory. Only call this once there are filters.
+    // Sets Q and R of the filters, which keep their memory. Call this only after start() has made a filter.
     void retune(float Q_dps2, float R_dps2);
 
-    // Processes one sample after the window; null: a lost sample, which is predicted.
+    // Processes one sample after the start-up window. With null instead of a sample, the sample is lost and
+    // the filter predicts it.
     void step(const int16_t* count);
 
-    // Fills in all fields except axis, sample and age.
+    // Fills in all fields of an ESTIMATE except axis, sample and age.
     void report(Estimate& message) const;
 
-    // Results of the start-up window. They are 0 while it fills; R is also 0 for an axis that never changed.
+    // Bias and R from the start-up window. Both are 0 until the window is full; R is also 0 for an axis whose
+    // samples were all equal.
     float bias_dps() const;
     float r_dps2() const;
-    // R in squared counts.
+    // Variance R of the white noise, in squared counts.
     float variance() const { return filter_ == nullptr ? 0.0f : baseline_.variance(); }
 
     // Number of restarts by the supervisor since the start-up window.
     uint16_t restarts() const { return restarts_; }
 
-    // Fills in the settings of the filters.
+    // Fills the settings of the filters into an ESTIMATOR.
     static void describe(Estimator& message);
 
   private:
@@ -57,7 +60,7 @@ class AxisEstimator {
 
     engine::Baseline<int16_t> baseline_;
     engine::Supervisor<float> supervisor_;
-    Filter* filter_ = nullptr;  // points to storage_ once the window is full and has given an R
+    Filter* filter_ = nullptr;  // null until the start-up window is full and has given an R
     uint16_t restarts_ = 0;
     bool valid_ = false;
     bool missing_ = false;

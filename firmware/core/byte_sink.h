@@ -1,4 +1,4 @@
-// Interface of the core to the serial port.
+// The interface through which the core writes to the serial port.
 #pragma once
 
 #include <stddef.h>

@@ -1,4 +1,4 @@
-// Interface of the core to the clock.
+// The interface through which the core reads the clock.
 #pragma once
 
 #include <stdint.h>

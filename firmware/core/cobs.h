@@ -10,13 +10,14 @@ namespace fltea {
 // Largest number of bytes after encoding n bytes.
 constexpr size_t cobs_max_encoded(size_t n) { return n == 0 ? 1 : n + (n + 253) / 254; }
 
-// Encodes byte by byte into `out`, which must have room for cobs_max_encoded() of all bytes.
+// Encodes byte by byte into `out`, which must have room for cobs_max_encoded(n) bytes if n bytes are put.
 class CobsEncoder {
   public:
     explicit CobsEncoder(uint8_t* out) : out_(out) {}
 
     void put(uint8_t byte) {
-        // A full block is closed only when another byte follows, so that no empty block comes at the end.
+        // A full block is closed only when another byte follows, so that the encoding never ends with an
+        // empty block.
         if (code_ == kFull) open_block();
         if (byte == 0) {
             open_block();
@@ -26,7 +27,7 @@ class CobsEncoder {
         }
     }
 
-    // Ends the encoding. Returns the number of bytes written, without a closing 0x00. Put no bytes
+    // Ends the encoding. Returns the number of bytes written, without a closing 0x00. Do not call put()
     // afterwards.
     size_t finish() {
         out_[block_] = code_;
@@ -43,7 +44,7 @@ class CobsEncoder {
     }
 
     uint8_t* out_;
-    size_t block_ = 0;  // index for the code of the open block
+    size_t block_ = 0;  // index in `out` at which the code of the open block will stand
     size_t end_ = 1;
     uint8_t code_ = 1;  // distance from the code to the 0x00 that it replaces
 };

@@ -10,18 +10,18 @@ namespace fltea {
 class Edges {
   public:
     struct Seen {
-        uint32_t count;    // edges since boot, wrapping
+        uint32_t count;    // number of edges since boot; it wraps
         uint32_t last_us;  // time of the last edge
     };
 
-    // Only the interrupt handler calls this.
+    // Notes an edge. Only the interrupt handler calls this.
     void add(uint32_t now_us) {
         last_us_.store(now_us, std::memory_order_relaxed);
         count_.store(count_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
     }
 
-    // The main loop calls this. If an edge comes between the two reads, the count changes and both are read
-    // again, so that count and time belong together.
+    // Reads count and time; the main loop calls this. If an edge comes between the two reads, the count
+    // changes and both are read again, so that count and time belong together.
     Seen seen() const {
         for (;;) {
             const uint32_t count = count_.load(std::memory_order_acquire);

@@ -1,7 +1,7 @@
 // The device's own estimates. Samples wait in a queue and are processed one axis at a time, so that sampling
-// waits for no longer than one axis takes. A sample that finds the queue full is skipped and counted. The
-// filters ignore a skipped sample, because bridging it would cost as much as processing it. The same samples
-// go into the spectra for the noise fits (noise_fit.h).
+// waits for no longer than one axis takes. If the queue is full when a sample comes, the sample is skipped
+// and counted. The filters do not notice a skipped sample, because predicting it would take as long as
+// processing it. The same samples go into the spectra for the noise fits (noise_fit.h).
 #pragma once
 
 #include <stddef.h>
@@ -18,7 +18,8 @@ class Estimation {
   public:
     static constexpr size_t kAxes = 3;
 
-    // Starts again after the sensor was set up: earlier samples do not belong to the following ones.
+    // Starts again with a new start-up window. Call this after the sensor was set up, because samples from
+    // before do not fit those that follow.
     void begin() {
         for (AxisEstimator& axis : axes_) axis.begin();
         noise_.begin();
@@ -32,8 +33,8 @@ class Estimation {
         ++begun_;
     }
 
-    // Adds a sample and the number of its instant. Returns true if it is the first sample of a new start-up
-    // window.
+    // Adds a sample; `instant` is the number of its sampling instant. Returns true if it is the first sample
+    // of a new start-up window.
     bool add(const Sample& sample, uint32_t instant) {
         const uint16_t begun = begun_;
         if (going_ && instant - instant_ - 1 > settings::kMaxGap) begin();
@@ -61,7 +62,7 @@ class Estimation {
         return begun_ != begun;
     }
 
-    // Applies a fit of an axis to its filters. Returns whether the filters now use it.
+    // Sets Q and R of an axis's filters to those of its fit. Returns whether the filters now use that fit.
     bool retune(const Fit& fit) {
         if (fit.verdict == FitVerdict::white || (fit.flags & fit_flags::alpha_defined) == 0) return false;
         axes_[static_cast<size_t>(fit.axis)].retune(fit.s2, fit.r);
@@ -70,11 +71,12 @@ class Estimation {
 
     bool busy() const { return waiting_ != 0 || noise_.passing(); }
 
-    // The noise fits of the same samples. Use this only when busy() is false.
+    // The noise fits, which use the same samples. Call this only when busy() is false.
     NoiseFit& noise() { return noise_; }
     const NoiseFit& noise() const { return noise_; }
 
-    // Advances one axis by one sample, or its spectrum by one octave. Returns true if this gave an ESTIMATE.
+    // Advances one axis by one sample, or its spectrum by one octave. Returns true if `message` is a new
+    // ESTIMATE to be sent.
     bool work(Estimate& message) {
         if (noise_.passing()) {
             noise_.pass();
@@ -110,7 +112,8 @@ class Estimation {
         return due;
     }
 
-    // Fills in the state of the estimation. The caller fills in longest_axis and longest_slice.
+    // Fills the settings and the state of the estimation into an ESTIMATOR, except longest_axis and
+    // longest_slice, which the caller fills in.
     void report(Estimator& message) const {
         namespace s = settings;
         message = Estimator();
@@ -139,7 +142,8 @@ class Estimation {
     bool started() const { return collected_ == settings::kStartup; }
 
   private:
-    // Processing a gap of kMaxGap takes a tenth of a second.
+    // Samples that the queue can hold. It has to bridge the tenth of a second in which a gap of kMaxGap
+    // samples is processed.
     static constexpr size_t kQueue = 32;
     static_assert(settings::kStartup >= 2 && settings::kStartup <= 4096, "the window's sums must fit");
     static_assert(settings::kEstimateEvery >= 1, "samples from one ESTIMATE to the next");
@@ -147,8 +151,8 @@ class Estimation {
     struct Item {
         int16_t count[kAxes];
         uint16_t sequence;
-        uint16_t missing;  // samples lost before it, still to be bridged
-        uint16_t skipped;  // samples before it that found the queue full
+        uint16_t missing;  // samples lost before this one that are still to be predicted
+        uint16_t skipped;  // samples before this one that were skipped because the queue was full
     };
 
     void collect(const Item& item) {
@@ -157,7 +161,8 @@ class Estimation {
         if (++collected_ != settings::kStartup) return;
         for (size_t i = 0; i < kAxes; ++i) {
             axes_[i].start();
-            // An axis that never changed is not a working gyroscope axis.
+            // An axis whose samples are all equal is not a working gyroscope axis, so its noise is not
+            // fitted.
             if (settings::kFit && axes_[i].variance() > 0) noise_.start(i);
         }
     }

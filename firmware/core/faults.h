@@ -1,4 +1,5 @@
-// Sends FAULTs to the host: each code at most once a second. None is lost while the serial port is busy.
+// Sends FAULTs to the host, each code at most once a second. While the serial port is busy, faults wait and
+// are not lost.
 #pragma once
 
 #include <stddef.h>
@@ -12,15 +13,15 @@ namespace fltea {
 
 class Faults {
   public:
-    // Reports a fault. It waits if its code was sent less than a second ago; then only the newest detail is
-    // sent.
+    // Reports a fault. If the same code was sent less than a second ago, the fault waits, and only the newest
+    // detail is sent.
     void raise(FaultCode code, uint32_t detail) {
         Entry& entry = entries_[static_cast<size_t>(code) - 1];
         entry.detail = detail;
         entry.waiting = true;
     }
 
-    // Call this in every step. Sends what is due, as far as the serial port has room.
+    // Sends the faults that are due, as far as the serial port has room. Call this in every step.
     void send(Link& link, uint32_t now_us) {
         for (size_t i = 0; i < kCodes; ++i) {
             Entry& entry = entries_[i];
@@ -31,8 +32,8 @@ class Faults {
         }
     }
 
-    // The sensor runs again: drops repeated faults that wait for their second to pass, because they are
-    // outdated.
+    // Drops faults that wait because their code was sent less than a second ago. Call this when the sensor
+    // runs again, because these faults are outdated then.
     void forget_repeats() {
         for (Entry& entry : entries_) {
             if (entry.rest.waiting()) entry.waiting = false;

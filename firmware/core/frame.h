@@ -1,5 +1,6 @@
 // One frame on the wire: COBS( type u8 | sequence u16 | device_us u32 | payload | CRC-32 u32 ), then 0x00.
-// The bytes pass through CRC and COBS directly into the caller's buffer, so no second buffer is needed.
+// Each byte passes through the CRC and the COBS encoder directly into the caller's buffer, so no second
+// buffer is needed.
 #pragma once
 
 #include <stddef.h>
@@ -14,14 +15,14 @@
 
 namespace fltea {
 
-// Bytes of a message on the wire, including the closing 0x00.
+// Number of bytes of a message on the wire, including the closing 0x00.
 template <typename Message>
 constexpr size_t wire_size() {
     return cobs_max_encoded(kMaxFrame - kMaxPayload + Message::size()) + 1;
 }
 
-// `out` must have room for kMaxWire bytes, or wire_size() of the message. The caller puts at most kMaxPayload
-// bytes of payload.
+// `out` must have room for kMaxWire bytes, or wire_size() of the message. The payload may have at most
+// kMaxPayload bytes.
 class FrameWriter {
   public:
     FrameWriter(uint8_t type, uint16_t sequence, uint32_t device_us, uint8_t* out) : out_(out), cobs_(out) {
@@ -43,7 +44,8 @@ class FrameWriter {
         u16(static_cast<uint16_t>(value >> 16));
     }
 
-    // Returns the bytes on the wire, including the 0x00. Put no bytes afterwards.
+    // Ends the frame. Returns its number of bytes on the wire, including the 0x00. Do not put more bytes
+    // afterwards.
     size_t finish() {
         u32(crc_.value());
         const size_t n = cobs_.finish();
@@ -78,7 +80,7 @@ class FieldWriter {
         frame_.u8(static_cast<uint8_t>(value));
     }
 
-    // bytesN and textN. The code that sets a textN pads it with NUL.
+    // Fields of the types bytesN and textN. The code that sets a textN has padded it with NUL.
     template <typename Byte, size_t N>
     void operator()(const char*, const Byte (&value)[N]) {
         for (size_t i = 0; i < N; ++i) frame_.u8(static_cast<uint8_t>(value[i]));
@@ -88,8 +90,8 @@ class FieldWriter {
     FrameWriter& frame_;
 };
 
-// Returns the bytes on the wire, including the 0x00; 0, with nothing written, if the payload is longer than
-// kMaxPayload.
+// Returns the number of bytes on the wire, including the 0x00. If the payload is longer than kMaxPayload,
+// returns 0 and writes nothing.
 inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, const uint8_t* payload,
                            size_t n, uint8_t* out) {
     if (n > kMaxPayload) return 0;
@@ -98,7 +100,7 @@ inline size_t encode_frame(uint8_t type, uint16_t sequence, uint32_t device_us, 
     return frame.finish();
 }
 
-// Encodes a struct of messages.h in the same way.
+// Encodes a message, which is a struct of messages.h, as a frame.
 template <typename Message>
 size_t encode_message(const Message& message, uint16_t sequence, uint32_t device_us, uint8_t* out) {
     static_assert(Message::size() <= kMaxPayload, "the payload does not fit a frame");

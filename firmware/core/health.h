@@ -1,7 +1,8 @@
-// Operates the sensor: sets it up, reads it and recovers it. A failed transfer is tried once more. If the bus
-// may be held, nine clocks free it. The chip is set up again, at most once a second until it runs, after a
-// few lost instants, after a register with a wrong value, or when its values stand still. No call takes
-// longer than two failing transfers, three recoveries and the working transfers of a set-up: 10 ms.
+// Operates the sensor: sets it up, reads it and recovers it. A failed transfer is tried once more. If a chip
+// may be holding the bus, nine clocks free it. The chip is set up again after a few lost sampling instants,
+// after a register with a wrong value, or when its values stop changing; until it runs, it is set up at most
+// once a second. No call takes longer than two failing transfers, three recoveries and the working transfers
+// of a set-up: 10 ms.
 #pragma once
 
 #include <stddef.h>
@@ -17,7 +18,8 @@
 
 namespace fltea {
 
-// Number for HELLO's sensor_starts. 65535 is followed by 1, because 0 means "not yet".
+// The next value of sensor_starts in HELLO, which counts the set-ups. 65535 is followed by 1, because 0 means
+// that the sensor was not set up yet.
 constexpr uint16_t start_number(uint32_t starts) {
     return static_cast<uint16_t>(starts == 0 ? 0 : (starts - 1) % 65535 + 1);
 }
@@ -25,19 +27,19 @@ constexpr uint16_t start_number(uint32_t starts) {
 class Health {
   public:
     struct Reading {
-        Sample sample;      // has the flags retried, saturated and repeated
+        Sample sample;      // with the flags retried, saturated and repeated set
         uint32_t burst_us;  // time just before the burst began
     };
 
     Health(I2cBus& bus, Clock& clock, Faults& faults, SamplingMode mode)
         : bus_(bus), clock_(clock), faults_(faults), sensor_(bus, mode) {}
 
-    // Call this in every step.
+    // Keeps the waits correct across every wrap of the clock. Call this in every step.
     void pass_time(uint32_t now_us) { between_.over(now_us); }
 
     bool running() const { return state_ == State::running; }
 
-    // Number of transfers so far, including failed ones; wraps.
+    // Number of transfers on the bus so far, including failed ones; it wraps.
     uint32_t transfers() const { return transfers_; }
 
     // Continues the set-up. Call this in every step while the sensor does not run. Returns true when the
@@ -56,8 +58,8 @@ class Health {
         return running();
     }
 
-    // Reads the sensor at one instant. Returns false if there is no sample; set_up() then does what is
-    // needed.
+    // Reads the sensor at one instant. Returns false if there is no sample; if the sensor has to be set up
+    // again, running() is false then, and set_up() has to be called.
     bool read(Reading& reading) {
         uint8_t burst[Mpu9250::kBurstBytes];
         retried_ = false;
@@ -65,7 +67,7 @@ class Health {
             reading.burst_us = clock_.now_us();
             return sensor_.read_burst(burst);
         });
-        // Checked after the burst, to detect a chip that was reset before the burst.
+        // The settings are checked after the burst, to detect a chip that was reset before the burst.
         if (!done || !guarded()) {
             if (running() && ++lost_instants_ == kLostInstants) stop(FaultCode::sensor_lost, errors_in_row_);
             return false;
@@ -82,10 +84,10 @@ class Health {
         return true;
     }
 
-    // Call this when the sensor answers but gives no edges.
+    // Stops the sensor, so that it is set up again. Call this when it answers but gives no edges.
     void data_ready_missing(uint32_t silence_us) { stop(FaultCode::data_ready_missing, silence_us); }
 
-    // Values for HELLO and STATUS.
+    // Values that HELLO and STATUS report.
     uint8_t who_am_i() const { return who_am_i_; }
     uint16_t sensor_starts() const { return start_number(starts_); }
     uint32_t sensor_reinits() const { return starts_ == 0 ? 0 : starts_ - 1; }
@@ -98,18 +100,20 @@ class Health {
     // Result of reading back a setting of the chip.
     enum class Answer : uint8_t { right, right_at_second, wrong, none };
 
-    // Three consecutive instants and 30 ms are longer than a disturbance, and shorter than the host waits.
+    // Consecutive instants without a sample after which the chip is set up again. They are at least three and
+    // last 30 ms, which is longer than a disturbance and shorter than the host waits.
     static constexpr uint8_t kLostInstants =
         settings::kSamplePeriodUs < 10000 ? 30000 / settings::kSamplePeriodUs : 3;
-    // The noise of seven channels never stands still. A sleeping chip does, and keeps its settings.
+    // Number of equal bursts after which the chip is set up again. With noise in seven channels, consecutive
+    // bursts are never equal; those of a sleeping chip are, although it keeps its settings.
     static constexpr uint8_t kMostEqual = 10;
     // After a reset the registers answer as after power-up: within 100 ms (PS-MPU-9250A-01, start-up time).
     static constexpr uint32_t kResetUs = 100000;
     // The gyroscope needs 35 ms after sleep (PS-MPU-9250A-01, 3.1); an MPU-6050 sleeps after its reset.
     static constexpr uint32_t kSettleUs = 50000;
 
-    // Interval at which a missing sensor is probed. Set-ups are a second apart, because a chip that fails
-    // them is not urgent.
+    // Interval at which a missing sensor is probed. Set-ups are a second apart, because nothing is urgent
+    // with a chip for which set-ups fail.
     static constexpr uint32_t kProbeUs = 100000;
 
     // Tries a transfer, and repeats it if it is the first failure of this step.
@@ -130,7 +134,7 @@ class Health {
         }
     }
 
-    // Frees the bus. Returns false if lines are still held.
+    // Frees the bus. Returns false if a line is still held low.
     bool recover(I2cResult result) {
         held_ = bus_.recover();
         if (held_ != HeldLines::none) {
@@ -158,7 +162,7 @@ class Health {
         ++errors_in_row_;
     }
 
-    // Whether the burst can be trusted: the chip still has its settings.
+    // Whether the burst can be trusted, because the chip still has its settings.
     bool guarded() {
         uint8_t guard[Mpu9250::kGuardBytes];
         size_t wrong = 0;
@@ -241,8 +245,8 @@ class Health {
               static_cast<uint32_t>(setting.reg) << 16 | static_cast<uint32_t>(setting.value) << 8 | kept);
     }
 
-    // The sensor answers, but wrongly. The controller may be the cause: a byte left in it shifts all that is
-    // read, and only recover() sets it up again.
+    // The sensor answers with wrong values. The I2C controller may be the cause: a byte that is left in it
+    // shifts all bytes that are read later, and only recover() sets the controller up again.
     void doubt(FaultCode code, uint32_t detail) {
         stop(code, detail);
         doubtful_ = true;
@@ -282,10 +286,10 @@ class Health {
     HeldLines held_ = HeldLines::none;
     uint8_t lost_instants_ = 0;
     uint8_t who_am_i_ = 0;
-    bool retried_ = false;  // in this step
+    bool retried_ = false;  // whether a transfer was repeated in this step
     bool doubtful_ = false;
-    bool unanswered_ = false;  // for the last probe
-    // equal consecutive bursts, including the last one; 0: none since the sensor runs
+    bool unanswered_ = false;  // whether the last probe got no answer
+    // number of equal consecutive bursts, including the last one; 0 before the first burst after a set-up
     uint8_t equal_ = 0;
     uint8_t last_[Mpu9250::kBurstBytes] = {};
 };

@@ -1,4 +1,4 @@
-// Interface of the core to an I2C controller.
+// The interface through which the core uses an I2C controller.
 #pragma once
 
 #include <stddef.h>
@@ -9,12 +9,12 @@ namespace fltea {
 enum class I2cResult : uint8_t {
     ok,
     nack,        // no acknowledgement of the address or the data
-    timeout,     // not finished within settings::kI2cTimeoutUs, because a line is held
+    timeout,     // not finished within settings::kI2cTimeoutUs, because a line is held low
     short_read,  // fewer bytes than requested
 };
 
-// Lines that are low although this controller does not pull them. The values are those of
-// FaultCode::bus_held's detail.
+// Lines that another chip holds low, because this controller does not. The detail of the fault bus_held has
+// the same values.
 enum class HeldLines : uint8_t { none = 0, sda = 1, scl = 2, both = 3 };
 
 class I2cBus {

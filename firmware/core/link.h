@@ -1,4 +1,5 @@
-// Sends frames to the host: complete or not at all, without waiting, and samples first.
+// Sends frames to the host. A frame is sent completely or not at all, and nothing waits for the serial port.
+// Room for samples is always kept free.
 #pragma once
 
 #include <stddef.h>
@@ -24,9 +25,10 @@ class Link {
         }
     }
 
-    // Sends any other message if there is still room for a sample: now, or when the next sample comes, in
-    // `quiet_us` at the earliest, since a small ring buffer cannot hold both. Returns false if the message
-    // has to be tried again later.
+    // Sends any other message, if the ring buffer still has room for a sample then. `quiet_us`: the next
+    // sample comes at the earliest after this time, and the serial port sends bytes until then; a small ring
+    // buffer needs this, because it cannot hold a message and a sample. Returns false if the caller has to
+    // try again later.
     template <typename Message>
     bool send(const Message& message, uint32_t device_us, uint32_t quiet_us = 0) {
         const size_t gone = quiet_us / kByteUs;  // bytes that the serial port has sent by then

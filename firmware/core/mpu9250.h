@@ -1,5 +1,5 @@
-// The MPU-9250 and its relatives: single transfers and the meaning of their bytes, in counts. health.h does
-// retries and waits.
+// The driver of the MPU-9250 and related chips: single transfers, and how their bytes become counts. Retries
+// and waits are done in health.h.
 #pragma once
 
 #include <stddef.h>
@@ -18,7 +18,8 @@ struct SensorKind {
     bool has_accel_config_2;
 };
 
-// Returns nullptr for an unknown chip, which might have other registers or scales.
+// The chip with this WHO_AM_I. Returns nullptr for an unknown chip, which might have other registers or
+// scales.
 inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
     static const SensorKind kinds[] = {
         {0x71, true},   // MPU-9250
@@ -34,7 +35,8 @@ inline const SensorKind* find_sensor_kind(uint8_t who_am_i) {
     return nullptr;
 }
 
-// FS_SEL for a range. Each step doubles the range. 4 or more: there is no such range.
+// FS_SEL for a full scale: each step doubles the full scale. 4 or more means that there is no such full
+// scale.
 constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
     return range == smallest       ? 0
            : range == smallest * 2 ? 1
@@ -43,7 +45,7 @@ constexpr uint8_t range_select(uint16_t range, uint16_t smallest) {
                                    : 4;
 }
 
-// DLPF_CFG for a bandwidth [Hz]; 0: there is no such filter at an internal rate of 1 kHz.
+// DLPF_CFG for a bandwidth [Hz]. 0 means that there is no such filter at an internal rate of 1 kHz.
 constexpr uint8_t dlpf_select(uint16_t hz) {
     return hz == 184 ? 1 : hz == 92 ? 2 : hz == 41 ? 3 : hz == 20 ? 4 : hz == 10 ? 5 : hz == 5 ? 6 : 0;
 }
@@ -73,19 +75,19 @@ inline uint16_t gyro_dlpf_hz(uint8_t who_am_i) {
     return who_am_i == 0x68 ? mpu6050[kDlpfSelect - 1] : settings::kDlpfHz;
 }
 
-// SMPLRT_DIV. In timer mode, conversions run at the full internal rate of 1 kHz, so that the newest
+// Value of SMPLRT_DIV. In timer mode, conversions run at the full internal rate of 1 kHz, so that the newest
 // conversion is never old. In data-ready mode, there is one conversion per period.
 constexpr uint8_t rate_divider(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? settings::kSamplePeriodUs / 1000 - 1 : 0;
 }
 
-// INT_ENABLE.
+// Value of INT_ENABLE.
 constexpr uint8_t interrupt_enable(SamplingMode mode) {
     return mode == SamplingMode::data_ready ? mpu9250_reg::kRawReady : 0;
 }
 
-// The value that a register is set to. Bits without a meaning may read as anything on a clone; H_RESET clears
-// itself.
+// A setting: the value of a register, and which of its bits are compared when it is read back. Bits without a
+// meaning may have any value on a clone, and H_RESET clears itself.
 struct RegisterSetting {
     uint8_t reg;
     uint8_t value;
@@ -117,18 +119,19 @@ class Mpu9250 {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kWhoAmI, &who_am_i, 1);
     }
 
-    // Sets the chip kind for the following transfers.
+    // Sets the kind of chip for the following transfers.
     void set_kind(const SensorKind& kind) { has_accel_config_2_ = kind.has_accel_config_2; }
 
-    // Resets every register [4.34]. The next transfer has to wait (health.h).
+    // Resets every register [4.34]. The caller has to wait before the next transfer, as health.h does.
     I2cResult start_reset() {
         return bus_.write(settings::kSensorAddress, mpu9250_reg::kPwrMgmt1, mpu9250_reg::kReset);
     }
 
-    // The i-th of kSettings, in the order of writing. The first one wakes the chip.
+    // The i-th of the kSettings settings, in the order in which they have to be written. The first setting
+    // wakes the chip.
     const RegisterSetting& setting(size_t i) const { return settings_[i]; }
 
-    // Returns false for a register that this chip does not have.
+    // Whether the chip has this register.
     bool has_setting(size_t i) const {
         return has_accel_config_2_ || settings_[i].reg != mpu9250_reg::kAccelConfig2;
     }
@@ -151,8 +154,8 @@ class Mpu9250 {
         return bus_.read(settings::kSensorAddress, mpu9250_reg::kSmplrtDiv, guard, guard_size());
     }
 
-    // Index of the first setting that differs from the guard registers; kSettings if none does. A chip that
-    // lost its supply for a moment still answers, but with other ranges and filters.
+    // Index of the first setting that differs from what read_guard() has read, or kSettings if none differs.
+    // A chip that lost its supply for a moment still answers, but with other ranges and filters.
     size_t first_mismatch(const uint8_t (&guard)[kGuardBytes]) const {
         for (size_t i = 0; i < guard_size(); ++i) {
             if (!settings_[kGuardStart + i].is(guard[i])) return kGuardStart + i;
@@ -160,7 +163,7 @@ class Mpu9250 {
         return kSettings;
     }
 
-    // Index of the setting of guard byte 0.
+    // Index of the setting that belongs to byte 0 of the guard registers.
     static constexpr size_t kGuardStart = 1;
 
   private:
@@ -180,7 +183,7 @@ inline void decode_burst(const uint8_t (&burst)[Mpu9250::kBurstBytes], Sample& s
     }
 }
 
-// At the end of the range the true rate may be larger.
+// Whether a value is at the end of the range of counts, where the true rate may be larger.
 inline bool at_end_of_range(int16_t counts) { return counts == INT16_MAX || counts == INT16_MIN; }
 
 inline bool gyro_saturated(const Sample& sample) {

@@ -13,17 +13,18 @@ constexpr uint8_t kGyroConfig = 0x1B;    // [4.6] range, FCHOICE_B
 constexpr uint8_t kAccelConfig = 0x1C;   // [4.7] range
 constexpr uint8_t kAccelConfig2 = 0x1D;  // [4.8] A_DLPF_CFG, ACCEL_FCHOICE_B
 constexpr uint8_t kIntPinCfg = 0x37;     // [4.19] behaviour of the INT pin
-constexpr uint8_t kIntEnable = 0x38;     // [4.20]
+constexpr uint8_t kIntEnable = 0x38;     // [4.20] which events pulse the INT pin
 constexpr uint8_t kAccelXoutH = 0x3B;    // [4.22 to 4.24] first of 14: acceleration, temperature, rate
 constexpr uint8_t kPwrMgmt1 = 0x6B;      // [4.34] reset, sleep, clock
-constexpr uint8_t kWhoAmI = 0x75;        // [4.38]
+constexpr uint8_t kWhoAmI = 0x75;        // [4.38] kind of chip
 
 constexpr uint8_t kReset = 0x80;      // PWR_MGMT_1: H_RESET
 constexpr uint8_t kPllClock = 0x01;   // PWR_MGMT_1: awake, PLL when it is ready
 constexpr uint8_t kRawReady = 0x01;   // INT_ENABLE: RAW_RDY_EN
 constexpr uint8_t kPulseHigh = 0x00;  // INT_PIN_CFG: push-pull, active high, a pulse of 50 us
 
-// FS_SEL and ACCEL_FS_SEL are bits 4:3. The bits below are FCHOICE_B = 0, so the filters are on.
+// FS_SEL and ACCEL_FS_SEL are bits 4:3. The bits below them are FCHOICE_B, which must be 0 so that the
+// filters are on.
 constexpr uint8_t kRangeShift = 3;
 
 }  // namespace mpu9250_reg

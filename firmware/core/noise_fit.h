@@ -27,32 +27,34 @@ class NoiseFit {
 
     // Notes that `lost` samples of all axes are missing before the next one.
     void skip(uint16_t lost);
-    // Adds a count of an axis, of each axis in turn. Do not call this while passing().
+    // Adds a count of one axis. Every sample has to be added for axis 0, 1 and 2 in this order. Do not call
+    // this while passing() is true.
     void add(size_t axis, int16_t count);
 
-    // Whether counts are still being passed down the octaves. pass() does one slice of that work; finish it
-    // before any other call.
+    // Whether new counts are still on their way through the octaves of the spectrum. pass() does one slice of
+    // that work. Call it until passing() is false, before any other function.
     bool passing() const { return passing_; }
     void pass();
 
-    // Fills in the tracker's values of an axis, if there are any.
+    // Fills the bias and the state of an axis's tracker into an ESTIMATE, if the tracker has a filter.
     void track(size_t axis, Estimate& message);
 
     // Whether a fit is due or in progress.
     bool busy() const { return stage_ != Stage::idle || (started_ != 0 && is_due()); }
-    // Result of a slice: the message to send before the next slice.
+    // Which message work() has filled in. The caller has to send it before the next slice.
     enum class Told { nothing, fit, spectrum };
     Told work(Fit& fit, Spectrum& spectrum);
 
   private:
-    // Spectra, bins and fit are engine classes, which are compiled once, in noise_fit.cpp.
+    // The spectra, bins and fits. Their classes come from engine/ and are compiled only once, in
+    // noise_fit.cpp.
     struct Parts;
     struct Axis;
     enum class Stage { idle, gathering, fitting, designing, telling };
 
     Parts& parts() { return *reinterpret_cast<Parts*>(storage_); }
     Axis& axis(size_t i);
-    // Ages wrap at 2^32 after more than a year, or after a hundred days at 500 Hz.
+    // Correct although age_ wraps at 2^32, which takes more than a year, or a hundred days at 500 Hz.
     bool is_due() const { return static_cast<int32_t>(age_ - next_age_) >= 0; }
     bool is_started(size_t i) const { return (started_ >> i & 1) != 0; }
     void begin_axis(size_t first);
@@ -64,16 +66,17 @@ class NoiseFit {
     static constexpr size_t kBytes = 42120;
     alignas(8) unsigned char storage_[kBytes];
     Stage stage_ = Stage::idle;
-    size_t axis_ = 0;        // being fitted
-    uint32_t passages_ = 0;  // number of passages of all axes since begin()
+    size_t axis_ = 0;  // axis that is being fitted
+    // number of batches of counts that entered the octaves since begin(), over all axes
+    uint32_t passages_ = 0;
     uint32_t gathered_ = 0;  // value of passages_ when the bins were begun
-    uint32_t age_ = 0;       // samples since the window, including lost ones
+    uint32_t age_ = 0;       // samples since the start-up window, including lost ones
     uint32_t next_age_ = 0;  // age at which the next fit is due
     uint32_t bins_age_ = 0;  // age when the bins were begun
     uint32_t bins_used_ = 0;
-    int told_ = 0;             // number of bins that were sent
-    size_t passing_axis_ = 0;  // axis whose counts are being passed down
-    uint8_t started_ = 0;      // one bit per axis
+    int told_ = 0;             // number of bins of the present spectrum that were sent
+    size_t passing_axis_ = 0;  // axis whose counts are on their way through the octaves
+    uint8_t started_ = 0;      // one bit per axis: whether it is started
     bool passing_ = false;
 };
 

@@ -14,13 +14,13 @@ class Sampler {
   public:
     explicit Sampler(SamplingMode mode) : by_edges_(mode == SamplingMode::data_ready) {}
 
-    // Call this at boot. In timer mode, the due times are the multiples of the period from here on. They
-    // continue without a sensor, because after a wrap of the clock the multiples would have another phase
-    // relative to the board's timer.
+    // Call this at boot. In timer mode, sampling instants are due at the multiples of the period from now on,
+    // also without a sensor. They are never begun anew, because after a wrap of the clock the multiples of
+    // the period would no longer coincide with the ticks of the board's timer.
     void begin(uint32_t now_us) { next_due_us_ = (now_us / kPeriodUs + 1) * kPeriodUs; }
 
-    // The sensor runs from now on. Numbering begins when it runs for the first time; later, the instants have
-    // continued meanwhile.
+    // Call this when the sensor begins to run. The numbering of the instants begins when it runs for the
+    // first time; after that, instants are counted also while the sensor does not run.
     void sensor_runs(uint32_t now_us) {
         edges_taken_ = edges_.seen().count;
         last_edge_us_ = now_us;
@@ -31,11 +31,12 @@ class Sampler {
 
     void sensor_stops() { running_ = false; }
 
-    // Call this from the interrupt handler.
+    // Call this from the interrupt handler of the data-ready pin.
     void on_data_ready(uint32_t now_us) { edges_.add(now_us); }
 
-    // Returns true if instants came since the last call and the newest one needs its sample. Then read the
-    // sample, or call missed(). The other instants count as overruns.
+    // Returns true if sampling instants have passed since the last call and the newest of them needs its
+    // sample. The caller then reads the sample, or calls missed(). The earlier of these instants count as
+    // overruns.
     bool poll(uint32_t now_us) {
         if (!by_edges_) return poll_timer(now_us);
         if (running_) return poll_edges();
@@ -43,11 +44,12 @@ class Sampler {
         return false;
     }
 
-    // The instant that poll() announced has no sample.
+    // Call this if the instant that poll() announced gets no sample.
     void missed() { ++overruns_; }
 
-    // A burst began at `burst_us`. If instants came after poll(), because a first try took long, then the
-    // sample belongs to the newest instant, and the announced one is an overrun.
+    // Call this when the reading of a sample began at `burst_us`. If more instants have passed since poll(),
+    // because a first try took long, the sample belongs to the newest of them, and the announced instant is
+    // an overrun.
     void burst_began(uint32_t burst_us) {
         if (!by_edges_) {
             if (poll_timer(burst_us)) missed();
@@ -59,7 +61,7 @@ class Sampler {
         take(seen);
     }
 
-    // Time of the instant that needs its sample, and its number.
+    // Time of the instant that poll() announced, and its number.
     uint32_t due_us() const { return due_us_; }
     uint16_t sequence() const { return static_cast<uint16_t>(instants_ - 1); }
     uint32_t instant() const { return instants_ - 1; }
@@ -70,7 +72,7 @@ class Sampler {
         return is_before(now_us, next_us) ? next_us - now_us : 0;
     }
 
-    // Time since the last edge, or since the sensor runs if none came [us]; 0 in timer mode.
+    // Time since the last edge [us], or since the sensor began to run if no edge has come. 0 in timer mode.
     uint32_t silence_us(uint32_t now_us) const { return by_edges_ && running_ ? now_us - last_edge_us_ : 0; }
 
     // Number of instants without a sample.
@@ -79,7 +81,8 @@ class Sampler {
   private:
     static constexpr uint32_t kPeriodUs = settings::kSamplePeriodUs;
 
-    // Correct across a wrap of the clock, for instants less than 35 minutes apart.
+    // Whether a is before b. This is correct across a wrap of the clock, for times less than 35 minutes
+    // apart.
     static bool is_before(uint32_t a_us, uint32_t b_us) { return b_us - a_us - 1 < UINT32_C(0x7FFFFFFF); }
 
     bool poll_timer(uint32_t now_us) {
@@ -98,7 +101,7 @@ class Sampler {
         return true;
     }
 
-    // Counts the instants since the last call. A lost edge is recognised by the elapsed time.
+    // Counts the sampling instants since the last call. If an edge was lost, the elapsed time shows it.
     void take(const Edges::Seen& seen) {
         const uint32_t came = seen.count - edges_taken_;
         const uint32_t by_time = (seen.last_us - accounted_us_ + kPeriodUs / 2) / kPeriodUs;
@@ -107,8 +110,8 @@ class Sampler {
         pass(came > by_time ? came : by_time);
     }
 
-    // Without edges, instants are counted by time, half a period late, so that the next edge counts as one
-    // instant by time as well.
+    // While no edges come, instants are counted by time. They are counted half a period late, so that by
+    // time, too, exactly one instant lies between the last counted one and the next edge.
     void pass_by_time(uint32_t now_us) {
         const uint32_t elapsed_us = now_us - accounted_us_;
         if (elapsed_us < kPeriodUs + kPeriodUs / 2) return;
@@ -129,7 +132,7 @@ class Sampler {
     Edges edges_;
     uint32_t edges_taken_ = 0;
     uint32_t last_edge_us_ = 0;
-    uint32_t accounted_us_ = 0;  // edges and time until here were counted as instants
+    uint32_t accounted_us_ = 0;  // instants were counted up to this time
     uint32_t next_due_us_ = 0;
     uint32_t due_us_ = 0;
     uint32_t instants_ = 0;

@@ -1,4 +1,4 @@
-// All settings that an owner may want to change. HELLO reports them to the host.
+// All settings that the owner of a board may want to change. HELLO reports them to the host.
 #pragma once
 
 #include <stdint.h>
@@ -6,16 +6,17 @@
 #include "filter_settings.h"
 #include "messages.h"
 
-// Define this in the build to compile the other mode: -DFLTEA_SAMPLING_MODE=data_ready
+// To compile the other sampling mode, build with -DFLTEA_SAMPLING_MODE=data_ready.
 #ifndef FLTEA_SAMPLING_MODE
 #define FLTEA_SAMPLING_MODE timer
 #endif
-// Likewise for the estimator: -DFLTEA_ESTIMATE=false (and -DFLTEA_VARIANT=triple, filter_settings.h)
+// To compile without the estimator, build with -DFLTEA_ESTIMATE=false. -DFLTEA_VARIANT=triple selects another
+// variant of it (filter_settings.h).
 #ifndef FLTEA_ESTIMATE
 #define FLTEA_ESTIMATE true
 #endif
 
-// Samples per second, bandwidth and full scale: -DFLTEA_RATE_HZ=200 -DFLTEA_DLPF_HZ=92
+// To change samples per second, bandwidth and full scale, build with -DFLTEA_RATE_HZ=200 -DFLTEA_DLPF_HZ=92
 // -DFLTEA_GYRO_RANGE_DPS=250 -DFLTEA_ACCEL_RANGE_G=4
 #ifndef FLTEA_RATE_HZ
 #define FLTEA_RATE_HZ 100
@@ -29,7 +30,8 @@
 #ifndef FLTEA_ACCEL_RANGE_G
 #define FLTEA_ACCEL_RANGE_G 2
 #endif
-// Baud rate of the serial port: -DFLTEA_BAUD=400000, and the same for `fltea run --baud`
+// To change the baud rate of the serial port, build with -DFLTEA_BAUD=400000, and give `fltea run --baud` the
+// same number.
 #ifndef FLTEA_BAUD
 #define FLTEA_BAUD kBaud
 #endif
@@ -37,22 +39,22 @@
 namespace fltea {
 namespace settings {
 
-// timer: four wires, and the device's clock determines the sampling instants. data_ready: a fifth wire from
-// the sensor's INT pin; the sensor's clock (±1 %) determines the instants, and each time stamp is that of the
-// sensor's own conversion.
+// What determines the sampling instants. With `timer`, it is the device's clock, and four wires suffice. With
+// `data_ready`, it is the sensor's clock (±1 %), by a fifth wire from the sensor's INT pin, and each time
+// stamp is that of the sensor's own conversion.
 constexpr SamplingMode kSamplingMode = SamplingMode::FLTEA_SAMPLING_MODE;
 
-// Time between sampling instants [us], a whole number of milliseconds, since the sensor's internal period is
-// 1 ms. At kBaud the serial port has room for 500 Hz; 1000 Hz needs 400,000 baud and no estimates. Above 100
-// Hz prefer data_ready: in timer mode a sample is up to 1 ms old.
+// Time between sampling instants [us]. It is a whole number of milliseconds, because the sensor's internal
+// period is 1 ms. At kBaud the serial port has room for 500 Hz; 1000 Hz needs 400,000 baud and no estimates.
+// Above 100 Hz prefer data_ready: in timer mode a sample is up to 1 ms old.
 constexpr uint32_t kSamplePeriodUs = 1000000 / FLTEA_RATE_HZ;
 static_assert(kSamplePeriodUs * FLTEA_RATE_HZ == 1000000,
               "FLTEA_RATE_HZ must divide a second without a rest");
 
-// Full scale, plus and minus [deg/s]: 250, 500, 1000 or 2000.
+// Full scale of the gyroscope, ± 250, 500, 1000 or 2000 [deg/s].
 constexpr uint16_t kGyroRangeDps = FLTEA_GYRO_RANGE_DPS;
 
-// Full scale, plus and minus [g]: 2, 4, 8 or 16.
+// Full scale of the accelerometer, ± 2, 4, 8 or 16 [g].
 constexpr uint16_t kAccelRangeG = FLTEA_ACCEL_RANGE_G;
 
 // Bandwidth of the sensor's low-pass filters [Hz]: 184, 92, 41, 20, 10 or 5. The noise is the signal here,
@@ -60,17 +62,18 @@ constexpr uint16_t kAccelRangeG = FLTEA_ACCEL_RANGE_G;
 // Hz, and about 0.005 (deg/s)^2 at 41 Hz.
 constexpr uint16_t kDlpfHz = FLTEA_DLPF_HZ;
 
-// I2C address: 0x68 with AD0 at ground, 0x69 with AD0 at 3.3 V.
+// I2C address of the sensor: 0x68 if its pin AD0 is at ground, 0x69 if AD0 is at 3.3 V.
 constexpr uint8_t kSensorAddress = 0x68;
 constexpr uint32_t kI2cHz = 400000;
-// Longest time of a transfer before the bus counts as held [us]. The longest transfer needs 0.5 ms.
+// If a transfer takes longer than this, the bus counts as held by a chip [us]. The longest transfer needs 0.5
+// ms.
 constexpr uint32_t kI2cTimeoutUs = 3000;
 
-// Whether the device computes its own estimates; ESTIMATOR reports their settings to the host. Variant,
-// guard, start-up window and the filters' numbers are those of `fltea run`: filter_settings.h.
+// Whether the device computes estimates itself; ESTIMATOR reports their settings to the host. Variant, guard,
+// start-up window and the numbers of the filters are the same as those of `fltea run` (filter_settings.h).
 constexpr bool kEstimate = FLTEA_ESTIMATE;
-// An ESTIMATE is sent for each sample whose sequence is a multiple of this: ten times a second. At 2 and at
-// 100 Hz the serial port is then two thirds full.
+// An ESTIMATE is sent for each sample whose sequence number is a multiple of this, which is ten times a
+// second. At 2 and at 100 Hz the serial port is then two thirds full.
 constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 
 // Whether the device also fits the noise by maximum likelihood. A slice of a fit has to fit into half a
@@ -81,20 +84,21 @@ constexpr uint16_t kEstimateEvery = FLTEA_RATE_HZ < 20 ? 1 : FLTEA_RATE_HZ / 10;
 constexpr bool kFit = FLTEA_FIT;
 static_assert(!kFit || (kEstimate && kSamplePeriodUs >= 5000),
               "fits need the estimates' queue, and at most 200 samples a second");
-// Whether the filters use the fit's s2 and r as Q and R, as soon as a fit rejects white noise and defines the
-// order: -DFLTEA_TUNED=true. The host's filters then have other settings than the board's, so their estimates
-// are not compared.
+// Whether the filters use the fit's s2 and r as Q and R, as soon as a fit rejects white noise and gives a
+// definite order; -DFLTEA_TUNED=true switches this on. The host's filters then have other settings than the
+// board's, so their estimates are not compared.
 #ifndef FLTEA_TUNED
 #define FLTEA_TUNED false
 #endif
 constexpr bool kTuned = FLTEA_TUNED;
 static_assert(!kTuned || kFit, "only a fit tells what to tune to");
-// Number of samples between rounds of fits of all axes: 3 s; three samples at 1 Hz.
+// Number of samples from one round of fits of all axes to the next: as many as in 3 s.
 constexpr uint16_t kFitEvery = 3 * FLTEA_RATE_HZ;
-// Number of fits of an axis between two whose bins are sent.
+// Of this many fits of an axis, one is sent with the bins of its spectrum.
 constexpr uint16_t kSpectrumEvery = 10;
-// Share of the time for the fits [%], the rest of a quarter of the processor at 100 Hz. A round takes 4 to 6
-// % of three seconds; a round that searches on a grid takes longer than its period.
+// Share of the processor time for the fits [%]. Together with the rest of the program, this is a quarter of
+// the processor at 100 Hz. A round takes 4 to 6 % of three seconds; a round that searches on a grid takes
+// longer than its period.
 constexpr uint32_t kFitShare = 6;
 
 // Baud rate of the serial port. 250,000 is exact on the Due (84 MHz / 16 / 21) and on its USB chip; the usual

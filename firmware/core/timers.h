@@ -1,5 +1,5 @@
-// Waiting without blocking. Correct across every wrap of the 32-bit clock, if checked at least every 35
-// minutes.
+// Waiting without blocking. This is correct across every wrap of the 32-bit clock, if a wait is checked at
+// least every 35 minutes.
 #pragma once
 
 #include <stdint.h>
@@ -8,7 +8,7 @@ namespace fltea {
 
 constexpr uint32_t kSecondUs = 1000000;
 
-// One wait.
+// A wait of a given length.
 class Pause {
   public:
     void begin(uint32_t now_us, uint32_t length_us) {
@@ -17,13 +17,13 @@ class Pause {
         waiting_ = true;
     }
 
-    // Returns true after the end of the wait, and before the first wait.
+    // Whether the wait has ended. It is also true before the first wait.
     bool over(uint32_t now_us) {
         if (waiting_ && now_us - begun_us_ >= length_us_) waiting_ = false;
         return !waiting_;
     }
 
-    // Whether the wait was still in progress at the last over().
+    // Whether the wait was still in progress at the last call of over().
     bool waiting() const { return waiting_; }
 
   private:
@@ -32,8 +32,8 @@ class Pause {
     bool waiting_ = false;
 };
 
-// A task that is due every second. It stays due until it is done; tasks that would become due meanwhile are
-// omitted.
+// A task that is due every second. It stays due until it is done. If further seconds pass until then, it is
+// still done only once.
 class EverySecond {
   public:
     void begin(uint32_t first_us) { next_us_ = first_us; }

@@ -1,5 +1,5 @@
-// Measures the share of the time in which the main loop works, and its longest turn. Turns without work do
-// not count, so that ports that sleep and ports that do not are comparable.
+// Measures the share of the time in which the main loop works, and the longest pass of the loop. Passes
+// without work do not count, so that boards that sleep between samples and boards that do not are comparable.
 #pragma once
 
 #include <stdint.h>
@@ -15,13 +15,14 @@ class Workload {
         longest_us_ = 0;
     }
 
-    // Adds a turn that did some work.
+    // Adds a pass of the main loop that did some work.
     void add(uint32_t took_us) {
         worked_us_ += took_us;
         if (took_us > longest_us_) longest_us_ = took_us;
     }
 
-    // Share of the time since begin() [0.01 %]; for less than 71 minutes.
+    // Share of the time since begin() in which the main loop worked [0.01 %]. Correct for less than 71
+    // minutes.
     uint16_t share(uint32_t now_us) const {
         const uint32_t hundredths_of_per_cent = (now_us - begun_us_) / 10000;
         const uint32_t share = hundredths_of_per_cent == 0 ? 0 : worked_us_ / hundredths_of_per_cent;

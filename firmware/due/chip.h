@@ -7,13 +7,14 @@ namespace fltea {
 namespace due {
 namespace chip {
 
-// Reads the factory's 128-bit identifier, in memory order; zeros if the flash controller does not answer.
+// Reads the factory's 128-bit identifier of the chip, in the order of its bytes in memory. If the flash
+// controller does not answer, the identifier is all zeros.
 void read_unique_id(uint8_t (&id)[16]);
 
-// Returns a number from the true random number generator; 0 if it does not answer.
+// Returns a number from the true random number generator, or 0 if the generator does not answer.
 uint32_t random_number();
 
-// Returns RSTC_SR.RSTTYP.
+// Returns why the chip was reset: the field RSTC_SR.RSTTYP.
 uint32_t reset_type();
 
 }  // namespace chip

@@ -30,7 +30,7 @@ void wait_for(uint32_t flag) {
 
 }  // namespace
 
-// Datasheet, Power Management Controller, Programming Sequence.
+// The order of these steps comes from the datasheet, Power Management Controller, Programming Sequence.
 void start() {
     EFC0_FMR::write(EFC0_FMR::FWS::put(kFlashWaitStates));
     EFC1_FMR::write(EFC1_FMR::FWS::put(kFlashWaitStates));

@@ -1,14 +1,14 @@
-// The processor features that this board port uses. Section numbers refer to the ARMv7-M Architecture
-// Reference Manual.
+// The features of the processor that the code for the Due uses. Section numbers refer to the ARMv7-M
+// Architecture Reference Manual.
 #pragma once
 
 #include "register.h"
 
 namespace cortex_m3 {
 
-// Interrupt set-enable, interrupts 0 to 31 (B3.4.4).
+// Register that enables the interrupts 0 to 31 (B3.4.4).
 using NVIC_ISER0 = sam3x::ReadWrite<0xE000E100>;
-// Address of the vector table (B3.2.5).
+// Register with the address of the vector table (B3.2.5).
 using SCB_VTOR = sam3x::ReadWrite<0xE000ED08>;
 
 inline void enable_irq(uint32_t irq) { NVIC_ISER0::write(1u << irq); }
@@ -19,7 +19,7 @@ inline void memory_barrier() { asm volatile("dsb" ::: "memory"); }
 // Sleeps until an interrupt is pending, also while interrupts are disabled (B1.5.19).
 inline void wait_for_interrupt() { asm volatile("dsb\n\twfi" ::: "memory"); }
 
-// Disables interrupts during its lifetime; may be nested.
+// Disables interrupts as long as the object exists. Such objects may be nested.
 class InterruptLock {
   public:
     InterruptLock() { asm volatile("mrs %0, primask\n\tcpsid i" : "=r"(primask_)::"memory"); }

@@ -1,4 +1,4 @@
-// The sensor's INT pin on PB25 (pin 2), for the data_ready mode.
+// The input for the sensor's INT pin, PB25 (pin 2 of the board), in the data_ready mode.
 #pragma once
 
 #include "../core/application.h"
@@ -7,7 +7,7 @@ namespace fltea {
 namespace due {
 namespace data_ready {
 
-// From now on the interrupt handler notifies the application of every rising edge.
+// Enables the interrupt, whose handler notifies the application of every rising edge from now on.
 void start(Application& application, Clock& clock);
 
 }  // namespace data_ready

@@ -1,4 +1,5 @@
-// The device's time: channel 0 of TC0 counts MCK/2 = 42 MHz, and interrupts once per sampling period.
+// The device's time: channel 0 of the timer TC0 counts at MCK/2 = 42 MHz, and gives an interrupt once per
+// sampling period.
 #pragma once
 
 #include "../core/clock.h"
@@ -11,8 +12,8 @@ class DeviceClock final : public Clock {
     // Starts the clock at 0. Call this once.
     void start();
 
-    // May be called anywhere, also in interrupt handlers. The time is right even if the tick's handler was
-    // delayed, by up to 100 s.
+    // The time in microseconds. It may be read anywhere, also in interrupt handlers, and is right even if the
+    // handler of the tick was delayed by up to 100 s.
     uint32_t now_us() override;
 };
 

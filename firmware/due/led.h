@@ -1,4 +1,4 @@
-// The board's LED (PB27, pin 13): blinks about once a second while the main loop runs.
+// The board's LED (PB27, pin 13), which blinks about once a second while the main loop runs.
 #pragma once
 
 #include <stdint.h>

@@ -1,4 +1,5 @@
-// The program: sets up the board, then repeats: step, feed the watchdog, sleep.
+// The program: sets up the board, and then repeats three things: it calls step(), feeds the watchdog, and
+// sleeps.
 #include "../core/application.h"
 #include "chip.h"
 #include "data_ready.h"

@@ -23,12 +23,12 @@ struct WriteOnly {
 template <uint32_t kAddress>
 struct ReadWrite : ReadOnly<kAddress>, WriteOnly<kAddress> {};
 
-// A number of kWidth bits, beginning at bit kLsb.
+// A field of a register: a number of kWidth bits, beginning at bit kLsb.
 template <uint32_t kLsb, uint32_t kWidth>
 struct Field {
     static constexpr uint32_t kMask = ((1u << kWidth) - 1) << kLsb;
 
-    // Returns the number shifted to its bits. Higher bits are cut off.
+    // Returns a number shifted to the field's bits. Bits beyond the field are cut off.
     static constexpr uint32_t put(uint32_t value) { return value << kLsb & kMask; }
     static constexpr uint32_t of(uint32_t register_value) { return (register_value & kMask) >> kLsb; }
 };

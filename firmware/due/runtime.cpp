@@ -34,7 +34,7 @@ int memcmp(const void* left, const void* right, size_t n) {
     return 0;
 }
 
-// In the vtables of abstract classes; never called.
+// The compiler puts this into the vtables of abstract classes. It is never called.
 [[noreturn]] void unexpected_handler();
 [[noreturn]] void __cxa_pure_virtual() { unexpected_handler(); }
 

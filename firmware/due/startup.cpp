@@ -10,7 +10,7 @@
 
 int main();
 
-// Defined in the linker script.
+// These symbols are defined in the linker script.
 extern "C" {
 extern uint32_t stack_top[];
 extern uint32_t data_begin[];
@@ -20,8 +20,8 @@ extern uint32_t bss_begin[];
 extern uint32_t bss_end[];
 }
 
-// An unexpected fault or interrupt: the program cannot be trusted any more. The watchdog is not fed here, so
-// it resets the chip within a second, and the next HELLO reports that.
+// Handles an unexpected fault or interrupt, after which the program cannot be trusted any more. The watchdog
+// is not fed here, so it resets the chip within a second, and the next HELLO reports that.
 extern "C" [[noreturn]] void unexpected_handler() {
     for (;;) asm volatile("");
 }
@@ -34,12 +34,12 @@ namespace {
 
 using Handler = void (*)();
 
-// ARMv7-M Architecture Reference Manual, B1.5.3.
+// The layout of the table is defined in the ARMv7-M Architecture Reference Manual, B1.5.3.
 struct VectorTable {
     const void* initial_stack;
     Handler reset;
-    Handler exceptions[14];  // 2 NMI to 15 SysTick
-    Handler interrupts[45];  // datasheet, 9.1 Peripheral Identifiers
+    Handler exceptions[14];  // exceptions 2 (NMI) to 15 (SysTick)
+    Handler interrupts[45];  // in the order of datasheet, 9.1 Peripheral Identifiers
 };
 
 constexpr Handler on(uint32_t irq) {
@@ -72,7 +72,8 @@ extern "C" [[noreturn]] void reset_handler() {
     const uint32_t* image = data_image;
     for (uint32_t* word = data_begin; word != data_end; ++word) *word = *image++;
     for (uint32_t* word = bss_begin; word != bss_end; ++word) *word = 0;
-    // After a reset, the table is read through the alias of the flash at address 0.
+    // After a reset, the processor reads the vector table at address 0, where the flash appears a second
+    // time. From here on it reads the table at its own address.
     cortex_m3::SCB_VTOR::write(static_cast<uint32_t>(reinterpret_cast<uintptr_t>(&fltea::due::kVectors)));
     main();
     unexpected_handler();

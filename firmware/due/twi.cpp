@@ -15,8 +15,8 @@ using namespace sam3x;
 constexpr uint32_t kSda = 1u << 12;  // PB12, peripheral A: TWD1
 constexpr uint32_t kScl = 1u << 13;  // PB13, peripheral A: TWCK1
 
-// Datasheet, TWI Clock Waveform Generator Register: each half of a bit takes its divider + 4 periods of MCK.
-// SCL is low longer than high, as fast mode demands (NXP UM10204, table 10).
+// Datasheet, TWI Clock Waveform Generator Register: each half of a bit lasts for its divider (CLDIV or CHDIV)
+// plus 4 periods of MCK. SCL is low longer than high, as fast mode demands (NXP UM10204, table 10).
 constexpr uint32_t kFixed = 4;
 constexpr uint32_t kBit = clock::kMasterHz / settings::kI2cHz;
 constexpr uint32_t kLow = kBit * 54 / 100;
@@ -27,7 +27,7 @@ static_assert(kHigh * 10000 >= kLeastHighNs * (clock::kMasterHz / 100000), "t_HI
 static_assert((kLow + kHigh) * kMostHz >= clock::kMasterHz, "f_SCL");
 static_assert(kLow - kFixed <= 0xFF && kHigh - kFixed > 0, "CLDIV and CHDIV hold 8 bits without a prescaler");
 
-// Half a bit during bus recovery, which runs at no more than 100 kHz [us].
+// Duration of half a bit while the bus is being freed, which happens at 100 kHz at most [us].
 constexpr uint32_t kHalfBitUs = 5;
 
 void start_controller() {
@@ -45,12 +45,13 @@ void address(uint8_t chip, uint8_t reg, uint32_t direction) {
 }  // namespace
 
 // Datasheet, TWI, Read Flowcharts: the controller acknowledges each byte unless STOP was requested while the
-// byte arrives. STOP is therefore requested together with START for one byte, otherwise after the last byte
-// but one.
+// byte arrives. STOP is therefore requested together with START if one byte is read, and otherwise when the
+// last byte but one has arrived.
 I2cResult Twi::read(uint8_t chip, uint8_t reg, uint8_t* data, size_t n) {
     begun_us_ = clock_.now_us();
     // The controller may hold a byte although the last read was complete: it begins to receive another byte
-    // while STOP is being sent. That byte would count as this read's first byte and shift all following ones.
+    // while STOP is being sent. The next read would take that byte for its first byte, and all its bytes
+    // would be shifted.
     TWI1_RHR::read();
     address(chip, reg, TWI1_MMR::MREAD);
     TWI1_CR::write(n == 1 ? TWI1_CR::START | TWI1_CR::STOP : TWI1_CR::START);
@@ -61,7 +62,8 @@ I2cResult Twi::receive(uint8_t* data, size_t n) {
     for (size_t i = 0; i < n; ++i) {
         const I2cResult result = wait_for(TWI1_SR::RXRDY);
         if (result != I2cResult::ok) return result;
-        // If this comes late, SCL waits until RHR is read, and then half a bit remains for requesting STOP.
+        // If RHR is read late, the controller holds SCL until then. After that, only half a bit remains for
+        // requesting STOP, so interrupts are disabled.
         cortex_m3::InterruptLock lock;
         data[i] = static_cast<uint8_t>(TWI1_RHR::read());
         if (i + 2 == n) TWI1_CR::write(TWI1_CR::STOP);
@@ -80,13 +82,14 @@ I2cResult Twi::write(uint8_t chip, uint8_t reg, uint8_t value) {
     return finish(wait_for(TWI1_SR::TXRDY));
 }
 
-// Reading TWI_SR clears NACK, ARBLST and OVRE, so every read is checked for these flags.
+// Waits for a flag of TWI_SR. Reading TWI_SR clears NACK, ARBLST and OVRE, so these flags are checked after
+// every read.
 I2cResult Twi::wait_for(uint32_t flag) {
     for (;;) {
         const bool late = clock_.now_us() - begun_us_ > settings::kI2cTimeoutUs;
         const uint32_t status = TWI1_SR::read();
         if (status & TWI1_SR::NACK) return I2cResult::nack;
-        // There is no other master, so something pulls SDA.
+        // Arbitration was lost. There is no other master, so something pulls SDA low.
         if (status & TWI1_SR::ARBLST) return I2cResult::timeout;
         if (status & TWI1_SR::OVRE) return I2cResult::short_read;
         if (status & flag) return I2cResult::ok;
@@ -94,8 +97,8 @@ I2cResult Twi::wait_for(uint32_t flag) {
     }
 }
 
-// Waits until STOP is sent. After an error the controller is set up again, because THR and the flags may hold
-// old values.
+// Waits until STOP is sent. After an error the controller is set up again, because THR and the flags may
+// still contain old values.
 I2cResult Twi::finish(I2cResult result) {
     const I2cResult end = wait_for(TWI1_SR::TXCOMP);
     if (result == I2cResult::ok) result = end;
@@ -125,7 +128,7 @@ HeldLines Twi::recover() {
         PIOB_SODR::write(kScl);
         pause();
     }
-    // STOP: SDA rises while SCL is high.
+    // A STOP condition: SDA rises while SCL is high.
     PIOB_CODR::write(kScl);
     pause();
     PIOB_CODR::write(kSda);

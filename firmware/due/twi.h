@@ -1,4 +1,5 @@
-// The sensor's bus: TWI1 as master at 400 kHz on PB12 (SDA, pin 20) and PB13 (SCL, pin 21); polled.
+// The sensor's I2C bus: TWI1 as master at 400 kHz on PB12 (SDA, pin 20) and PB13 (SCL, pin 21). It is polled,
+// without interrupts.
 #pragma once
 
 #include "../core/clock.h"
@@ -9,10 +10,11 @@ namespace due {
 
 class Twi final : public I2cBus {
   public:
-    // The clock must run. Call recover() first: it sets up the pins and the controller.
+    // `clock` must be running. Call recover() before the first transfer, because it sets up the pins and the
+    // controller.
     explicit Twi(Clock& clock) : clock_(clock) {}
 
-    // n has to be at least 1.
+    // Reads n bytes, at least 1.
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override;
     I2cResult write(uint8_t address, uint8_t reg, uint8_t value) override;
     HeldLines recover() override;

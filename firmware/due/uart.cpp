@@ -14,34 +14,35 @@ namespace {
 
 using namespace sam3x;
 
-// Datasheet, UART, Baud Rate Generator.
+// Computed as in the datasheet, UART, Baud Rate Generator.
 constexpr uint32_t kBaudTimes16 = settings::kLineBaud * 16;
 constexpr uint32_t kDivisor = (clock::kMasterHz + kBaudTimes16 / 2) / kBaudTimes16;
-// Ten bits tolerate twice this error between both ends.
+// A byte of ten bits still arrives correctly if the baud rates of both ends differ by twice this error.
 static_assert(kDivisor * kBaudTimes16 >= clock::kMasterHz / 100 * 99 &&
                   kDivisor * kBaudTimes16 <= clock::kMasterHz / 100 * 101,
               "the baud rate is right within 1 %");
 
 constexpr uint32_t kTransmitPin = 1u << 9;  // PA9, peripheral A: UTXD
 
-// Room for two of the longest frames. A power of two, so that the counters below may wrap.
+// Size of the ring buffer: it has room for two of the longest frames, and is a power of two, so that the
+// counters below may wrap.
 constexpr uint32_t kRingBytes = 512;
 static_assert(kRingBytes >= 2 * kMaxWire && (kRingBytes & (kRingBytes - 1)) == 0, "size of the ring");
 
 uint8_t ring[kRingBytes];
-uint32_t written;        // bytes put in, by the main loop
-volatile uint32_t sent;  // bytes taken out, by the handler
-uint32_t in_flight;      // bytes that the PDC is sending
+uint32_t written;        // number of bytes that the main loop has put in
+volatile uint32_t sent;  // number of bytes that the handler has taken out
+uint32_t in_flight;      // number of bytes that the PDC (the DMA controller) is sending
 
-// Passes the next contiguous piece of the ring to the PDC, if there is one. Call this with interrupts
-// disabled and nothing in flight.
+// Passes the next contiguous piece of the ring buffer to the PDC, if there is one. Call this with interrupts
+// disabled, and only when the PDC is not sending.
 void send_next_piece() {
     const uint32_t begin = sent % kRingBytes;
     const uint32_t waiting = written - sent;
     const uint32_t to_end = kRingBytes - begin;
     in_flight = waiting < to_end ? waiting : to_end;
     if (in_flight == 0) {
-        // ENDTX stays set while the PDC is idle.
+        // The flag ENDTX stays set while the PDC is idle, so its interrupt has to be disabled.
         UART_IDR::write(UART_IDR::ENDTX);
         return;
     }
@@ -66,8 +67,8 @@ void Uart::start() {
     cortex_m3::enable_irq(UART_IRQ);
 }
 
-// The part of the present piece that the PDC has sent counts as free, because Link relies on the room growing
-// byte by byte.
+// Bytes that the PDC has already sent count as free even before the piece is complete, because Link relies on
+// the room growing byte by byte.
 size_t Uart::room() {
     cortex_m3::InterruptLock lock;
     return kRingBytes - (written - sent) + (in_flight - UART_TCR::read());

@@ -8,7 +8,8 @@ namespace due {
 
 class Uart final : public ByteSink {
   public:
-    // Sets up 250,000 baud, 8N1, on PA9 (the programming port). Nothing is ever received. Call this once.
+    // Sets up the serial port on PA9 (the programming port) with 250,000 baud, 8N1. It only sends, and never
+    // receives. Call this once.
     void start();
 
     size_t room() override;

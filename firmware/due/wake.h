@@ -1,4 +1,4 @@
-// Sleeps until something happens, without missing what happens just before.
+// Lets the processor sleep until an interrupt, without missing an interrupt that comes just before.
 #pragma once
 
 #include <stdint.h>
@@ -7,13 +7,13 @@ namespace fltea {
 namespace due {
 namespace wake {
 
-// Call this from interrupt handlers: there is work for the main loop.
+// Notes that there is work for the main loop. Interrupt handlers call this.
 void signal();
 
-// Number of signals since boot; wraps.
+// Number of calls of signal() since boot; it wraps.
 uint32_t signals();
 
-// Sleeps until the next interrupt, unless a signal has come since `seen` was read.
+// Sleeps until the next interrupt, unless signal() was called since `seen` was read with signals().
 void sleep_unless_signalled(uint32_t seen);
 
 }  // namespace wake

@@ -8,7 +8,8 @@ namespace watchdog {
 
 namespace {
 
-// Counts at SLCK/128 = 256 Hz: 1 s nominally, 0.7 to 1.6 s with the tolerance of the slow RC oscillator.
+// The watchdog counts at SLCK/128 = 256 Hz, so this is nominally 1 s. With the tolerance of the slow RC
+// oscillator, it is 0.7 to 1.6 s.
 constexpr uint32_t kTimeout = 256;
 constexpr uint32_t kFeedAtAnyTime = 0xFFF;
 constexpr uint32_t kKey = 0xA5;
@@ -17,8 +18,8 @@ constexpr uint32_t kKey = 0xA5;
 
 void start() {
     using sam3x::WDT_MR;
-    // With the largest WDD, feeding is never too early. The watchdog also counts in WFI (no WDIDLEHLT), so
-    // that an interrupt that no longer comes is detected too.
+    // With the largest WDD, the watchdog may be fed at any time. As WDIDLEHLT is not set, it also counts
+    // while the processor sleeps, so it resets the chip if interrupts no longer come.
     WDT_MR::write(WDT_MR::WDV::put(kTimeout) | WDT_MR::WDD::put(kFeedAtAnyTime) | WDT_MR::WDRSTEN |
                   WDT_MR::WDDBGHLT);
 }

@@ -1,12 +1,12 @@
-// The watchdog: runs from reset on, and only the main loop feeds it.
+// The watchdog, which resets the chip unless the main loop feeds it. It runs from reset on.
 #pragma once
 
 namespace fltea {
 namespace due {
 namespace watchdog {
 
-// Call this before anything that might hang. WDT_MR can be written once after a reset (datasheet, Watchdog
-// Timer).
+// Starts the watchdog. Call this before anything that might hang, and only once, because WDT_MR can be
+// written once after a reset (datasheet, Watchdog Timer).
 void start();
 
 void feed();

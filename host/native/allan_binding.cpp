@@ -1,4 +1,5 @@
-// fltea._native.AllanSums: the Allan variance sums of one axis for Python, on plain arrays.
+// fltea._native.AllanSums: the class with the sums for the Allan variance of one axis, for Python, on plain
+// arrays.
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 

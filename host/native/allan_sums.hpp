@@ -3,10 +3,11 @@
 // Let B_k be the sum of the m = 2^j samples that end at sample k. Then σ²(m) is the mean of (B_k - B_{k-m})²
 // / (2 m²). For m up to 8, every k is used. For larger m, every (m/8)-th k is used; this loses almost no
 // information, because neighbouring terms are nearly equal. Octave 3 + i therefore needs only the last 16
-// sums of 2^i samples. The sums of each level are sums of pairs of the level below.
+// sums of 2^i samples. These sums are the values of level i; level 0 has the samples, and each further level
+// has the sums of pairs of the level below.
 //
-// Each level processes its values in chunks of kChunk, counted from the last break. The results therefore do
-// not depend on how callers split the samples into calls.
+// Each level processes its values in chunks of kChunk, counted from the last break in the series. The results
+// therefore do not depend on how callers split the samples into calls.
 #pragma once
 
 #include <cmath>
@@ -24,25 +25,25 @@ constexpr std::size_t kLevels = 24, kOfSamples = 4, kOctaves = kLevels + kOfSamp
 constexpr double kOldest = 3;
 constexpr double kLargestValue = 1e100, kLargestCount = 1e15;
 
-// Weighted sum of squared differences. A new term has weight 1.
+// The terms (B_k - B_{k-m})² of one octave, as a weighted sum. A new term has weight 1.
 struct Octave {
     double squares = 0, weight = 0, weight_squared = 0;
-    // Time of the last term, in samples since the beginning.
+    // Time of the last term, in samples since the beginning of the series.
     double last = 0;
 };
 
 struct Level {
-    // The last kHistory values of earlier chunks (0 where the stretch has fewer), then the values that wait
-    // until their chunk is complete.
+    // The last kHistory values of earlier chunks since the last break (0 where there are fewer), then the
+    // values that wait until their chunk is complete.
     double values[kHistory + kChunk] = {};
     std::size_t waiting = 0;
-    // Number of values of this stretch that were already processed, without the waiting values.
+    // Number of values since the last break that were already processed, without the waiting values.
     double taken = 0;
 };
 
 struct Point {
     double factor, avar;
-    // Effective number of overlapping terms; the exact number if nothing is forgotten.
+    // Effective number of overlapping terms. If nothing is forgotten, it is the exact number.
     double terms;
 };
 
@@ -59,18 +60,18 @@ class AllanSums {
 
     // Number of samples that were added.
     double samples() const { return samples_; }
-    // Number of recent samples that the results describe.
+    // Number of recent samples that the results describe; older samples are forgotten.
     double span() const {
         const double oldest = allan::kOldest * memory_;
         return memory_ > 0 && oldest < samples_ ? oldest : samples_;
     }
 
-    // Adds `n` samples. Each has to be finite and at most kLargestValue in magnitude.
+    // Adds `n` samples. Each sample has to be finite and at most kLargestValue in magnitude.
     void add(const double* y, std::size_t n) {
         if (n == 0) return;
         if (!begun_) {
-            // The differences do not depend on the origin. Subtracting it keeps a large offset from causing
-            // rounding errors in the sums.
+            // The origin is subtracted from the samples, so that a large offset causes no rounding errors in
+            // the sums. It has no effect on differences of sums.
             origin_ = y[0];
             begun_ = true;
         }
@@ -83,7 +84,8 @@ class AllanSums {
         now_ += static_cast<double>(n);
     }
 
-    // Notes a break with `lost` missing samples. No term spans a break.
+    // Notes a break in the series with `lost` missing samples. No term uses samples from both sides of a
+    // break.
     void cut(double lost = 0) {
         for (std::size_t i = 0; i < allan::kLevels; ++i) {
             if (levels_[i].waiting > 0) take(i);
@@ -94,7 +96,8 @@ class AllanSums {
         stretch_begin_ = now_;
     }
 
-    // Adds the sums of another instance, as if both series ended now. For this instance this is a break.
+    // Adds the sums of another instance, as if both series ended now. In the series of this instance, this is
+    // a break.
     void merge(const AllanSums& other) {
         if (other.samples_ <= 0) return;
         AllanSums ended(other);
@@ -130,8 +133,8 @@ class AllanSums {
         return result;
     }
 
-    // Returns the state: sample count, current time, length of the stretch, origin; the values of the levels;
-    // then four numbers per octave.
+    // Returns the state as a list of numbers: sample count, current time, time since the last break, origin;
+    // then the values of all levels; then four numbers per octave.
     std::vector<double> save() const {
         const double length = begun_ ? now_ - stretch_begin_ : 0;
         std::vector<double> numbers = {samples_, now_, length, begun_ ? origin_ : 0};
@@ -146,8 +149,8 @@ class AllanSums {
         return numbers;
     }
 
-    // Restores the state from `save`. Returns false and changes nothing if `save` cannot have made these
-    // numbers.
+    // Restores the state from the result of save(). Returns false and changes nothing if save() cannot have
+    // returned these numbers.
     bool load(const double* numbers, std::size_t size) {
         AllanSums found(memory_);
         if (!found.read(numbers, numbers + size)) return false;
@@ -161,7 +164,8 @@ class AllanSums {
                                                                   : allan::kHistory;
     }
 
-    // Turns the waiting values of level i into terms, and into pair sums for the next level.
+    // Computes terms of the Allan variance from the waiting values of level i, and passes the sums of pairs
+    // of them to the next level.
     void take(std::size_t i) {
         allan::Level& level = levels_[i];
         const std::size_t n = level.waiting, old = history(level);
@@ -245,7 +249,7 @@ class AllanSums {
         octave.squares *= decay;
         octave.weight *= decay;
         octave.weight_squared *= decay * decay;
-        // Reset before the squares of the weights underflow.
+        // The octave is reset before the squares of its weights underflow.
         if (octave.weight < 1e-100) octave = allan::Octave();
     }
 

@@ -1,5 +1,6 @@
-// All axes of one sensor: the start-up window, the filters with their supervisor, and the whiteness of the
-// innovations. One call takes any number of rows.
+// The estimates of all axes of one sensor: the start-up window, the filters of the algorithm with their
+// supervisor, and the test whether the innovations are white. One call processes any number of rows; a row
+// has a value of each axis.
 #pragma once
 
 #include <algorithm>
@@ -17,16 +18,17 @@ namespace fltea {
 
 // Output arrays for a block of estimates, each of shape (rows, axes).
 struct BankBlock {
-    double* columns[kLaneColumns];  // NaN where not valid
-    std::uint8_t* valid;            // 0 or 1
-    std::uint8_t* white;            // 0 or 1: Whiteness::is_white
+    double* columns[kLaneColumns];  // NaN where an axis is not valid
+    std::uint8_t* valid;            // 1 where an axis is valid, else 0
+    std::uint8_t* white;            // 1 where its innovations are white (Whiteness::is_white), else 0
 };
 
 // Result of a fit for one axis: the order and the parameter f, each with its standard deviation.
 //
-// A filter treats its Q and R, and the slope of its predictions, as exact. The deviation that it reports
-// therefore shrinks even around a wrong value. A filter cannot know more than the fit does, so its published
-// deviation is at least that of the fit, and grows with its distance from the fitted value.
+// A filter treats its Q and R, and the slope of its predictions, as exact. The standard deviation that it
+// reports therefore shrinks even around a wrong value. As a filter cannot know more than the fit does, the
+// published standard deviation is at least that of the fit, and it grows with the distance of the filter's
+// value from the fitted value.
 struct Known {
     bool any;  // false: there is no fit for this axis
     double alpha, alpha_std, f, f_std;
@@ -47,32 +49,33 @@ class AxisBank {
     std::size_t axes() const { return axes_; }
     bool started() const { return lanes_ != nullptr; }
 
-    // Returns the statistics of the rows that came before start().
+    // Returns the statistics of an axis over the rows before start().
     const engine::Baseline<double>& window(std::size_t axis) const { return window_[axis]; }
 
-    // Ends the start-up window. From the next row on, one lane per axis filters the rows minus `bias`. Axes
-    // that are not `live` stay invalid, whatever their lanes report.
+    // Ends the start-up window. From the next row on, one lane (filters of one axis) per axis filters the
+    // rows minus `bias`. Axes that are not `live` stay invalid, whatever their lanes report.
     void start(std::unique_ptr<LaneRunner> lanes, const double* bias, const std::uint8_t* live) {
         lanes_ = std::move(lanes);
         bias_.assign(bias, bias + axes_);
         live_.assign(live, live + axes_);
     }
 
-    // Sets the fit results that limit the deviations of the axes from the next row on.
+    // Sets the results of fits. From the next row on, they limit the published standard deviations.
     void know(const std::vector<Known>& known) { known_ = known; }
 
     struct Order {
         double alpha, alpha_std;
     };
-    // Returns the estimate after the last row, with the filter's own deviation; NaN where it is not valid.
+    // Returns the order after the last row with the filter's own standard deviation, or NaN if the axis is
+    // not valid.
     const Order& newest(std::size_t axis) const { return newest_[axis]; }
 
     LaneRunner* lanes() { return lanes_.get(); }
     const Whiteness& whiteness(std::size_t axis) const { return white_[axis]; }
     std::vector<Whiteness>& whiteness() { return white_; }
 
-    // Processes rows of `y` (rows, axes), all finite. Appends to `lost` each axis that becomes invalid, with
-    // its row.
+    // Processes rows of `y` (rows, axes), all finite. Appends each axis that becomes invalid to `lost`,
+    // together with the row at which that happens.
     void run(const double* y, std::size_t rows, const BankBlock& out, std::vector<Lost>& lost) {
         for (std::size_t first = 0; first < rows; first += kSlab) {
             const std::size_t n = std::min(std::size_t(kSlab), rows - first), place = first * axes_;
@@ -98,8 +101,8 @@ class AxisBank {
         }
     }
 
-    // Bridges `count` lost rows by prediction alone. Lost rows in the start-up window do not matter. The rows
-    // in `lost` are counted from the first missing row.
+    // Predicts over `count` missing rows. Before start(), missing rows change nothing. Row numbers in `lost`
+    // are counted from the first missing row.
     void skip(std::size_t count, std::vector<Lost>& lost) {
         if (count > 0) {
             for (Whiteness& one : white_) one.skip();
@@ -168,7 +171,7 @@ class AxisBank {
         }
     }
 
-    // Clears all outputs that the lane of a dead axis has written.
+    // Clears all outputs that the lane of an axis that is not live has written.
     void forget(std::size_t axis, std::size_t rows, const BankBlock& out) {
         for (std::size_t i = axis; i < rows * axes_; i += axes_) {
             for (double* column : out.columns) column[i] = __builtin_nan("");

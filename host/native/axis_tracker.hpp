@@ -1,7 +1,7 @@
 // Tracks the present bias of one axis and its standard deviation while the sensor is at rest. The tracker
-// uses the filter of the fitted noise model; until there is a model, it uses a bank of random-walk filters.
-// Rest and motion are decided for all axes together (sensor_tracker.hpp). Results do not depend on how
-// samples are grouped into calls.
+// uses the filter of the fitted noise model; until there is a model, it uses a bank of filters for typical
+// noises (walk_bank.hpp). Rest and motion are decided for all axes together (sensor_tracker.hpp). The results
+// do not depend on how samples are grouped into calls.
 #pragma once
 
 #include <limits>
@@ -18,8 +18,7 @@
 namespace fltea {
 namespace track {
 
-// Estimate after a sample, in the unit of the sample; NaN where nothing is known yet. `innovation` is NaN
-// without a sample.
+// Estimate after a sample, in the unit of the sample. Figures that are not known yet are NaN.
 struct Tracked {
     double state, state_std, bias, bias_std, innovation;
     bool moving;
@@ -34,11 +33,11 @@ struct TrackerCounts {
 struct TrackerRules : BiasLengths {
     // Largest step of the bias. A larger change is taken for motion.
     double largest_step = std::numeric_limits<double>::infinity();
-    // Number of samples that have to lie still at another level until the tracker accepts that level as the
-    // new offset. `still` applies if the level is nearer to 0, the caller reports rest, or `settles` is set;
-    // otherwise the sensor may turn, and `patience` applies.
+    // Number of samples that have to stay at another mean without moving until the tracker accepts that mean
+    // as the new offset. `still` applies if that mean is nearer to 0, if the caller reports rest, or if
+    // `settles` is set. Otherwise the sensor may be rotating, and `patience` applies.
     std::int64_t still = 1024, patience = 60000;
-    // Whether a level farther from 0 counts as a possible offset, too, although it may be a turn.
+    // Whether a mean farther from 0 is accepted as an offset as quickly, although it may be a rotation.
     bool settles = true;
 };
 
@@ -50,9 +49,9 @@ struct BiasStep {
 
 class AxisTracker {
   public:
-    // A longer gap of lost samples restarts the tracker.
+    // If more samples than this are missing in a row, the tracker restarts.
     enum { kLongestGap = 100000 };
-    // Larger in magnitude than any sensor value.
+    // A value that exceeds all sensor values in magnitude.
     static constexpr double kLargest = 1e100;
 
     // `offset`: the known offset of the sensor, or null if it is to be tracked.
@@ -64,8 +63,8 @@ class AxisTracker {
 
     // Whether a sample has arrived.
     bool has_begun() const { return has_origin_; }
-    // State vector of the likeliest system after the newest sample, relative to the origin. Without a model
-    // its size is 0.
+    // State vector after the newest sample, relative to the origin. If the model has two candidate systems,
+    // it is that of the likelier one. Without a model its size is 0.
     const double* x() const { return model_->x(); }
     int size() const { return model_ == nullptr ? 0 : model_->size(); }
     double origin() const { return origin_; }
@@ -75,10 +74,10 @@ class AxisTracker {
     const Remembered& memory() const { return memory_; }
     bool fixed() const { return fixed_; }
 
-    // Sets the noise model, which then applies from the next sample on, and to all remembered samples.
-    // Returns false and changes nothing if no filter can work with the model. `begun`: a filter that has
-    // already processed the remembered samples in another thread, or null. The remembered samples are
-    // filtered here if `begun` is null, or if it no longer matches the memory.
+    // Sets the noise model. It applies to all remembered samples, and from the next sample on. Returns false
+    // and changes nothing if no filter can work with the model. `begun`: a filter that has already processed
+    // the remembered samples in another thread, or null. If `begun` is null or no longer matches the memory,
+    // the remembered samples are filtered in this call.
     bool set(const std::shared_ptr<TrackerModel>& model, Refiltered* begun = nullptr) {
         std::unique_ptr<Refiltered> own;
         if (begun == nullptr || begun->model() != model || !begun->expects(memory_)) {
@@ -101,12 +100,13 @@ class AxisTracker {
     }
     const StepTest& steps() const { return steps_; }
 
-    // Returns 2 log L of the samples under the bank, up to a constant; NaN without a bank.
+    // Returns 2 log L of the samples according to the bank of filters, up to a constant. NaN if there is no
+    // bank.
     double likelihood() const {
         return banks_ != nullptr && banks_->bank.knows() ? banks_->bank.likelihood() : __builtin_nan("");
     }
 
-    // Predicts a sample. Returns true if this sample alone shows motion. Call `take` afterwards.
+    // Predicts the sample `y`. Returns true if this sample alone shows motion. Call take() afterwards.
     bool predict(double y) {
         if (!has_origin_) {
             if (!fixed_) origin_ = y;
@@ -137,7 +137,7 @@ class AxisTracker {
         return tracked(moving);
     }
 
-    // Bridges one missing sample by prediction.
+    // Advances by one missing sample, which is predicted.
     void miss() {
         white_.skip();
         check_.skip();
@@ -146,13 +146,13 @@ class AxisTracker {
         memory_.add(__builtin_nanf(""));
     }
 
-    // After a sample: whether the step test has detected a change of the bias.
+    // Whether the step test has detected a change of the bias at the newest sample.
     StepSeen::Kind seen() const { return seen_.kind; }
-    // Whether the suspected step would move the bias farther from its settled value than a step can.
+    // Whether the detected step would move the bias farther from its settled value than a step can.
     bool is_too_far() const { return !(std::fabs(bias() + step_size() - settled_bias()) <= largest_step()); }
 
-    // Accepts the detected step: the bias becomes that of the samples since then. Returns false if it is no
-    // step after all.
+    // Accepts the detected step: from now on, the bias is computed from the samples after the step. Returns
+    // false if it turns out not to be a step.
     bool step(BiasStep& found) {
         const StepSeen seen = seen_;
         const double was = bias(), was_variance = bias_variance(), size = step_size();
@@ -173,15 +173,15 @@ class AxisTracker {
         return told(BiasStep{seen.ago, bias() - was, std::sqrt(bias_variance() + was_variance)}, found);
     }
 
-    // Judges the chunk at its end. Call this before `roll`.
+    // Decides at the end of a chunk of samples whether it shows motion. Call this before roll().
     ChunkVerdict end_chunk(bool moving) {
         return gate_.end_chunk(deviation_, settled_bias(), largest_step(), moving);
     }
 
     void drop_chunk() { gate_.drop_chunk(); }
 
-    // Motion was detected: undoes what this chunk and the chunk before have changed, and the steps that
-    // preceded the motion. Returns the number of samples that were undone.
+    // Call this when motion was detected. Undoes what this chunk of samples and the chunk before it have
+    // changed, and also steps just before the motion. Returns the number of samples that were undone.
     std::int64_t go_back() {
         steps_.clear();
         check_.skip();
@@ -205,21 +205,21 @@ class AxisTracker {
         return count;
     }
 
-    // The caller announces that motion begins with the next sample.
+    // Call this before the first sample of a motion that is known beforehand.
     void pause() {
         steps_.clear();
         check_.skip();
         before_.reset();
     }
 
-    // Ends a chunk.
+    // Ends a chunk of samples.
     void roll() {
         if (before_ != nullptr && memory_.total - before_->newest > kSettled) before_.reset();
         memory_.roll();
         keep();
     }
 
-    // Restarts the tracker. Keeps what is known of the noise, and forgets the offset.
+    // Restarts the tracker. It forgets the offset, and keeps what is known of the noise.
     void begin_again() {
         memory_.clear();
         const Usual usual = gate_.usual();
@@ -240,9 +240,9 @@ class AxisTracker {
     }
     void count_beginning() { ++counts_.begun; }
 
-    // Distance of the last sample from the settled bias.
+    // Distance of the newest sample from the settled bias.
     double off() const { return std::fabs(apart_ - settled_bias()); }
-    // Present bias, as it is published.
+    // The present bias, which is the published figure.
     double absolute_bias() const { return bias() + origin_; }
 
     template <typename Io>
@@ -285,8 +285,9 @@ class AxisTracker {
 
   private:
     static constexpr double kRoundings = 3.4641016151377544;  // √12
-    // kWide: prior variance of a step, as a multiple of its squared apparent size. kSettled: number of
-    // samples without a further step after which a step cannot have been the beginning of motion.
+    // kWide: assumed variance of a step before it is estimated, as a multiple of the square of its apparent
+    // size. kSettled: if no further step follows within this number of samples, a step was not the beginning
+    // of motion.
     static constexpr double kWide = 10, kLeastOfNoise = 2;
     enum { kSettled = 512, kFewestOfBank = 1024, kSlow = 1024, kSoon = 4, kBefore = 512 };
 
@@ -300,15 +301,15 @@ class AxisTracker {
         double size;
     };
 
-    // State of the filter before the first of the newest steps, which may be the beginning of motion.
+    // State of the filter before a series of steps that may be the beginning of motion.
     struct Before {
         NoiseModel::State state;
         double bias;
-        std::int64_t at, newest;  // number of samples when this was saved, and at the newest step
+        std::int64_t at, newest;  // numbers of samples when this was saved, and at the newest step
         std::uint64_t steps;
     };
 
-    // Returns the innovation of `y`, divided by its expected deviation.
+    // Returns the innovation of the sample `y`, divided by its expected standard deviation.
     double begin_sample(double y) {
         if (model_ == nullptr) {
             banks_->bank.predict(y);
@@ -324,12 +325,12 @@ class AxisTracker {
         return e_ / deviation_;
     }
 
-    // Whether no sample has changed so far. Then the noise cannot be estimated.
+    // Whether all samples so far are equal, so that the noise cannot be estimated.
     bool has_slept() const {
         return model_ == nullptr && banks_->bank.knows() && !(banks_->bank.variance() > kNothing);
     }
 
-    // Handles the first change of the samples. The constant samples before it say nothing about the noise.
+    // Handles the first sample that differs. The equal samples before it say nothing about the noise.
     void wake(double y) {
         banks_.reset(new Banks(rules_.ahead));
         memory_.past.clear();
@@ -343,7 +344,8 @@ class AxisTracker {
         keep_twice();
     }
 
-    // Even if hardly any sample changes, there is the noise of rounding to the smallest change.
+    // Determines the noise of rounding from the smallest change of the samples. The noise is at least that
+    // large, even if hardly any sample changes.
     void note_change(double y) {
         const double change = std::fabs(y - last_);
         if (change > 0 && has_last_ && (rounding_ == 0 || change < rounding_ * kRoundings)) {
@@ -387,7 +389,8 @@ class AxisTracker {
                        moving};
     }
 
-    // If a step may have happened, the bias is the mean of both cases, weighted by their probability.
+    // If a step may have happened, the published bias is the mean of the bias with the step and without it,
+    // weighted by the probability of the step.
     void suspect(Known& now) const {
         const StepSuspected& one = steps_.suspected();
         if (!(one.likely > 0)) return;
@@ -397,7 +400,8 @@ class AxisTracker {
             one.likely * (1 - one.likely) * size * size + one.likely * one.variance * deviation_ * deviation_;
     }
 
-    // A step smaller than the noise of one sample cannot be distinguished from noise quickly.
+    // The limit is at least the noise of a few samples, because a smaller step cannot be distinguished from
+    // noise quickly.
     double largest_step() const {
         return std::fmax(rules_.largest_step, deviation_ < kLargest ? kLeastOfNoise * deviation_ : 0);
     }
@@ -407,7 +411,7 @@ class AxisTracker {
         if (model_ != nullptr) return model_->bias();
         return banks_->bank.knows() ? banks_->bank.known().bias : 0;
     }
-    // Apparent size of the detected step. It is computed from the samples, because the step test limits large
+    // Size of the detected step. It is computed from the samples, because the step test clips large
     // innovations.
     double step_size() const {
         double sum = 0;
@@ -440,13 +444,13 @@ class AxisTracker {
         keep_twice();
     }
 
-    // Whether small steps in the same direction follow each other. They are a drift, not steps.
+    // Whether small steps in the same direction follow each other, which are a drift instead of steps.
     bool goes_on(const StepSeen& seen, double size) const {
         const std::int64_t since = memory_.total - last_step_.at;
         return seen.ago >= kSlow && size * last_step_.size > 0 && since < kSoon * std::int64_t(seen.ago);
     }
 
-    // The bias keeps growing, so it drifts by more than its model says. Until the next model, a larger random
+    // Handles a bias that drifts by more than its model says. Until the next model is set, a larger random
     // walk of the offset accounts for the drift.
     void drift(const StepSeen& seen, double change) {
         steps_.clear();
@@ -458,7 +462,7 @@ class AxisTracker {
         again();
     }
 
-    // Without a model, estimates the noise again from the samples since the step.
+    // Without a model, a step is handled by estimating the noise again from the samples since the step.
     bool begin_bank_at(int ago, double size, double was, double was_variance, BiasStep& found) {
         steps_.clear();
         if (banks_->bank.count() < kFewestOfBank || ago < WalkBank::kFewest) return false;
@@ -472,8 +476,8 @@ class AxisTracker {
         if (!banks_->bank.knows()) return false;
         gate_.forget_chunk();
         keep_twice();
-        // The bank has already followed the step for a while, so the mean of earlier samples gives the bias
-        // before it.
+        // The bank of filters has already followed the step for a while, so the bias before the step is
+        // computed as the mean of earlier samples.
         double before = was, variance = was_variance;
         mean_before(ago, before, variance);
         return told(BiasStep{ago, bias() - before, std::sqrt(bias_variance() + variance)}, found);
@@ -485,8 +489,8 @@ class AxisTracker {
         return true;
     }
 
-    // Mean of up to kBefore samples before the newest `ago`, and its variance. Changes nothing if there are
-    // too few samples.
+    // Computes the mean of up to kBefore samples that came before the newest `ago` samples, and the variance
+    // of that mean. Leaves both unchanged if there are too few samples.
     void mean_before(int ago, double& mean, double& variance) const {
         const std::vector<double> all = memory_.newest(ago + kBefore);
         double sum = 0, squares = 0;
@@ -502,7 +506,7 @@ class AxisTracker {
         variance = std::fmax(squares / known - mean * mean, 0) / known;
     }
 
-    // Keeps a copy of the filter. After the next chunk it serves as the state one chunk ago.
+    // Stores a copy of the filter. At the end of the next chunk it serves as the state of one chunk ago.
     void keep() {
         if (model_ != nullptr) {
             model_->keep();
@@ -530,8 +534,8 @@ class AxisTracker {
     TrackerRules rules_;
     bool fixed_, has_origin_ = false, has_last_ = false;
     double origin_ = 0, last_ = 0, rounding_ = 0;
-    // Of the newest sample: its value relative to the origin, its innovation, and the deviation of the
-    // innovation.
+    // Of the newest sample: its value relative to the origin, its innovation, and the standard deviation of
+    // the innovation.
     double apart_ = 0, e_ = 0, deviation_ = kLargest, for_steps_ = 0;
     StepSeen seen_ = StepSeen{StepSeen::kNothing, 0, 0};
     LastStep last_step_ = LastStep{0, 0};
@@ -543,7 +547,7 @@ class AxisTracker {
     Whiteness white_;
     std::unique_ptr<NoiseModel> model_;
     std::unique_ptr<Before> before_;
-    std::unique_ptr<Banks> banks_;  // until there is a model
+    std::unique_ptr<Banks> banks_;  // used until there is a model
 };
 
 }  // namespace track

@@ -1,4 +1,4 @@
-// fltea._native.Bank: all axes of a sensor for Python, on plain arrays
+// fltea._native.Bank: the class AxisBank, all axes of a sensor, for Python, on plain arrays
 // (host/fltea/estimator/bank.py).
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -27,17 +27,18 @@ using fltea::engine::LaneSettings;
 using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using Mask = nb::ndarray<const uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Limit for skip(), because lost samples are bridged one by one.
+// Limit for skip(), because lost samples are predicted one by one.
 constexpr size_t kMostSkipped = 10'000'000;
 
-// Mean, variance (at least that of rounding to the resolution), and whether the value never changed.
+// Statistics of a start-up window: mean, variance (at least that of rounding to the resolution), and whether
+// all values are equal.
 using Moments = std::tuple<double, double, bool>;
 
 Moments moments_of(const fltea::engine::Baseline<double>& window, double resolution) {
     return {window.bias(), window.variance(resolution), window.constant()};
 }
 
-// Returns the moments of every column.
+// Returns the statistics of every column of an array.
 std::vector<Moments> moments(Rows y, double resolution) {
     const size_t columns = y.shape(1);
     std::vector<fltea::engine::Baseline<double>> windows(columns);
@@ -51,7 +52,8 @@ class Bank : public fltea::BankPart {
   public:
     explicit Bank(size_t axes) : bank_(checked(axes)) {}
 
-    // `out`: (columns of the lanes, rows, axes). `valid`, `white`: (rows, axes).
+    // Processes rows. `out` has the shape (kLaneColumns, rows, axes); `valid` and `white` have the shape
+    // (rows, axes).
     nb::list run(Rows y, Results out, Places valid, Places white) {
         const size_t rows = y.shape(0), axes = bank_.axes();
         const size_t columns = fltea::kLaneColumns;
@@ -141,7 +143,8 @@ class Bank : public fltea::BankPart {
         lanes().set_filter_model(axis, filter_model);
     }
 
-    // `known`: for each axis, alpha and f with their standard deviations, or None.
+    // `known`: for each axis, alpha and f of a fit with their standard deviations, or None if there is no
+    // fit.
     void know(const std::vector<std::optional<std::tuple<double, double, double, double>>>& known) {
         const std::lock_guard<std::mutex> alone(mutex_);
         if (known.size() != bank_.axes()) throw nb::value_error("known must have one entry an axis");
@@ -170,8 +173,9 @@ class Bank : public fltea::BankPart {
         lanes().counts(out.data());
     }
 
-    // Returns for each axis: lag1, NIS, the Ljung-Box statistic and the number of innovations it uses. NaN
-    // until there are enough innovations.
+    // Returns four figures of the innovations for each axis: the correlation of neighbours (lag 1), NIS, the
+    // Ljung-Box statistic, and the number of innovations that it uses. They are NaN until there are enough
+    // innovations.
     std::vector<std::tuple<double, double, double, int>> whiteness() const {
         const std::lock_guard<std::mutex> alone(mutex_);
         std::vector<std::tuple<double, double, double, int>> result;

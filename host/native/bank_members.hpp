@@ -1,4 +1,5 @@
-// The noise models of which the bank of filters consists (walk_bank.hpp), in units of their white noise.
+// The noise models of the bank of filters (walk_bank.hpp). All variances are relative to the variance of the
+// white noise.
 #pragma once
 
 #include <complex>
@@ -15,11 +16,11 @@ namespace track {
 
 class BankMembers {
   public:
-    enum { kMost = 4, kRoom = 320 };  // largest number of states; room for members
+    enum { kMost = 4, kRoom = 320 };  // largest number of states; largest number of models
     typedef Kalman<kMost> Filter;
 
-    // Returns the members whose bias is the mean over the next `ahead` samples, rounded to 3 %. Sensors of
-    // similar rate share the members.
+    // Returns the models whose bias is the mean over the next `ahead` samples. `ahead` is rounded to 3 %, so
+    // that sensors of similar rate share the models.
     static const BankMembers& of(std::int64_t ahead) {
         static std::mutex alone;
         static std::map<std::int64_t, std::unique_ptr<const BankMembers>> known;
@@ -38,9 +39,9 @@ class BankMembers {
     const Filter::Gains& gains(int i) const { return gains_[i]; }
 
   private:
-    // White noise, low-pass filtered by a pole pair with this corner [rad/sample] if `corner` is not 0; an
-    // offset that does a random walk with steps of variance q; `n` relaxations with time constants `times`
-    // [samples] and variances `powers`.
+    // One noise model: the sum of white noise, which is low-pass filtered by a pole pair with this corner
+    // [rad/sample] if `corner` is not 0; an offset that does a random walk with steps of variance q; and `n`
+    // relaxations with time constants `times` [samples] and variances `powers`.
     struct Noise {
         double corner, q;
         int n;
@@ -59,7 +60,8 @@ class BankMembers {
                 for (double q : {1e-6, 1e-4}) add(Noise{0, q, 1, {time}, {power}});
             }
         }
-        // Similar to 1/f noise over one or two decades, beginning at the shortest time constant.
+        // These models are similar to 1/f noise over one or two decades, beginning at the shortest time
+        // constant.
         for (double time : {0.4, 1.0, 4.0}) {
             for (double apart : {4.0, 10.0}) {
                 for (double tilt : {0.5, 1.0, 3.0}) {
@@ -77,7 +79,7 @@ class BankMembers {
                 for (double power : {0.03, 0.1, 0.3, 1.0, 3.0}) add(Noise{corner, 0, 1, {time}, {power}});
             }
         }
-        // The gains of all members are interleaved, because each sample passes through all members.
+        // The gains of all models are interleaved in memory, because each sample is filtered with all models.
         const std::size_t stride = std::size_t(count_);
         of_samples_.reset(new Filter::Gain[stride * Filter::kExact]);
         for (int i = 0; i < count_; ++i) {
@@ -112,7 +114,8 @@ class BankMembers {
         maps_[count_++].set(s);
     }
 
-    // White noise of variance 1 through a pair of poles, as in system.py.
+    // Sets the states of white noise of variance 1 that passes through a pair of poles, as in
+    // host/fltea/noise/system.py.
     static void low_pass(double corner, System<kMost>& s) {
         typedef std::complex<double> Complex;
         const Complex z = std::exp(corner * std::polar(1.0, 2.356194490192345)), m = z / (z - std::conj(z));

@@ -1,6 +1,7 @@
-// Checks whether the published deviation of the bias is right. The mean of the next T seconds differs from
-// the bias by the error of the bias, by the movement of the bias until then, and by white noise. The check
-// compares that difference with its expected deviation, so the true bias is not needed.
+// Checks whether the published standard deviation of the bias is right. The mean of the next T seconds
+// differs from the bias by the error of the bias, by the movement of the bias until then, and by white noise.
+// The check compares the actual difference with its expected standard deviation, so the true bias is not
+// needed.
 #pragma once
 
 #include <cmath>
@@ -16,13 +17,16 @@ class BiasCheck {
     enum { kTimes = BiasLengths::kChecks };
     struct Found {
         std::uint64_t pieces;
-        double rms;  // RMS ratio of difference to expected deviation; NaN before the first piece
+        // RMS ratio of the difference to its expected standard deviation; NaN before the first piece is
+        // complete
+        double rms;
     };
 
-    // Sets the length of a piece [samples]; 0: this time is not checked.
+    // Sets the length of the pieces of samples over which the check number `which` averages. 0: no such
+    // check.
     void expect(int which, std::int64_t length) { pieces_[which].length = length; }
 
-    // From the next sample on, another noise model applies.
+    // Call this when another noise model applies from the next sample on.
     void set(const TrackerModel& model) {
         density_ = model.density();
         for (int k = 0; k < kTimes; ++k) {
@@ -32,7 +36,7 @@ class BiasCheck {
         skip();
     }
 
-    // The sample is missing, or shows motion.
+    // Call this for a sample that is missing or shows motion. The piece in progress is dropped.
     void skip() {
         for (Piece& one : pieces_) one.ends = 0;
         count_ = 0;
@@ -74,11 +78,11 @@ class BiasCheck {
 
   private:
     struct Piece {
-        // `ends`: count of the sample with which the piece ends; 0: no piece
+        // `ends`: number of the sample with which the piece in progress ends; 0: there is none
         std::int64_t length = 0, ends = 0;
         double bias = 0, variance = 1, sum_before = 0, squares = 0;
         std::uint64_t pieces = 0;
-        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};  // one for each candidate system
+        MeanAhead<kMost> ahead[TrackerModel::kRivals] = {};  // one mean for each candidate system
     };
 
     void end_pieces(const NoiseModel& model) {

@@ -1,4 +1,5 @@
-// Gives access to the bytes of a Python bytes-like object, and holds the object meanwhile.
+// Gives access to the bytes of a Python bytes-like object, and keeps the object alive as long as this view
+// exists.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -7,13 +7,13 @@
 
 namespace fltea {
 
-// One record. `begin`, `end`: byte range of its content in the chunk; for a message, without the message's
-// header. The other fields are 0 except for messages.
+// A record of a chunk. `begin` and `end` are the byte range of its content in the chunk; for a message, the
+// content does not include the message's header. `channel` and the fields after it are 0 except for messages.
 struct ChunkRecord {
     std::int64_t kind, begin, end, channel, sequence, log_time, publish_time;
 };
 
-// Why a chunk cannot be read; no fault if `what` is empty. `at`: offset of the record in the chunk;
+// Why a chunk cannot be read; if `what` is empty, it can be. `at`: offset of the record in the chunk;
 // `claimed`: its stated length; `left`: number of bytes that the chunk has after the record's header.
 struct ChunkFault {
     const char* what = "";

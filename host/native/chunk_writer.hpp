@@ -13,7 +13,8 @@
 
 namespace fltea {
 
-// Builds the content of MCAP records: numbers in little-endian order, and strings with their lengths.
+// Builds the content of an MCAP record from numbers, in little-endian order, and strings, which are preceded
+// by their lengths.
 class RecordText {
   public:
     template <typename T>
@@ -47,7 +48,7 @@ class RecordText {
 // Writes the chunks of one file. The index of a chunk is sorted by channel number.
 class ChunkWriter {
   public:
-    // `compression`: MCAP's name of the format in which `end` receives the records.
+    // `compression`: the name that MCAP gives to the format in which end() receives the compressed records.
     explicit ChunkWriter(const std::string& compression) : compression_(compression) {}
 
     // Appends a record that is not a message, unchanged.
@@ -74,12 +75,12 @@ class ChunkWriter {
     std::size_t messages() const { return messages_; }
 
     // Ends the chunk, which has at least one message, and returns the bytes to write at offset `at` of the
-    // file. `packed`: the chunk's records, compressed.
+    // file. `packed`: the compressed records of the chunk.
     std::string end(const char* packed, std::size_t size, std::uint64_t at) {
         const std::uint64_t plain = records_.text().size();
         RecordText out;
         out.begin(0x06, chunk_bytes(size) - kHead).put(start_ns_).put(end_ns_).put(plain);
-        // CRC 0: not given, since the compressed format has its own checksum
+        // CRC 0 means that there is none: the compressed format has its own checksum
         out.put(std::uint32_t{0}).put_text(compression_);
         out.put(static_cast<std::uint64_t>(size)).put(packed, size);
         note(at - next_at_);
@@ -110,8 +111,8 @@ class ChunkWriter {
         return out.text();
     }
 
-    // Over all finished chunks: first and newest time [ns], number of chunks, and number of messages per
-    // channel.
+    // Statistics of all finished chunks: first and newest time [ns], number of chunks, and number of messages
+    // per channel.
     std::uint64_t first_ns() const { return first_ns_; }
     std::uint64_t newest_ns() const { return newest_ns_; }
     std::size_t chunks() const { return chunks_; }
@@ -157,8 +158,8 @@ class ChunkWriter {
         return index_.insert(place, Index(channel, {}))->second;
     }
 
-    // Appends a number, seven bits per byte. A plain index would take five times the memory until the file
-    // ends.
+    // Appends a number with seven bits per byte. The index is stored in this form until the file ends,
+    // because as plain numbers it would take five times the memory.
     void note(std::uint64_t value) {
         for (; value >= 0x80; value >>= 7) noted_.push_back(static_cast<char>(value | 0x80));
         noted_.push_back(static_cast<char>(value));

@@ -1,5 +1,5 @@
-// CRC-32 as in firmware/core/crc32.h, eight bytes per step. A host can spare 8 kB of tables, and checking the
-// frames is most of the cost of decoding.
+// Computes the same CRC-32 as firmware/core/crc32.h, but eight bytes per step. A host can spare 8 kB of
+// tables, and checking the frames is most of the cost of decoding.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@ namespace crc32_table {
 
 typedef std::array<std::array<std::uint32_t, 256>, 8> Tables;
 
-// tables[k][b]: the change of the CRC by a byte b that k further bytes follow (Kounavis and Berry, ISCC
+// tables[k][b] is the change of the CRC by a byte b if k more bytes follow it (Kounavis and Berry, ISCC
 // 2005).
 constexpr Tables make() {
     Tables tables = {};
@@ -34,7 +34,7 @@ inline constexpr Tables kTables = make();
 
 }  // namespace crc32_table
 
-// Compilers turn this into one load on a little-endian machine.
+// Reads a number of four bytes. Compilers turn this into one load on a little-endian machine.
 inline std::uint32_t load_u32(const std::uint8_t* bytes) {
     return static_cast<std::uint32_t>(bytes[0]) | static_cast<std::uint32_t>(bytes[1]) << 8 |
            static_cast<std::uint32_t>(bytes[2]) << 16 | static_cast<std::uint32_t>(bytes[3]) << 24;

@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::size_t kHeader = 7;
 constexpr std::size_t kCrc = 4;
-// Length of the fields that begin the HELLO of every version: major, minor and schema hash.
+// Total size of the fields with which the HELLO of every protocol version begins: major, minor and schema
+// hash.
 constexpr std::size_t kVersion = 6;
 constexpr std::size_t kSampleBlock = kHeader + Sample::size() + kCrc + 1;
 
@@ -34,15 +35,16 @@ class FieldReader {
     const std::uint8_t* next_;
 };
 
-// Decodes COBS in place: the frame begins at block[1]. A frame is shorter than 255 bytes, so no code is 0xFF,
-// every code except the first replaces a 0x00, and no byte moves. Returns false if the block is not valid
-// COBS.
+// Decodes COBS in place, so that the frame begins at block[1]. As a frame is shorter than 255 bytes, no code
+// is 0xFF, every code except the first replaces a 0x00, and no byte has to be moved. Returns false if the
+// block is not valid COBS.
 bool undo_cobs(std::uint8_t* block, std::size_t n) {
     static_assert(Decoder::kMaxBlock < 255, "a code of 0xFF would stand for no 0x00");
     std::size_t at = 0;
     while (at < n) {
         const std::size_t code = block[at];
-        // Another thread may write to a bytearray during the decoding. A 0x00 must not cause an endless loop.
+        // A code of 0 would cause an endless loop. It can appear if another thread writes to a bytearray
+        // during the decoding.
         if (code == 0) return false;
         block[at] = 0;
         at += code;
@@ -90,7 +92,7 @@ Reason judge_payload(std::uint8_t type, const std::uint8_t* payload, std::size_t
     return n >= least ? Reason::none : Reason::length;
 }
 
-// Whether a frame that was received only in part may show this fault.
+// Whether this fault can be the consequence of receiving only a part of a frame.
 bool may_be_cut(Reason reason) {
     return reason == Reason::oversize || reason == Reason::cobs || reason == Reason::short_ ||
            reason == Reason::crc;
@@ -138,7 +140,8 @@ void Decoder::bad(Reason reason, const std::uint8_t* block, std::size_t n, std::
 
 void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, Decoded& found) const {
     std::uint8_t plain[kMaxBlock];
-    // A length known to the compiler avoids the call of memcpy for nearly every frame.
+    // Nearly every frame is a SAMPLE. Its length is known to the compiler, which therefore need not call
+    // memcpy.
     if (n == kSampleBlock) {
         std::memcpy(plain, block, kSampleBlock);
     } else {
@@ -161,7 +164,7 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
         row.end = end;
         row.sequence = load_u16(frame + 1);
         row.device_us = load_u32(frame + 3);
-        // Fields that an older device does not send are 0. The buffer has room for any message.
+        // Fields that an older device does not send are set to 0. The buffer has room for any message.
         if (size < Sample::size()) std::memset(plain + 1 + kHeader + size, 0, Sample::size() - size);
         FieldReader read(payload);
         Sample::visit_fields(row.sample, read);
@@ -183,7 +186,8 @@ void Decoder::judge(const std::uint8_t* block, std::size_t n, std::int64_t end, 
 void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
     found.samples.reserve(found.samples.size() + n / (kSampleBlock + 1) + 1);
     for (std::size_t at = 0; at < n;) {
-        // The block may have this many more bytes. The next byte must then be its 0x00.
+        // `room` is the number of bytes by which the block may still grow. The byte after that must be its
+        // closing 0x00.
         const std::size_t room = discarding_ ? n : kMaxBlock - pending_;
         const std::size_t reach = std::min(n - at, room + 1);
         const void* zero = std::memchr(data + at, 0, reach);
@@ -205,7 +209,7 @@ void Decoder::feed(const std::uint8_t* data, std::size_t n, Decoded& found) {
                 pending_ = 0;
                 discarding_ = true;
             }
-        } else if (length) {  // otherwise an idle 0x00
+        } else if (length) {  // a length of 0 is a 0x00 between frames
             judge(data + at, length, end, found);
         }
         if (zero) attaching_ = false;

@@ -1,9 +1,9 @@
-// The host's decoder of the wire protocol (protocol/README.md, "Framing"): takes the bytes of one port and
-// returns frames.
+// The host's decoder of the wire protocol (protocol/README.md, "Framing"): takes the bytes of one serial port
+// and returns frames.
 //
-// The decoder returns the same frames as the plain Python decoder tests/rig/plain_decoder.py, which
-// tests/wire/test_block_reader.py compares with it, at a tenth of the cost or less. Any bytes may be fed: the
-// decoder never reads beyond them, and keeps at most one unfinished block between calls.
+// It returns the same frames as the plain Python decoder tests/rig/plain_decoder.py, at a tenth of the cost
+// or less; tests/wire/test_block_reader.py compares the two. Any bytes may be fed. The decoder never reads
+// beyond them, and keeps at most one unfinished block (the bytes up to the next 0x00) between calls.
 #pragma once
 
 #include <cstddef>
@@ -16,54 +16,56 @@ namespace fltea {
 
 // One valid SAMPLE frame.
 struct SampleRow {
-    std::int64_t end;  // offset in the fed bytes, just after the closing 0x00
+    std::int64_t end;  // offset in the fed bytes just after the frame's closing 0x00
     std::uint32_t device_us;
     std::uint16_t sequence;
     Sample sample;
 };
 
-// Why a block is not a valid frame, in the order of the checks; the first that applies is reported. Names:
-// reason_name().
+// Why a block is not a valid frame. The checks are made in this order, and the first that fails is reported.
+// reason_name() gives the names.
 enum class Reason : std::uint8_t { none, partial, oversize, cobs, short_, crc, unknown_type, length };
 
-// Name as in fltea.wire.messages.REASONS; nullptr for none.
+// The name of a reason in fltea.wire.messages.REASONS, or nullptr for Reason::none.
 const char* reason_name(Reason reason);
 
 // A frame of another type, or a block that is not a valid frame.
 struct OtherRow {
-    std::size_t row;   // number of samples of the same call that precede it
-    std::int64_t end;  // as in SampleRow; for an oversize block, just after the byte that made it too long
-    Reason reason;     // none: a valid frame, whose header fields follow
+    std::size_t row;  // number of samples in the same call that come before it
+    // as in SampleRow; for an oversize block, the offset just after the byte that made it too long
+    std::int64_t end;
+    Reason reason;  // Reason::none: a valid frame, whose header fields follow
     std::uint8_t type;
     std::uint16_t sequence;
     std::uint32_t device_us;
-    // Its byte range in Decoded::bytes. For a valid frame, this is the payload; otherwise the block as
-    // received, without the 0x00 (of an oversize block, the first kMaxBlock bytes).
+    // Byte range in Decoded::bytes. For a valid frame, it contains the payload. Otherwise it contains the
+    // block as received without the 0x00, or the first kMaxBlock bytes of an oversize block.
     std::size_t offset;
     std::size_t size;
 };
 
-// Results of one call. Each list is in the order of the bytes.
+// Results of one call. Each list is in the order in which the bytes came.
 struct Decoded {
     std::vector<SampleRow> samples;
     std::vector<OtherRow> others;
     std::vector<std::uint8_t> bytes;
 };
 
-// Whether the payload of a valid HELLO states another protocol version. Then nothing else in it may be
+// Whether the payload of a valid HELLO states another protocol version. If so, nothing else in it may be
 // interpreted.
 bool is_other_version(const std::uint8_t* payload, std::size_t n);
 
 class Decoder {
   public:
-    // Largest frame after COBS encoding, without the 0x00 [bytes].
+    // Size of the largest frame after COBS encoding, without the 0x00 [bytes].
     static constexpr std::size_t kMaxBlock = kMaxWire - 1;
 
-    // Appends to `found` the frames and bad blocks that end in these bytes. A HELLO of another version is
+    // Appends to `found` all frames and invalid blocks that end in these bytes. A HELLO of another version is
     // valid at any length, because the caller judges its version.
     void feed(const std::uint8_t* data, std::size_t n, Decoded& found);
 
-    // Call this when the port was reopened: drops the unfinished block. The next block may be partial.
+    // Drops the unfinished block. Call this when the serial port was reopened; the first block after that may
+    // be only a part of one.
     void reset() { *this = Decoder(); }
 
     // Number of bytes in the unfinished block.
@@ -75,8 +77,8 @@ class Decoder {
 
     std::uint8_t block_[kMaxBlock] = {};
     std::size_t pending_ = 0;
-    bool discarding_ = false;  // skips the rest of an oversize block
-    bool attaching_ = true;    // no 0x00 has come since the port was opened
+    bool discarding_ = false;  // whether the rest of an oversize block is being skipped
+    bool attaching_ = true;    // whether no 0x00 has come since the port was opened
 };
 
 }  // namespace fltea

@@ -1,5 +1,5 @@
-// fltea._native.Decoder: takes the bytes of a port, and returns numpy columns of samples and all other frames
-// in order. Use fltea.wire.block_reader in Python code.
+// fltea._native.Decoder: takes the bytes of a serial port, and returns samples as numpy columns and all other
+// frames in their order. Python code should use fltea.wire.block_reader instead.
 #include "decoder_binding.hpp"
 
 #include <cstring>
@@ -57,7 +57,7 @@ class Decoder {
   private:
     static constexpr std::size_t kReasons = static_cast<std::size_t>(Reason::length) + 1;
 
-    // Returns None if there are no samples.
+    // Returns the columns of the samples, or None if there are no samples.
     nb::object columns(const std::vector<SampleRow>& samples) const {
         if (samples.empty()) return nb::none();
         const std::size_t n = samples.size();

@@ -1,4 +1,5 @@
-// Adds the wire protocol to the native module: the decoder, the port reader, and the printer of wire lines.
+// Functions that add the classes of the wire protocol to the native module: the decoder, the reader of serial
+// ports, and the printer of wire messages as text.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -1,5 +1,5 @@
 // One device: its sensors, and the sequence numbers, clock and scales of its samples. All samples, live or
-// recorded, pass through this class one by one (host/README.md, "The way of a sample").
+// recorded, pass through this class (host/README.md, "The way of a sample").
 #pragma once
 
 #include <algorithm>
@@ -19,33 +19,35 @@ namespace fltea {
 
 // Why `advance` returned. The caller handles the reason, then calls `advance` again.
 enum class Stop : int {
-    kEnd,          // all samples are consumed
-    kMore,         // no event; more samples wait
-    kStatsDue,     // before a sample: it arrived after statistics were due
-    kGap,          // before a sample: samples are missing, and the sensors have predicted over the gap
-    kEpoch,        // before a sample: it begins an epoch; the caller has to call `begin`
+    kEnd,       // all samples are consumed
+    kMore,      // no event; more samples wait
+    kStatsDue,  // before a sample that arrived after the time at which statistics were due
+    // before a sample: other samples before it are missing, and the sensors have predicted them
+    kGap,
+    kEpoch,        // before a sample that begins an epoch; the caller has to call begin()
     kHappened,     // after a sample: a bias stepped, motion began or ended, or an axis was lost
     kWindowFull,   // after a sample: the start-up window of a sensor is full
-    kFitCounts,    // after a sample: a fit takes effect at the next sample
+    kFitCounts,    // after a sample: a fit that has ended takes effect at the next sample
     kFitDue,       // after a sample: a fit has to begin
     kRateDiffers,  // after a sample: the device's clock contradicts the rate that its HELLO states
 };
 
-// Whether this stop comes before its sample, rather than after it.
+// Whether `advance` stops before the sample that caused the stop, rather than after it.
 constexpr bool stands_before_sample(Stop stop) {
     return stop == Stop::kStatsDue || stop == Stop::kGap || stop == Stop::kEpoch;
 }
 
 // An event at a sample: an axis became invalid (`lost`) if `is_lost`, otherwise `event`.
 struct Happening {
-    std::size_t row;  // index in the run
+    std::size_t row;  // index of the sample in the run
     std::size_t sensor;
     bool is_lost;
     Lost lost;
     track::TrackerEvent event;
 };
 
-// Columns of the samples of a run: n rows, each (n,) or (n, width).
+// Columns of a run, which is a series of consecutive samples that are processed together. A column has the
+// shape (n,) or (n, width) for n samples.
 struct RunColumns {
     std::size_t n = 0, first = 0;  // number of rows; index of the first sample in the source
     std::int64_t *seq = nullptr, *device_us = nullptr, *host_ns = nullptr, *flags = nullptr;
@@ -62,7 +64,7 @@ struct Moment {
 struct Advanced {
     Stop stop;
     std::size_t next;        // index of the next sample in the source
-    std::size_t begin, end;  // rows of the run to publish before the events are handled
+    std::size_t begin, end;  // rows of the run that the caller has to publish before it handles the events
 };
 
 class Device {
@@ -87,19 +89,20 @@ class Device {
     }
 
     const RunColumns& run() const { return run_; }
-    // Moment of the last sample that was returned, if any.
+    // Sample number and times of the last sample that was returned, if there is one.
     bool has_moment() const { return has_moment_; }
     const Moment& moment() const { return moment_; }
     const std::vector<Happening>& happened() const { return happened_; }
-    // Judgement of the sample that stopped `advance` with kGap or kEpoch, and its Unix time (kGap).
+    // What the sequence tracker says of the sample that stopped `advance` with kGap or kEpoch; for kGap also
+    // its Unix time.
     const Judged& judged() const { return judged_; }
     std::int64_t judged_ns() const { return judged_ns_; }
-    // Axes that were lost while samples were missing (kGap).
+    // After kGap: axes that became invalid while samples were missing.
     const std::vector<std::vector<Lost>>& lost_meanwhile() const { return lost_; }
 
-    // Takes samples from index `at` on, up to the first sample that the caller has to act on. `room(bytes)`
-    // returns memory for the columns of a run. The memory has to stay valid until all rows of the run have
-    // been returned. Throws std::domain_error for values that no filter can process.
+    // Processes samples from index `at` on, up to the first sample at which the caller has to do something.
+    // `room(bytes)` has to return memory for the columns of a run. The memory has to stay valid until all
+    // rows of the run have been returned. Throws std::domain_error for values that no filter can process.
     template <typename Room>
     Advanced advance(const SampleColumns& from, std::size_t at, Room room) {
         happened_.clear();
@@ -137,7 +140,8 @@ class Device {
     // for the next step.
     static constexpr std::size_t kMostRows = 2048;
 
-    // kEnd: the sample is either ignored, or to be consumed now.
+    // Judges the next sample before it is processed. kEnd means that there is no stop: the sample either is
+    // ignored, or has to be processed now.
     Stop judge(const SampleColumns& from, std::size_t at) {
         if (!is_judged_) {
             judged_ = place.judge(from.sequence[at], from.device_us[at], from.host_ns[at]);
@@ -166,7 +170,8 @@ class Device {
             place.told_news();
             return Stop::kRateDiffers;
         }
-        if (is_new_) return Stop::kEnd;  // the limits are sample numbers of the previous epoch
+        // fit_counts and fit_due are still sample numbers of the previous epoch
+        if (is_new_) return Stop::kEnd;
         const std::int64_t seq = place.newest().seq;
         if (seq >= fit_counts) {
             fit_counts = kNever;
@@ -233,7 +238,7 @@ class Device {
         std::vector<track::TrackerEvent> events;
         std::vector<Lost> lost;
         const std::size_t left = one.window_left;
-        // The accelerometer detects motion by its own axes.
+        // For the accelerometer, motion is detected only by its own axes.
         one.run(values_[k], one.is_accel ? nullptr : accel, accel == nullptr ? 0 : run_.accel_width, run_.n,
                 run_.sensors[k], events, lost);
         window_is_full_ |= left > 0 && one.window_left == 0;
@@ -278,7 +283,7 @@ class Device {
         std::size_t numbers = n * (3 + run_.gyro_width + run_.accel_width) + (from.temperature ? n : 0) +
                               (from.flags != nullptr ? n : 0);
         std::size_t flags = 0;
-        for (const Sensor& one : sensors) {  // room for all sensors, also for those without values
+        for (const Sensor& one : sensors) {  // reserves room for all sensors, also for those without values
             const std::size_t size = n * one.places.size();
             numbers += size * (kTrackedColumns + (one.bank != nullptr ? kLaneColumns : 0));
             flags += size * (one.bank != nullptr ? 3 : 1);
@@ -302,7 +307,8 @@ class Device {
             if (sensors[k].bank == nullptr) continue;
             for (double*& column : run_.sensors[k].bank.columns) column = real(size);
         }
-        for (std::size_t k = 0; k < sensors.size(); ++k) {  // the wider types came first, so all are aligned
+        // columns of wider types came first, so all columns are aligned
+        for (std::size_t k = 0; k < sensors.size(); ++k) {
             if (!has_values(k)) continue;
             const std::size_t size = n * sensors[k].places.size();
             run_.sensors[k].moving = taken<std::uint8_t>(next, size);
@@ -345,17 +351,17 @@ class Device {
     bool has_moment_ = false;
     Judged judged_ = {};
     std::int64_t judged_ns_ = kNever;
-    bool is_judged_ = false;  // the next sample is judged, but not consumed yet
-    bool is_ready_ = false;   // all work before consuming it is done
-    bool is_new_ = false;     // no sample of this epoch was consumed yet
+    bool is_judged_ = false;  // the next sample is judged, but not processed yet
+    bool is_ready_ = false;   // all work that has to precede the next sample is done
+    bool is_new_ = false;     // no sample of this epoch was processed yet
     bool window_is_full_ = false;
 };
 
-// Shape of a run's columns: gyroscope width; accelerometer width or 0; whether there are temperatures;
-// whether there are flags; then for each sensor its number of axes (0: no samples), whether it is the
-// accelerometer, and whether it has estimates.
+// Describes which columns a run has, as a list of numbers: axes of the gyroscope; axes of the accelerometer,
+// or 0; 1 if there are temperatures; 1 if there are flags; then for each sensor its number of axes (0: no
+// samples), 1 if it is the accelerometer, and 1 if it has estimates.
 using RunShape = std::vector<std::size_t>;
-// How a shape represents sensors without samples: with 0 axes, or not at all.
+// Whether a RunShape contains sensors without samples (with 0 axes), or leaves them out.
 enum class Absent { kZero, kLeftOut };
 
 inline RunShape shape_of(const Device& device, Absent absent) {

@@ -1,4 +1,5 @@
-// fltea._native.Device: processes all samples of a device, for Python (host/fltea/stream/decode.py).
+// fltea._native.Device: the class that processes all samples of a device, for Python
+// (host/fltea/stream/decode.py).
 #include "device_binding.hpp"
 
 namespace nb = nanobind;

@@ -26,13 +26,13 @@ using fltea::NumberColumn;
 using fltea::RunColumns;
 using fltea::Stop;
 
-// A column of samples. The array is held while it is read.
+// A column of samples from Python. The object keeps the array alive while it is read.
 class Column {
   public:
     Column(nb::handle array, size_t rows) {
         if (array.is_none()) return;
         if (PyObject_GetBuffer(array.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0) {
-            PyErr_Clear();  // the table stores its columns in another memory order
+            PyErr_Clear();  // the array stores its elements in another memory order
             const nb::object rows = nb::module_::import_("numpy").attr("ascontiguousarray")(array);
             if (PyObject_GetBuffer(rows.ptr(), &view_, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT) != 0)
                 nb::raise_python_error();
@@ -61,7 +61,7 @@ class Column {
     Column& operator=(const Column&) = delete;
 
     NumberColumn numbers() const { return {view_.buf, type_, width_}; }
-    // Returns null if there is no column.
+    // Returns the data of a column, or null if there is no column.
     const std::int64_t* whole() const {
         if (held_ && type_ != NumberColumn::kWhole) refuse();
         return static_cast<const std::int64_t*>(view_.buf);
@@ -82,7 +82,7 @@ inline std::optional<double> known(double value) {
     return std::isnan(value) ? std::optional<double>() : std::optional<double>(value);
 }
 
-// Details of a stop, for `Stop` of host/fltea/stream/decode.py.
+// Returns the details of a stop for the Python class `Stop` in host/fltea/stream/decode.py.
 inline nb::object told(const fltea::Device& device, const fltea::SampleColumns& from, const Advanced& found) {
     const fltea::Judged& judged = device.judged();
     if (found.stop == Stop::kEpoch) {
@@ -127,8 +127,9 @@ class Device {
     bool knows_hello() const { return device_.place.knows_hello(); }
     void on_break(const char* reason) { device_.place.on_break(fltea::epoch_reason_of(reason)); }
 
-    // Begins an epoch. Each sensor is a tuple: is_accel, places, tracker, sums or None, longest motion, bank
-    // or None, rows until its window is full, and for each axis whether it waits.
+    // Begins an epoch. Each sensor is a tuple: is_accel, places (indexes of its axes), tracker, sums or None,
+    // longest motion, bank or None, number of rows until its start-up window is full, and for each axis
+    // whether it waits.
     void begin(std::int64_t offset_ns, nb::list sensors) {
         std::vector<fltea::Sensor> found;
         for (nb::handle sensor : sensors) {
@@ -155,10 +156,9 @@ class Device {
     }
     size_t window_left(size_t sensor) { return at(sensor).window_left; }
 
-    // Takes samples from index `next` on. `raw`: the columns sequence, device_us, host_ns, gyro, accel,
-    // temperature, flags of a RawBlock. Returns the reason of the return (Stop), the index of the next
-    // sample, the columns of the consumed samples with the index of the first of them (or None), and the
-    // events.
+    // Processes samples from index `next` on. `raw` has the columns sequence, device_us, host_ns, gyro,
+    // accel, temperature and flags of a RawBlock. Returns the kind of stop, the index of the next sample, the
+    // columns of the processed samples with the index of the first of them (or None), and the events.
     nb::tuple advance(nb::tuple raw, size_t next) {
         const size_t n = nb::len(nb::handle(raw[0]));
         const Column sequence(raw[0], n), device_us(raw[1], n), host_ns(raw[2], n), gyro(raw[3], n),
@@ -193,7 +193,8 @@ class Device {
         return {c.delivered, c.lost, c.gaps, c.duplicates, c.before_hello, c.rate_differs};
     }
     void note_lost(std::int64_t count) { device_.place.note_lost(count); }
-    // Newest sample: sequence, device time and host time as received; then its number and time in the epoch.
+    // Five numbers of the newest sample: sequence, device time and host time as received; then its number and
+    // its time in the epoch.
     std::tuple<std::int64_t, std::int64_t, std::int64_t, std::int64_t, std::int64_t> newest() const {
         const fltea::Newest& one = device_.place.newest();
         return {one.sequence, one.device_us, one.host_ns, one.seq, one.epoch_us};
@@ -206,7 +207,7 @@ class Device {
     std::optional<double> rate_hz() const { return known(device_.timebase.rate_hz()); }
     std::optional<double> clock_ppm() const { return known(device_.timebase.clock_ppm()); }
 
-    // Sets the printers that print all samples from now on.
+    // Sets the printers, which print all samples from now on as JSON lines.
     void set_printers(nb::list printers) {
         std::vector<fltea::RunPrinter*> found;
         for (nb::handle one : printers) found.push_back(&nb::cast<fltea::RunPrinter&>(one));
@@ -230,8 +231,9 @@ class Device {
         return table_->array(column + begin * width, is_flat ? nb::make_tuple(n) : nb::make_tuple(n, width));
     }
 
-    // Returns the index of the first sample in the source; the sample columns; and for each sensor its
-    // tracker's columns and its bank's columns (or None), or None if the sensor has no samples.
+    // Returns a tuple: the index of the run's first sample in the source; the columns of the samples; and a
+    // list with an entry for each sensor. The entry has the columns of its tracker and those of its bank (or
+    // None), or is None if the sensor has no samples.
     nb::tuple columns_of(size_t begin, size_t end) const {
         const RunColumns& run = device_.run();
         nb::list sensors;
@@ -268,7 +270,7 @@ class Device {
     }
 
     fltea::Device device_;
-    std::optional<NumpyTable> table_;  // holds the columns of a run
+    std::optional<NumpyTable> table_;  // has the memory for the columns of a run
     nb::object kept_;                  // keeps alive the objects that the sensors point to
     std::vector<fltea::RunPrinter*> printers_;
     nb::object kept_printers_;

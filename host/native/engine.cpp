@@ -1,4 +1,5 @@
-// The engine for one instruction set (engine.hpp). It is compiled once per set; see CMakeLists.txt.
+// The engine, compiled for one instruction set (engine.hpp). CMakeLists.txt compiles this file once for each
+// instruction set.
 #include "packs.hpp"
 #include "set_name.hpp"
 
@@ -7,7 +8,7 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 namespace {
 
-// Calls `action` with the Packs type for this shape.
+// Calls `action` with the type of Packs that belongs to this shape.
 template <class Action>
 void with_packs(void* storage, const EngineShape& shape, Action& action) {
     if (shape.joint) {

@@ -1,6 +1,6 @@
 // fltea._native.Engine: the estimator engine for Python, on plain float64 arrays.
 //
-// Use host/fltea/estimator/engine.py in Python code; that class checks the settings. This binding only
+// Python code should use host/fltea/estimator/engine.py, whose class checks the settings. This binding only
 // rejects arguments that would break memory safety or corrupt an estimator.
 #include "engine_binding.hpp"
 
@@ -105,7 +105,7 @@ class Engine {
                   shape_of(joint, guard, compressed, accuracy, window, settings),
                   reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // `out`: (columns, samples, lanes).
+    // Runs a block of samples. `out` has the shape (columns, samples, lanes).
     void run(Rows y, std::optional<Rows> u, std::optional<Flags> missing, Results out) {
         Block block = Block();
         block.samples = y.shape(0);

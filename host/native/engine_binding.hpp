@@ -29,30 +29,32 @@ class LockGivenAway {
     std::optional<nanobind::gil_scoped_release> release_;
 };
 
-// Raises ValueError, with the list of usable sets, if the instruction set is not usable here.
+// Returns the functions for an instruction set. Raises ValueError, with the list of usable instruction sets,
+// if this processor cannot run it.
 const fltea::engine::Backend& find_backend(const std::string& instruction_set);
 
-// Builds the shape from the arguments that all such classes begin with. Raises ValueError for arguments that
-// would break memory safety.
+// Builds the shape of an engine from the arguments with which the constructors of all such classes begin.
+// Raises ValueError for arguments that would break memory safety.
 fltea::engine::EngineShape shape_of(bool joint, int guard, bool compressed, int accuracy, size_t window,
                                     const Rows& settings);
 
 // Checks the settings of retune(). Raises ValueError unless there is one entry per lane.
 const fltea::engine::LaneSettings* settings_of(const Rows& settings, size_t lanes);
 
-// Raises ValueError for numbers beyond ±`largest`, except where `ignored` is set (null: nowhere). Checked
-// before any number reaches the memory, where a NaN would stay for a whole window.
+// Raises ValueError for numbers beyond ±`largest`, except where `ignored` is set (null: nowhere). This is
+// checked before any number reaches the memory of the filters, where a NaN would stay for a whole window.
 void check_numbers(const char* name, const double* values, size_t rows, size_t lanes, const uint8_t* ignored,
                    double largest);
 
 // Raises ValueError unless the array has the shape (lanes, causes).
 void check_counts(const Counts& out, const fltea::OwnedEngine& engine);
 
-// Converts bytes to a Python bytes object and back.
+// Convert bytes to a Python bytes object and back.
 nanobind::bytes as_bytes(const std::vector<unsigned char>& bytes);
 const unsigned char* data_of(const nanobind::bytes& bytes);
 
-// Returns a list of (row, lane, "runaway" or "bound").
+// Returns a list of tuples: row, lane, and the reason for which the lane became invalid there
+// (supervisor.hpp), "runaway" or "bound".
 nanobind::list as_list(const std::vector<fltea::Lost>& lost);
 
 void bind_engine(nanobind::module_& m);

@@ -1,4 +1,4 @@
-// Welch sums of one octave, with optional forgetting.
+// Sums of the powers of Welch blocks in one octave, with optional forgetting of old samples.
 #pragma once
 
 #include <cmath>
@@ -7,7 +7,7 @@
 
 namespace fltea {
 
-// How long sums are remembered: `samples` is the memory length; 0: nothing is forgotten.
+// How long samples are remembered in sums. `samples` is the memory length; 0: nothing is forgotten.
 //
 // For forgetting, time is divided into generations of one memory length. The sums are those of the current
 // generation plus those of the previous generation, whose weight falls from 1 to 0 while the current one
@@ -21,11 +21,11 @@ class FadingMemory {
     double generation(std::uint64_t sample) const {
         return fades() ? std::floor(double(sample) / samples_) : 0;
     }
-    // Fraction of its generation that has passed at a sample.
+    // Fraction of the current generation that has passed at a sample.
     double part(std::uint64_t sample) const {
         return fades() ? double(sample) / samples_ - generation(sample) : 0;
     }
-    // First sample that is not forgotten at sample `now`.
+    // Number of the oldest sample that is not forgotten yet at sample `now`.
     std::uint64_t oldest(std::uint64_t now) const {
         const double least = double(now) - 2 * samples_;
         return least > 0 ? std::uint64_t(std::ceil(least)) : 0;
@@ -43,7 +43,7 @@ class FadingSums {
         std::memset(&before_, 0, sizeof before_);
     }
 
-    // Adds a block that belongs to generation `born`. The powers are in the unit of the sums.
+    // Adds the powers of a block that belongs to generation `born`. They are in the unit of the sums.
     template <typename Number>
     void add(const Number* power, int, double born) {
         age(born);
@@ -79,7 +79,8 @@ class FadingSums {
         add(now_, other.now_);
         add(before_, other.before_);
     }
-    // Sets the generation after a merge, when it no longer follows from the own samples.
+    // Sets the generation after a merge with other sums, when it no longer follows from the blocks that were
+    // added.
     void set_generation(double generation) { generation_ = generation; }
 
     template <typename Io>

@@ -1,4 +1,5 @@
-// A fitted noise model of a spectrum: its parts, white noise first, with their transformed free parameters.
+// A noise model that was fitted to a spectrum: its noise parts, white noise first, with their free
+// parameters.
 #pragma once
 
 #include <algorithm>
@@ -35,7 +36,7 @@ struct FittedModel {
             if (terms[i].part != other.terms[i].part || terms[i].size != other.terms[i].size) return false;
         return true;
     }
-    // The number of parameters that BIC counts.
+    // Number of parameters that the criterion BIC counts.
     int parameters() const {
         int found = free_of(terms);
         for (const Term& term : terms) found += row_of(term.part).sought;

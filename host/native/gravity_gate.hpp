@@ -1,5 +1,5 @@
 // Detects motion of a sensor by its accelerometer: gravity changes its direction or magnitude, or the samples
-// shake. The chunks are those of the gyroscope's axes.
+// shake. The samples are judged in the same chunks as those of the gyroscope's axes.
 #pragma once
 
 #include <cmath>
@@ -12,7 +12,7 @@ class GravityGate {
     enum { kAxes = 3 };
     static constexpr double kKnock = 16, kMean = 8;
 
-    // Adds a sample of `axes` axes; only the first kAxes count.
+    // Adds a sample of `axes` axes, of which only the first kAxes are used.
     void add(const double* y, int axes) {
         for (int i = 0; i < axes && i < kAxes; ++i) {
             if (known_ == 0) first_[i] = y[i];
@@ -24,8 +24,8 @@ class GravityGate {
         ++known_;
     }
 
-    // Ends a chunk; true if it shows motion. `largest_step`: how far the mean of a chunk at rest may differ
-    // from that of earlier chunks because of a changing bias alone.
+    // Ends a chunk of samples. Returns true if it shows motion. `largest_step`: how far the mean of a chunk
+    // at rest may differ from that of earlier chunks because of a changing bias alone.
     bool end_chunk(double largest_step, bool moving) {
         bool knock = false;
         const int n = known_;
@@ -63,7 +63,8 @@ class GravityGate {
         const double power = std::fmax(squares_[i] - mean * sums_[i], 0) / (n - 1);
         bool knock = false;
         if (has_place_) {
-            // While the sensor moves, the mean has to lie still, rather than still be changing.
+            // While the sensor moves, the limit is lower, because the mean must not be changing any more when
+            // rest begins.
             const double step = moving ? largest_step / kStill : largest_step;
             const double least = step + kMean * std::sqrt(usual_[i] * 2 / n);
             knock = power > kKnock * std::fmax(usual_[i], largest_step * largest_step / kKnock) ||
@@ -74,7 +75,8 @@ class GravityGate {
         } else if (!knock && !moving) {
             usual_[i] += kLearned * (std::fmin(power, kOutlier * usual_[i]) - usual_[i]);
         }
-        // During motion, the position is the latest mean. At rest, it slowly follows the bias.
+        // place_ is the mean with which the next chunk is compared. During motion it is that of the latest
+        // chunk; at rest it slowly follows the bias.
         place_[i] = !has_place_ || knock || moving ? place : place_[i] + kLearned * (place - place_[i]);
         return knock;
     }

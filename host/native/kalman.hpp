@@ -1,5 +1,5 @@
-// The Kalman filter of a linear system. x is the mean after the newest sample, P the covariance of the next
-// prediction.
+// The Kalman filter of a linear system. x is the mean of the state after the newest sample, and P the
+// covariance of the state that is predicted for the next sample.
 #pragma once
 
 #include "linear_system.hpp"
@@ -34,25 +34,25 @@ class Kalman {
     struct Variances {
         double state, bias;
     };
-    // Values for one sample: the gain, the variance S of the innovation and its logarithm, and the variances
-    // after the sample.
+    // Values for one sample: the gain K, the variance S of the innovation and its logarithm, and the
+    // variances of the estimates after the sample.
     struct Gain {
         double K[N], S, log_S;
         Variances now;
     };
-    // Gains of a system from its start on. `at`: the gain of the first of kExact samples, the next ones
-    // `stride` apart. P: covariance before the last of them. The gains do not depend on the samples, so all
-    // filters of the system share them.
+    // Gains of a system for the first kExact samples after its start. `at` points to the gain for the first
+    // sample, and the gains for the next samples follow at distances of `stride`. P is the covariance before
+    // the last of them. The gains do not depend on the samples, so all filters of the same system share them.
     struct Gains {
         const Gain* at;
         std::size_t stride;
         double P[N * N];
     };
 
-    // Gains are exact for kExact samples after a start or a gap. Then each gain serves for kHeld samples and
-    // is the exact gain of the last of them.
+    // For kExact samples after a start or a gap, each sample has its exact gain. After that, one gain is used
+    // for kHeld samples, and is the exact gain of the last of them.
     enum { kExact = 512, kHeld = RiccatiMap<N>::kSamples, kStep = 32 };
-    // An innovation larger than this is clipped [deviations].
+    // An innovation larger than this is clipped [standard deviations].
     static constexpr double kClip = 6;
 
     Kalman() {}
@@ -95,7 +95,7 @@ class Kalman {
         }
         gains.at = at;
     }
-    // Starts with this covariance of the first prediction, and keeps x.
+    // Starts again with `covariance` as the covariance of the first prediction. The mean x is kept.
     void start(const System<N>* system, const RiccatiMap<N>* map, const double* covariance) {
         system_ = system;
         map_ = map;
@@ -106,8 +106,8 @@ class Kalman {
         find_gain();
     }
     double bias() const { return dot(system_->bias, x, system_->n); }
-    // Variance of the present bias, or of the linear form `row` times x. It uses the current P, which may be
-    // that of up to kHeld samples later.
+    // Variance of `row` times x, for example of the bias. It is computed from P, which may already be the
+    // covariance of up to kHeld samples later.
     double variance_of(const double* row) const {
         const System<N>& s = *system_;
         const double own = form(row, P, row, s.n), of_bias = form(s.bias, P, s.bias, s.n);
@@ -115,7 +115,7 @@ class Kalman {
         return found > 0 ? found : own > 0 ? own : 0;
     }
 
-    // Call this after the system and the map have been moved in memory.
+    // Sets new addresses of the system and of the map. Call this after both have been moved in memory.
     void point_to(const System<N>* system, const RiccatiMap<N>* map) {
         system_ = system;
         map_ = map;
@@ -129,7 +129,7 @@ class Kalman {
         return y - sum;
     }
 
-    // Advances by the sample with innovation `e`, or over a missing sample if `take` is false.
+    // Advances by the sample with the innovation `e` or, if `take` is false, by a missing sample.
     void go_on(double e, bool take) {
         const int n = system_->n;
         if (take) {
@@ -161,7 +161,7 @@ class Kalman {
         if (exact_ == 0) hold();
     }
 
-    // State i may have changed with this variance before the next sample.
+    // Notes that state i may have changed by an unknown amount of this variance before the next sample.
     void widen(int i, double variance) {
         find_covariance();
         if (exact_ == 0) let_go();
@@ -193,11 +193,11 @@ class Kalman {
         io.require(S > 0);
     }
 
-    // The values that every sample needs come first.
+    // The values that every sample needs come first in memory.
     double x[N] = {}, K[N] = {}, S = 1;
 
   private:
-    // Updates the covariance by a measurement.
+    // Updates the covariance P for a sample that was measured.
     void correct() {
         const int n = system_->n;
         for (int i = 0; i < n; ++i) {
@@ -215,7 +215,7 @@ class Kalman {
         now_ = one.now;
     }
 
-    // Computes P as if `gains_` had not been used, and stops using `gains_`.
+    // Computes the present P, which was not updated while `gains_` was used, and stops using `gains_`.
     void find_covariance() {
         if (gains_ == nullptr) return;
         std::memcpy(P, system_->P0, sizeof(double) * std::size_t(system_->n * system_->n));
@@ -243,7 +243,8 @@ class Kalman {
         for (int i = 0; i < s.n; ++i) K[i] /= S;
     }
 
-    // Holds a gain. From here on P is the covariance at the end of the time for which the gain is held.
+    // Begins to use one gain for kHeld samples. From here on, P is the covariance at the end of these
+    // samples.
     void hold() {
         const int n = system_->n;
         held_ = 0;
@@ -263,8 +264,8 @@ class Kalman {
             hold();
         }
         if (held_ % kStep != 0) return;
-        // The information grows linearly: the variance of a constant is proportional to 1 / number of
-        // samples.
+        // Between the two known variances, 1 / variance is interpolated linearly, because the variance of a
+        // constant is proportional to 1 / number of samples.
         const double share = double(held_ + kStep / 2) / kHeld;
         now_.state = between(from_.state, to_.state, share);
         now_.bias = between(from_.bias, to_.bias, share);
@@ -274,7 +275,7 @@ class Kalman {
         return whole > 0 ? from * to / whole : 0;
     }
 
-    // Stops holding the gain, and restores the present covariance.
+    // Stops using one gain for several samples, and computes the present covariance approximately.
     void let_go() {
         const double ahead = to_.bias > 0 ? now_.bias / to_.bias : 1;
         if (ahead > 1) {
@@ -285,7 +286,7 @@ class Kalman {
     }
 
     const System<N>* system_ = nullptr;
-    const Gains* gains_ = nullptr;  // not null while P is not updated
+    const Gains* gains_ = nullptr;  // while this is not null, P is not updated
     int exact_ = 0, held_ = 0;
     Variances now_ = Variances(), from_ = Variances(), to_ = Variances();
     const RiccatiMap<N>* map_ = nullptr;

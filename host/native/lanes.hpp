@@ -1,5 +1,5 @@
-// Runs lanes under the supervisor: the engine, the supervision, and the restarts. All lanes use this class,
-// whether they are a live sensor's axes, shuffled copies or simulated runs.
+// Runs lanes under the supervisor: the engine, the supervision, and the restarts. A lane is the estimator of
+// one series of samples: an axis of a live sensor, a shuffled copy of it, or a simulated series.
 #pragma once
 
 #include <cstdint>
@@ -11,20 +11,20 @@
 
 namespace fltea {
 
-// A lane became invalid at a row of a block.
+// Says that a lane became invalid at a row of a block, and why.
 struct Lost {
     std::size_t row, lane;
     engine::Loss reason;
 };
 
-// Columns of a block of lanes, each (rows, lanes); NaN where the lane is not valid.
+// Columns of the estimates, each of shape (rows, lanes). They are NaN where the lane is not valid.
 enum LaneColumn : int {
     kLaneAlpha,
     kLaneAlphaStd,
     kLaneF,
     kLaneFStd,
     kLaneX,
-    kLaneInnovation,  // also NaN where the sample is missing
+    kLaneInnovation,  // is NaN also where the sample is missing
     kLaneInnovationStd,
     kLaneColumns
 };
@@ -40,16 +40,16 @@ class LaneRunner {
     std::size_t lanes() const { return engine_.lanes(); }
     const OwnedEngine& engine() const { return engine_; }
 
-    // Applies other settings from the next row on, one entry per lane.
+    // Applies other settings, one entry per lane, from the next row on.
     void retune(const engine::LaneSettings* settings) { engine_.retune(settings); }
 
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
         engine_.set_filter_model(lane, filter_model);
     }
 
-    // Runs rows of all lanes. `y`: (rows, lanes), finite where not missing. `missing`: (rows, lanes), or
-    // null. `valid`: (rows, lanes), 0 or 1. Appends each lane that becomes invalid to `lost`, in row order;
-    // there, rows are counted from `first` for this block's first row.
+    // Runs rows of all lanes. `y`, `missing` (or null) and `valid` have the shape (rows, lanes). `y` is
+    // finite where it is not missing; `valid` is set to 0 or 1. Appends each lane that becomes invalid to
+    // `lost`, in the order of the rows. The number of this block's first row in `lost` is `first`.
     void run(const double* y, const std::uint8_t* missing, std::size_t rows,
              double* const (&columns)[kLaneColumns], std::uint8_t* valid, std::vector<Lost>& lost,
              std::size_t first = 0) {
@@ -80,11 +80,12 @@ class LaneRunner {
         }
     }
 
-    // Restarts of each lane since the lanes were created.
+    // Number of restarts of each lane since the lanes were created.
     const std::vector<std::uint64_t>& restarts() const { return restarts_; }
     void set_restarts(const std::vector<std::uint64_t>& restarts) { restarts_ = restarts; }
 
-    // Writes (lanes, causes): how often the guard intervened since each lane's last start.
+    // Writes how often the guard intervened since each lane's last start, as an array of shape (lanes,
+    // causes).
     void counts(std::int32_t* out) const { engine_.counts(out); }
 
     std::vector<unsigned char> save() const { return engine_.save(); }

@@ -1,4 +1,4 @@
-// fltea._native.Lanes: lanes under the supervisor for Python, on plain arrays
+// fltea._native.Lanes: the class LaneRunner, lanes under the supervisor, for Python, on plain arrays
 // (host/fltea/estimator/lanes.py).
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
@@ -25,7 +25,7 @@ class Lanes {
                  shape_of(joint, guard, compressed, accuracy, window, settings),
                  reinterpret_cast<const LaneSettings*>(settings.data())) {}
 
-    // `out`: (columns, rows, lanes). `valid`: (rows, lanes).
+    // Runs rows. `out` has the shape (columns, rows, lanes), and `valid` has the shape (rows, lanes).
     nb::list run(Rows y, std::optional<Flags> missing, Results out,
                  nb::ndarray<uint8_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> valid) {
         const size_t rows = y.shape(0), lanes = lanes_.lanes();

@@ -1,5 +1,5 @@
-// Prints rows of columns as JSON lines in the format of msgspec: fixed texts with numbers in the holes
-// between them.
+// Prints the rows of several columns as lines of JSON in the format of msgspec. A line consists of fixed
+// texts and of holes between them, into which numbers of the columns are printed.
 #pragma once
 
 #include <algorithm>
@@ -15,12 +15,13 @@
 
 namespace fltea {
 
-// One column of rows: (rows,) or (rows, width).
+// A column of numbers, of shape (rows,) or (rows, width).
 struct Cells {
-    enum Kind { kReal, kWhole, kFlag };  // double, int64, 0 or 1 in a byte
+    enum Kind { kReal, kWhole, kFlag };  // double; int64; 0 or 1 in a byte
 
     const void* first;
-    std::ptrdiff_t row, place;  // bytes from one row to the next, and from one index in a row to the next
+    // distances in bytes: from one row to the next, and from one number of a row to the next
+    std::ptrdiff_t row, place;
     Kind kind;
 };
 
@@ -31,7 +32,8 @@ class LinePrinter {
     };
 
     // `texts`: the texts before each hole and after the last hole. `nulls`: whether non-finite numbers are
-    // printed as null; if false, they are omitted together with their key. Throws std::invalid_argument.
+    // printed as null; if false, they are omitted together with their key. Throws std::invalid_argument if
+    // the numbers of texts and holes do not fit.
     LinePrinter(std::vector<std::string> texts, std::vector<Hole> holes, bool nulls)
         : texts_(std::move(texts)), holes_(std::move(holes)), nulls_(nulls) {
         if (texts_.size() != holes_.size() + 1)
@@ -44,12 +46,12 @@ class LinePrinter {
         return std::any_of(holes_.begin(), holes_.end(),
                            [&](const Hole& one) { return one.column == column; });
     }
-    // Largest number of bytes that this number of rows takes.
+    // Largest number of bytes that `rows` printed rows take.
     std::size_t room(std::size_t rows) const { return rows * room_; }
 
     // Prints the rows begin, begin + step, … below `end` into `out`, which needs `room` bytes. Returns the
-    // end of the printed text. Every column with a hole needs these rows and the indexes of its holes; other
-    // columns may be anything.
+    // end of the printed text. Every column that is used in a hole must have these rows and the indexes that
+    // its holes name. Columns that no hole uses are ignored.
     char* print(const Cells* columns, std::size_t begin, std::size_t end, std::size_t step, char* out) const {
         std::vector<Cell> cells;
         cells.reserve(holes_.size());
@@ -74,7 +76,8 @@ class LinePrinter {
     };
 
     char* print_row(const std::vector<Cell>& cells, std::ptrdiff_t row, char* out) const {
-        bool first = false;  // the first printed key of its object, because the keys before it were omitted
+        // whether the next key is the first one of its object because all keys before it were omitted
+        bool first = false;
         for (std::size_t i = 0; i <= cells.size(); ++i) {
             const std::string& text = texts_[i];
             const std::size_t skipped = first && text.front() == ',' ? 1 : 0;
@@ -100,8 +103,8 @@ class LinePrinter {
         return out;
     }
 
-    // Prints the shortest digits that restore the number; positional from 1e-5 to below 1e16, as msgspec
-    // does.
+    // Prints the shortest digits from which the same number can be read again. As msgspec does, uses an
+    // exponent only below 1e-5 and from 1e16 on.
     static char* put_real(double value, char* out) {
         char text[kLongest], digits[kLongest];
         const char* end = std::to_chars(text, text + kLongest, value, std::chars_format::scientific).ptr;
@@ -112,7 +115,7 @@ class LinePrinter {
             if (*from != '.') digits[n++] = *from;
         int exponent = 0;
         std::from_chars(from + (from[1] == '+' ? 2 : 1), end, exponent);
-        const int whole = exponent + 1;  // digits before the decimal point
+        const int whole = exponent + 1;  // number of digits before the decimal point
         if (exponent < -5 || exponent > 15) {
             *out++ = digits[0];
             if (n > 1) *out++ = '.';

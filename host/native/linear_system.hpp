@@ -11,13 +11,15 @@ namespace fltea {
 namespace track {
 
 enum { kMost = 24 };  // largest number of states
-// Numbers below this are zero. Denormal numbers would cost a processor a hundred times as much.
+// Numbers below this are set to 0, because calculating with denormal numbers takes a processor a hundred
+// times as long.
 constexpr double kNothing = 1e-200;
 
-// Arrays with room for N states; if N is at most 4, zeros follow the last state. Matrices are (n, n), row by
-// row, in the first n * n elements. `pairs` pole pairs come first. State i enters a sample with weight c[i],
-// the published state with state[i], and the bias with bias[i]. If the bias is a mean of samples to come,
-// bias_more is the variance that no state contains yet.
+// A linear system with n states, in arrays with room for N; if N is at most 4, zeros follow the last state.
+// Matrices are (n, n), row by row, in the first n * n elements. The first states belong to `pairs` pairs of
+// complex poles. State i enters a sample with the weight c[i], the published state with the weight state[i],
+// and the bias with the weight bias[i]. If the bias is a mean over the next samples, bias_more is the part of
+// its variance that noise will add until then.
 template <int N>
 struct System {
     int n, pairs;
@@ -45,7 +47,7 @@ struct System {
         io.real(bias_more, 0, 1e200);
     }
 
-    // Index of the state that is an offset which may step; -1 if there is none.
+    // Index of the state that is the offset, which may step, or -1 if there is none.
     int offset() const {
         for (int i = n - 1; i >= 2 * pairs; --i) {
             if (a[i] == 1 && c[i] != 0) return i;
@@ -53,10 +55,11 @@ struct System {
         return -1;
     }
 
-    // Number of states to loop over. It is fixed for small systems, where zeros follow the last state.
+    // Number of states over which loops run. For N up to 4 it is always N, because zeros follow the last
+    // state.
     int width() const { return N <= 4 ? N : n; }
 
-    // x <- A x.
+    // Advances a state vector by one sample: x <- A x.
     void step(double* x) const {
         for (int i = 0; i < 2 * pairs; i += 2) {
             const double one = a[i] * x[i] + b[i] * x[i + 1], other = a[i] * x[i + 1] - b[i] * x[i];
@@ -66,7 +69,7 @@ struct System {
         for (int i = 2 * pairs; i < width(); ++i) x[i] *= a[i];
     }
 
-    // P <- A P A' + Q, of a symmetric P.
+    // Advances a symmetric covariance by one sample: P <- A P A' + Q.
     void step_covariance(double* P) const {
         for (int j = 0; j < 2 * pairs; j += 2) {
             for (int i = 0; i < n; ++i) {
@@ -100,7 +103,7 @@ inline double dot(const double* u, const double* v, int n) {
     return sum;
 }
 
-// u' P v.
+// The number u' P v.
 inline double form(const double* u, const double* P, const double* v, int n) {
     double sum = 0;
     for (int i = 0; i < n; ++i) {
@@ -109,7 +112,7 @@ inline double form(const double* u, const double* P, const double* v, int n) {
     return sum;
 }
 
-// out = X Y, or X' Y.
+// Computes out = X Y, or out = X' Y if `transposed` is set.
 inline void product(const double* X, const double* Y, double* out, int n, bool transposed = false) {
     for (int i = 0; i < n; ++i) {
         double* const row = out + i * n;
@@ -121,8 +124,8 @@ inline void product(const double* X, const double* Y, double* out, int n, bool t
     }
 }
 
-// Y <- M^-1 Y for `columns` columns, by elimination with pivots. M is overwritten. Returns false if M is
-// singular.
+// Solves linear equations: Y <- M^-1 Y for `columns` columns, by elimination with pivots. M is overwritten.
+// Returns false if M is singular.
 inline bool solve(double* M, double* Y, int n, int columns) {
     for (int k = 0; k < n; ++k) {
         int pivot = k;
@@ -151,14 +154,15 @@ inline bool solve(double* M, double* Y, int n, int columns) {
     return true;
 }
 
-// The covariance P of a prediction, 2^doublings samples later: H + B' P (I + G P)^-1 B, B = A'. Doubling of
-// the discrete Riccati equation (Anderson, Int. J. Control 28, 1978).
+// Maps the covariance P of a filter's prediction to that of 2^kDoublings samples later: H + B' P (I + G P)^-1
+// B, with B = A'. G, H and B are computed by the doubling algorithm for the discrete Riccati equation
+// (Anderson, Int. J. Control 28, 1978).
 template <int N>
 class RiccatiMap {
   public:
     enum { kDoublings = 8, kSamples = 1 << kDoublings };
 
-    // Returns false if the numbers do not allow it.
+    // Computes the map for a system. Returns false if a matrix is singular or a number is not finite.
     bool set(const System<N>& s) {
         const int n = n_ = s.n, size = n * n;
         for (int i = 0; i < size; ++i) B_[i] = 0;
@@ -203,7 +207,7 @@ class RiccatiMap {
         return true;
     }
 
-    // Advances P by kSamples.
+    // Advances P by kSamples samples.
     void apply(double* P) const {
         const int n = n_;
         double M[N * N], Y[N * N], T[N * N];

@@ -1,5 +1,5 @@
-// fltea._native.McapChunks: writes messages into MCAP chunks (host/fltea/recording/part.py); and finds the
-// records in a chunk (host/fltea/recording/scan.py).
+// fltea._native.McapChunks, which writes messages into MCAP chunks (host/fltea/recording/part.py), and a
+// function that finds the records in a chunk (host/fltea/recording/scan.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/string.h>
@@ -36,7 +36,7 @@ class McapChunks {
         writer_.add_message(channel, sequence, log_ns, publish_ns, text_of(data), data.size());
     }
 
-    // Adds one message per read, with the read's bytes.
+    // Adds one message for each read from a port, with the bytes of that read.
     void add_reads(uint16_t channel, uint32_t sequence, nb::bytes data, const Times& end, const Times& log_ns,
                    const Times& publish_ns) {
         const size_t n = end.shape(0);
@@ -51,7 +51,7 @@ class McapChunks {
         }
     }
 
-    // Adds one message per line of text, without the line end.
+    // Adds one message for each line of text, without the line end.
     void add_lines(uint16_t channel, const Times& log_ns, nb::bytes lines) {
         const char *from = text_of(lines), *const end = from + lines.size();
         for (size_t k = 0; k < log_ns.shape(0); ++k) {
@@ -66,15 +66,16 @@ class McapChunks {
         if (from != end) throw nb::value_error("more lines than times");
     }
 
-    // Returns the bytes of the chunk in progress for byte `at` of the file; nothing if it has no message.
+    // Ends the chunk in progress, and returns its bytes, which have to be written at offset `at` of the file.
+    // Returns no bytes if the chunk has no message.
     nb::bytes end(uint64_t at, nb::callable packed) {
         if (!writer_.messages()) return nb::bytes("", 0);
         const nb::bytes found = nb::cast<nb::bytes>(packed(as_text(writer_.records())));
         return as_text(writer_.end(text_of(found), found.size(), at));
     }
 
-    // Over all finished chunks: their index records, first and last time, number of chunks, and number of
-    // messages per channel.
+    // Returns for all finished chunks: their index records, first and last time, number of chunks, and number
+    // of messages per channel.
     nb::tuple summary() const {
         nb::dict counts;
         for (const auto& one : writer_.counts()) counts[nb::cast(one.first)] = one.second;
@@ -88,7 +89,7 @@ class McapChunks {
     fltea::ChunkWriter writer_;
 };
 
-// Returns the records of a decompressed chunk, seven numbers each (chunk_index.hpp).
+// Returns the records of a decompressed chunk. Each record is seven numbers (ChunkRecord in chunk_index.hpp).
 nb::bytes chunk_records(nb::bytes chunk) {
     std::vector<fltea::ChunkRecord> records;
     const fltea::ChunkFault fault =

@@ -1,5 +1,5 @@
-// The mean of part of a system over the next samples: its dependence on the present states, and the variance
-// that the process noise adds. It is used because the bias is a forecast.
+// The mean of a sum of states over the next samples: how it depends on the present states, and the variance
+// that the noise until then adds. It is needed because the bias is a forecast of such a mean.
 #pragma once
 
 #include <complex>
@@ -9,21 +9,23 @@
 namespace fltea {
 namespace track {
 
-// The mean is `row` times x, the state vector at the newest sample. `variance`: the variance that is added
-// until then.
+// The expected mean is `row` times x, the state vector at the newest sample. `variance` is the variance that
+// the noise of the next samples adds.
 template <int N>
 struct MeanAhead {
     double row[N];
     double variance;
 };
 
-// Sums over k = 1 … m, computed by doubling. All terms of slow modes have the same sign, so nothing cancels.
-// `power`: a^m. `geometric`: g(m) = 1 + a + … + a^(m-1). `sums`: the sum of g(1) … g(m).
+// Sums for a mode that is multiplied by a with each sample, over k = 1 … m, computed by doubling. For slow
+// modes, all terms have the same sign, so no precision is lost. `power`: a^m. `geometric`: g(m) = 1 + a + … +
+// a^(m-1). `sums`: the sum of g(1) … g(m).
 struct ModeSums {
     std::complex<double> power, geometric, sums;
 };
 
-// Returns the mean of `weights` x over the next m samples; with m = 0, `weights` x itself.
+// Returns the mean of `weights` times x over the next m samples. With m = 0, it is `weights` times the
+// present x.
 //
 // Since x_k+j = A^j x_k + …, the mean is computed in the eigenvectors of A, where a pole pair is a conjugate
 // pair of modes. There the mean of A^j is a g(m) / m, and a step of the noise j samples ahead has the weight
@@ -49,7 +51,8 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         weight[i] = Complex(weights[i], -weights[i + 1]) / 2.0;
         weight[i + 1] = std::conj(weight[i]);
     }
-    // Sums of g(k) conj g'(k) for each pair of modes.
+    // For each pair of modes: the sum over k of g(k) conj g'(k), where g belongs to one mode and g' to the
+    // other.
     Complex both[N * N], noise[N * N];
     ModeSums of[N];
     for (int i = 0; i < n; ++i) {
@@ -59,7 +62,8 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
             noise[i * n + j] = s.Q[i * n + j];
         }
     }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {  // transform the rows, then the columns, of the noise to modes
+    // transform the noise's covariance to modes: its rows, then its columns
+    for (int i = 0; i < 2 * s.pairs; i += 2) {
         for (int j = 0; j < n; ++j) {
             const Complex one = noise[i * n + j], other = noise[(i + 1) * n + j];
             noise[i * n + j] = one + Complex(0, 1) * other;
@@ -116,7 +120,7 @@ MeanAhead<N> mean_ahead(const System<N>& s, const double* weights, long long m) 
         const Complex mean = weight[i] * a[i] * of[i].geometric / double(m);
         if (i >= 2 * s.pairs) {
             found.row[i] = mean.real();
-        } else if (i % 2 == 0) {  // together with its conjugate: 2 Re(mean ξ)
+        } else if (i % 2 == 0) {  // the mode and its conjugate together give 2 Re(mean ξ)
             found.row[i] = 2 * mean.real();
             found.row[i + 1] = -2 * mean.imag();
         }
@@ -133,7 +137,7 @@ double density_at_zero(const System<N>& s, const bool* in) {
         row[i] = in[i] ? s.c[i] : 0;
         for (int j = 0; j < s.n; ++j) M[i * s.n + j] = i == j ? (in[i] ? 1 - s.a[i] : 1) : 0;
     }
-    for (int i = 0; i < 2 * s.pairs; i += 2) {  // transposed
+    for (int i = 0; i < 2 * s.pairs; i += 2) {  // the matrix is transposed
         M[(i + 1) * s.n + i] = -s.b[i];
         M[i * s.n + i + 1] = s.b[i];
     }

@@ -1,6 +1,6 @@
-// The exact memory: the last `window` posteriors, weighted by the Grünwald–Letnikov recurrence (nest.hpp). It
-// costs O(window) per step. It follows the paper's algorithm exactly, and is the reference for testing the
-// compressed memory.
+// The exact memory of past states: the last `window` estimates, weighted by the Grünwald–Letnikov recurrence
+// (nest.hpp). A step takes a time proportional to `window`. It follows the paper's algorithm exactly, and is
+// the reference for testing the compressed memory.
 #ifndef FLTEA_MEMORY_DIRECT_HPP
 #define FLTEA_MEMORY_DIRECT_HPP
 
@@ -13,18 +13,18 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 // T: float, double or Pack. An empty memory is equivalent to a past of zeros.
 //
-// Any order is allowed. Sums that overflow T become infinite or NaN, as in the printed algorithm. For orders
+// Any order is allowed. Sums that overflow T become infinite or NaN, as in the paper's algorithm. For orders
 // in [-2, 30] no double overflows.
 template <class T>
 class DirectMemory {
     typedef Real<T> R;
 
   public:
-    // Number of T that the constructor needs for a window of `window` >= 1 samples.
+    // Number of elements of type T that the constructor needs for a window of `window` >= 1 samples.
     static std::size_t storage(std::size_t window) {
         return history(window) + (window + kReciprocals + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // Number of T, counted from the first, that hold the past. The others are tables.
+    // Number of elements, counted from the first, that hold past samples. The other elements are tables.
     static std::size_t history(std::size_t window) { return 4 * window; }
 
     // `storage` holds storage(window) elements, aligned for T. The caller owns it.
@@ -49,10 +49,11 @@ class DirectMemory {
         for (std::size_t i = 0; i < 4 * window_; ++i) x_[i] = select(mask, T(R(0)), x_[i]);
     }
 
-    // Remembers the newest posterior: state x and variance P. Both have to be finite, because a NaN would
-    // stay for a whole window.
+    // Adds the newest estimate: state x and variance P. Both have to be finite, because a NaN would stay for
+    // a whole window.
     void push(T x, T P) {
-        // Written twice, `window` apart, so that the window is always contiguous, newest first.
+        // Each sample is written to two places at a distance of `window`, so that the window is always
+        // contiguous, newest first.
         position_ = (position_ == 0 ? window_ : position_) - 1;
         x_[position_] = x_[position_ + window_] = x;
         P_[position_] = P_[position_ + window_] = P;
@@ -63,7 +64,7 @@ class DirectMemory {
     // Number of samples that the sums use: L(k) = min(k, window).
     std::size_t length() const { return pushed_ < window_ ? static_cast<std::size_t>(pushed_) : window_; }
 
-    // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j}, several orders at once.
+    // Computes S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders at once.
     template <int N>
     void state_sums(const T (&order)[N], T (&S)[N]) const {
         Nest<T, N, 0> nest(order);
@@ -99,7 +100,7 @@ class DirectMemory {
     }
 
   private:
-    // elements beyond the window: 1/0, never used, and 1/(window + 1)
+    // two elements more than the window: 1/0, which is never used, and 1/(window + 1)
     static constexpr std::size_t kReciprocals = 2;
 
     template <int N, int M>
@@ -109,7 +110,7 @@ class DirectMemory {
 
     T* x_;
     T* P_;
-    R* reciprocal_;  // 1/j
+    R* reciprocal_;  // reciprocal_[j] is 1/j
     std::size_t window_;
     std::size_t position_ = 0;
     std::uint64_t pushed_ = 0;

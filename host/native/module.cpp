@@ -1,5 +1,6 @@
-// fltea._native: the decoder of the wire, the estimator engine and its supervision, the fits of spectra, and
-// the device's encoder, with which tests compare the bytes of the Python encoder.
+// The Python module fltea._native: the decoder of the wire protocol, the estimator engine and its
+// supervision, the fits of spectra, and the device's encoder, with whose bytes tests compare those of the
+// Python encoder.
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
@@ -21,7 +22,7 @@
 
 namespace nb = nanobind;
 
-extern const char kSourceHash[];  // source_hash.py
+extern const char kSourceHash[];  // made by source_hash.py
 
 namespace {
 

@@ -1,5 +1,5 @@
-// The sums over the newest samples by the recurrence of the Grünwald–Letnikov weights, c_0 = 1,
-// c_j = c_{j-1} (1 - (a+1)/j) (Macias & Sierociuk 2023, sections 2 and 4), evaluated by nesting.
+// The sums over the newest samples by the recurrence of the Grünwald–Letnikov weights, c_0 = 1, c_j = c_{j-1}
+// (1 - (a+1)/j) (Macias & Sierociuk 2023, sections 2 and 4), evaluated in nested form, as in Horner's scheme.
 #ifndef FLTEA_NEST_HPP
 #define FLTEA_NEST_HPP
 
@@ -10,18 +10,19 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Computes sum_{j=1}^{n} c_j(a) x_j for N orders, and sum_{j=2}^{n} c_j(a)^2 P_j for the first M (0 or 1) of
-// them. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample to the newest. It
-// forms no weight, so none overflows before the sum does, and a sample costs two operations per order.
+// them. The recurrence acc_j = x_j + (c_{j+1}/c_j) acc_{j+1} runs from the oldest sample to the newest. No
+// weight c_j is computed, so no weight can overflow before the sum does. A sample takes two operations per
+// order.
 template <class T, int N, int M>
 class Nest {
     typedef Real<T> R;
     static constexpr int kOrders = N > M ? N : M;
-    // Up to this j, c_j/c_{j-1} is computed as (j-1-a)/j, which is exactly 0 at integer orders a; beyond, as
-    // 1 - (a+1)/j.
+    // Up to this j, c_j/c_{j-1} is computed as (j-1-a)/j, which is exactly 0 at integer orders a. For larger
+    // j it is computed as 1 - (a+1)/j.
     static constexpr std::size_t kHead = 8;
 
   public:
-    // The results, after run().
+    // The sums S and V. They are valid after run().
     T state[N > 0 ? N : 1];
     T variance;
 
@@ -34,15 +35,16 @@ class Nest {
         variance = T(R(0));
     }
 
-    // x[j-1], P[j-1]: the samples, newest first. reciprocal[j] = 1/j for j up to n + 1.
+    // x[j-1] and P[j-1] are the samples, newest first. reciprocal[j] has to be 1/j for j up to n + 1.
     void run(const T* x, const T* P, const R* reciprocal, std::size_t n) {
         std::size_t j = n;
-        // Two samples per iteration, so that the dependency between iterations is one operation long instead
-        // of two.
+        // Each iteration processes two samples, so that the next iteration has to wait for one operation
+        // instead of two.
         for (; j > kHead; j -= 2) {
             two(x[j - 2], P[j - 2], T(reciprocal[j]), x[j - 1], P[j - 1], T(reciprocal[j + 1]));
         }
-        // From here on the accumulators lack the factor c_j of the sample that they have reached.
+        // From here on the accumulators have to be multiplied by the c_j of the sample that they have
+        // reached.
         for (; j > 1; --j) head(x[j - 1], P[j - 1], R(j), reciprocal[j + 1]);
         if (j == 1) head(x[0], T(R(0)), R(1), reciprocal[2]);
         for (int i = 0; i < N; ++i) state[i] = -order_[i] * state[i];

@@ -1,7 +1,7 @@
-// The Kalman filters for the noise of an axis (tracker_model.hpp): of one noise system, or of two rivals.
-// Each is weighted by the likelihood of the samples under it, so that the weights change with the samples
-// (multiple-model estimation: Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and
-// Navigation, section 11.6.2).
+// The Kalman filters for the noise of an axis (tracker_model.hpp). There is one filter for one noise system,
+// or there are two for two candidate systems. Each filter is weighted by the likelihood that its system gives
+// to the samples, so that the weights change with the samples (multiple-model estimation: Bar-Shalom, Li &
+// Kirubarajan, Estimation with Applications to Tracking and Navigation, section 11.6.2).
 #pragma once
 
 #include <cmath>
@@ -20,13 +20,13 @@ class NoiseModel {
     typedef System<kMost> Noise;
     typedef Kalman<kMost> Filter;
 
-    // The data that change with the samples.
+    // The data that change with the samples, to be stored and restored.
     struct State {
         std::vector<Filter> filters;
         std::vector<double> unlikely;
     };
 
-    // Constructed without a model, the object needs load() of a saved model.
+    // If it is constructed without a model, a saved model has to be loaded before it can be used.
     explicit NoiseModel(const std::shared_ptr<TrackerModel>& of = nullptr) : of_(of) {
         if (of == nullptr) return;
         rivals_.resize(of->count());
@@ -46,7 +46,7 @@ class NoiseModel {
         for (std::size_t i = 0; i < rivals_.size(); ++i) rivals_[i].filter = filtered.filter(i);
         predict();
     }
-    // Filters all remembered samples again; the weights of the systems stay as they were.
+    // Filters all remembered samples again, and keeps the weights of the systems.
     void filter_again(const Remembered& memory) {
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
             memory.filter_again(of_->rival(i).system, of_->rival(i).map, rivals_[i].filter);
@@ -71,14 +71,15 @@ class NoiseModel {
         return e;
     }
 
-    // Returns an innovation in standard deviations, for the test for steps. It is that of the system whose
-    // offset does not walk, if that system was more likely for long. The other system follows a step, and
-    // would hide it.
+    // Returns an innovation in standard deviations, for the test for steps. If the system whose offset does
+    // no random walk was the more likely one for long, it is the innovation of that system. The other
+    // system's offset would follow a step, and so would hide it.
     double for_steps(double e) const {
         const Rival& still = rivals_.back();
         return rivals_.size() > 1 && stays_ > 0.5 ? still.e / std::sqrt(still.S) : e / std::sqrt(variance_);
     }
-    // Forgets the likelihoods of the newest samples, after a step was found that explains them.
+    // Resets the weights to those before the newest samples. Call this after a step was detected, which
+    // explains these samples.
     void forget_newest() {
         if (rivals_.size() < 2) return;
         rivals_.front().unlikely = TrackerModel::unlikely(1 - stays_);
@@ -103,7 +104,7 @@ class NoiseModel {
         predict();
     }
 
-    // e: the weighted innovation of all systems.
+    // Returns the weighted estimates of all systems. `e`: their weighted innovation.
     Known known(double e) const {
         if (rivals_.size() == 1) return rivals_.front().filter.known(e);
         Known all = Known{0, 0, 0, 0, e, variance_};
@@ -123,8 +124,8 @@ class NoiseModel {
         for (const Rival& one : rivals_) sum += one.weight * one.filter.bias();
         return sum;
     }
-    // Returns mean and variance of a quantity; `rows`: for each system, the linear map from its state x to
-    // the quantity.
+    // Computes mean and variance of a quantity. `rows` has the linear map from the state x to the quantity
+    // for each system.
     void mean_of(const MeanAhead<kMost>* rows, double& mean, double& variance) const {
         mean = variance = 0;
         for (std::size_t i = 0; i < rivals_.size(); ++i) {
@@ -136,8 +137,8 @@ class NoiseModel {
         variance = std::fmax(variance - mean * mean, 0);
     }
 
-    // Sets the variance of the offset's random walk steps to at least `q`. Returns false if it is at least
-    // `q` already, or if no valid model results.
+    // Raises the variance of the steps in the offset's random walk to `q`. Returns false if it is at least
+    // `q` already, or if that gives no valid model.
     bool raise_walk(double q, const BiasLengths& lengths) {
         const int i = offset();
         if (i < 0) return false;
@@ -154,7 +155,7 @@ class NoiseModel {
         return true;
     }
 
-    // Stores the present filters; the previously stored ones become those of one chunk earlier.
+    // Stores the present filters. The filters that were stored before become those of one chunk earlier.
     void keep() {
         for (Rival& one : rivals_) {
             one.before[0] = one.before[1];
@@ -226,13 +227,14 @@ class NoiseModel {
     }
 
   private:
-    // Limit of the log likelihood by which a system can lead, so that the other system can become the right
-    // one.
+    // Limit of the difference between the log likelihoods of two systems. It allows the less likely system to
+    // become the likelier one again.
     static constexpr double kMostLikely = 12, kClip = 6, kSlow = 1 / 2048.0;
 
     struct Rival {
         Filter filter, before[2];
-        double e = 0, S = 1, weight = 1;                   // of the newest sample
+        // innovation, its variance, and weight at the newest sample
+        double e = 0, S = 1, weight = 1;
         double unlikely = 0, unlikely_before[2] = {0, 0};  // -log L, up to a constant
     };
 
@@ -260,7 +262,8 @@ class NoiseModel {
     std::vector<Rival> rivals_;
     std::size_t best_ = 0;
     double variance_ = 1;
-    double stays_ = 1;  // mean weight of the last system in the newest few thousand samples
+    // mean weight of the system without a random walk over the newest few thousand samples
+    double stays_ = 1;
 };
 
 }  // namespace track

@@ -1,4 +1,4 @@
-// Properties of a single noise system: the system with one more state, and how well its states and sums of
+// Functions of a single noise system: they append a state, and compute how well its states and future sums of
 // samples are known (host/fltea/noise/system.py, heading.py).
 #pragma once
 
@@ -10,13 +10,14 @@
 namespace fltea {
 namespace track {
 
-// One more state, which no other state drives. `variance`: before the first sample. `shared`: part of that
-// variance which the previous state has with the opposite sign, so that the sum of both states is unchanged.
+// A state to be appended, which does not depend on other states. `variance`: its variance before the first
+// sample. `shared`: part of that variance that the previous state has with the opposite sign, so that this
+// part cancels in the sum of both states.
 struct Coordinate {
     double a, q, variance, signal, shared;
 };
 
-// Appends a state; the arrays of `s` have room for it.
+// Appends a state, for which the arrays of `s` must have room.
 inline void append(System<kMost>& s, const Coordinate& one) {
     const int n = s.n, all = n + 1;
     for (double* matrix : {s.Q, s.P0}) {
@@ -51,7 +52,7 @@ void transition(const System<N>& s, double* A) {
     }
 }
 
-// Writes X Y' of two matrices.
+// Computes out = X Y' for two matrices.
 inline void times_transposed(const double* X, const double* Y, double* out, int n) {
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j < n; ++j) out[i * n + j] = dot(X + i * n, Y + j * n, n);
@@ -63,9 +64,9 @@ inline void make_symmetric(double* X, int n) {
     }
 }
 
-// Computes the covariance P of the state x after `samples` samples at rest, starting at the first sample of
-// all. Doubles the number of samples in each step, X -> H + A X (1 + G X)^-1 A'. Returns false if the numbers
-// do not allow it.
+// Computes the covariance P of the state x after `samples` samples at rest, counted from the very first
+// sample. Each step X -> H + A X (1 + G X)^-1 A' doubles the number of samples. Returns false if a matrix is
+// singular or a number is not finite.
 inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     enum { kSize = kMost * kMost };
     const int n = s.n, size = n * n;
@@ -123,17 +124,19 @@ inline bool rested(const System<kMost>& s, std::int64_t samples, double* P) {
     return true;
 }
 
-// Prediction of the sum of c x, and of white noise of variance R, over samples to come: `row` maps the state
-// x of the last sample to the mean of the sum, and `variance` is that of the noise to come.
+// Prediction of the sum of c x plus white noise of variance R over the next samples. `row` maps the state x
+// of the last sample to the mean of the sum, and `variance` is the variance that the noise of the next
+// samples adds.
 struct SumAhead {
     double row[kMost], variance;
 };
 
-// Predicts the sums for several numbers of samples, which share the squares of the transition matrix.
+// Predicts such sums for several numbers of samples together, because they need the same squares of the
+// transition matrix.
 inline void sums_ahead(const System<kMost>& s, const double* c, double R, const std::int64_t* counts,
                        int count, SumAhead* to) {
     enum { kAll = kMost + 1 };
-    // The sum is one more state, the last one.
+    // The sum is appended as the last state.
     const int n = s.n, all = n + 1;
     double A[kMost * kMost], F[kAll * kAll] = {0}, Q[kAll * kAll] = {0}, T[kAll * kAll], U[kAll * kAll];
     transition(s, A);
@@ -159,7 +162,7 @@ inline void sums_ahead(const System<kMost>& s, const double* c, double R, const 
         for (int k = 0; k < count; ++k) {
             if (((counts[k] >> bit) & 1) == 0) continue;
             std::memcpy(rows, to[k].row, sizeof(double) * std::size_t(n));
-            rows[n] = 1;  // the sum keeps its value
+            rows[n] = 1;  // the sum so far is kept
             to[k].variance += form(rows, Q, rows, all);
             for (int j = 0; j < n; ++j) {
                 double sum = 0;

@@ -1,5 +1,5 @@
-// Saves a snapshot as a row of doubles, and loads it again. Every loaded number is checked, since a snapshot
-// may come from anywhere.
+// Saves a snapshot as a row of doubles, and loads it again. Every loaded number is checked, because a
+// snapshot may come from any file.
 #pragma once
 
 #include <cmath>
@@ -27,7 +27,7 @@ class NumberSaver {
     std::vector<double>& out_;
 };
 
-// Leaves a value unchanged if the loaded number is not valid.
+// Loads a number. If it is not valid, leaves `value` unchanged.
 class NumberLoader {
   public:
     enum { kLoads = 1 };

@@ -1,9 +1,9 @@
 // Searches the lines of an octave spectrum (host/fltea/spectrum/ordinates.py) for the most significant
 // peak: a stretch of lines whose mean is too far above the means of the flanks on both sides.
 //
-// Most lines are averages over blocks under Hann's window. Each has more than two degrees of freedom, and
-// neighbours are correlated. A stretch of a few lines therefore has more degrees of freedom for its width
-// than a long stretch.
+// Most lines are averages over blocks of samples under Hann's window. Such a line has more than two degrees
+// of freedom, and neighbouring lines are correlated. A stretch of a few lines therefore has more degrees of
+// freedom per line than a long stretch.
 #pragma once
 
 #include <algorithm>
@@ -21,23 +21,25 @@ struct Found {
 };
 
 // Constants of the search. host/fltea/spectrum/ordinate_peak.py has the constants that two searches share.
-constexpr double kFlank = 48;  // ordinates in the shortest flank
+constexpr double kFlank = 48;  // least number of ordinates in a flank
 constexpr double kWidestShare = 0.08;
-constexpr std::size_t kShortestFlank = 12;  // lines in a flank, regardless of the ordinates per line
-constexpr std::size_t kLeastFlank = 4;      // lines that a flank must have at the edge of the spectrum
-constexpr double kLeastInFlank = 16;        // ordinates that it must have there
-constexpr std::size_t kEndFlank = 4;        // ordinates in the lower flank of a line near frequency 0
-// at the ends of the band, where only single lines are searched for
+// least number of lines in a flank, regardless of the ordinates per line
+constexpr std::size_t kShortestFlank = 12;
+constexpr std::size_t kLeastFlank = 4;  // lines that a flank must have at the edge of the spectrum
+constexpr double kLeastInFlank = 16;    // ordinates that a flank must have at the edge of the spectrum
+constexpr std::size_t kEndFlank = 4;    // lines in the lower flank of a line near frequency 0
+// widths of stretches at the ends of the band, where only single spectral lines are searched for
 constexpr std::size_t kEndWidths[] = {1, 2};
-// Variance of the extrapolated level near²/far, as a ratio to that of `near`; both from equally many
-// averages.
+// Ratio of the variance of the extrapolated level near²/far to that of `near`, if both are means of equally
+// many ordinates.
 constexpr double kContinued = 5;
-constexpr std::size_t kWidest = 8;  // averaged lines in a stretch: a fifth of an octave
-// a stretch is tested only if it has this share of the gain needed at a known level
+constexpr std::size_t kWidest = 8;  // most averaged lines in a stretch, which are a fifth of an octave
+// a stretch is tested only if its gain is this share of the gain that would be needed if the noise level were
+// known
 constexpr double kHopeless = 0.6;
-constexpr double kLeastLevel = 1e-12;  // relative to the mean
+constexpr double kLeastLevel = 1e-12;  // least noise level, relative to the mean of the spectrum
 
-// (1 - x² + 2x log x) / (1 - x)²; 0 at 1, where it is (1 - x)/3.
+// (1 - x² + 2x log x) / (1 - x)². Near x = 1, it is (1 - x)/3.
 inline double peizer_pratt(double x) {
     const double away = 1 - x;
     return std::fabs(away) < 1e-3 ? away / 3 : (1 - x * x + 2 * x * std::log(x)) / (away * away);
@@ -54,8 +56,8 @@ inline double f_deviate(double ratio, double a, double b) {
     return d * std::sqrt(spread);
 }
 
-// Standard normal deviate with this exceedance probability, which is below 0.5. Uses Newton's method from
-// above on the logarithm, which is concave.
+// Standard normal deviate with the exceedance probability `probability`, which is below 0.5. Newton's method
+// is used from above on the logarithm of the probability, which is concave.
 inline double critical(double probability) {
     double z = std::sqrt(-2 * std::log(2 * probability));
     for (int step = 0; step < 50; ++step) {
@@ -105,7 +107,7 @@ class Search {
     double mean(Range r) const { return (sums_[r.to] - sums_[r.from]) / std::fmax(weight(r), 1e-300); }
     bool is_averaged(std::size_t i) const { return averaged_[i + 1] != averaged_[i]; }
 
-    // Effective ordinates of `width` averaged lines, as a ratio to the sum of their weights.
+    // Effective number of ordinates of `width` averaged lines, divided by the sum of their weights.
     static double gathered(std::size_t width) {
         // correlations between the powers of lines under Hann's window
         const double of_next = 4.0 / 9, of_second = 1.0 / 36;
@@ -120,11 +122,12 @@ class Search {
     static double gain_of(double effective, double ratio) {
         return effective * (ratio - 1 - std::log(ratio));
     }
-    // If the level were known, the deviate would be about √(2 gain). Most stretches need no exact test.
+    // The gain below which a stretch need not be tested exactly. If the noise level were known, the deviate
+    // would be about √(2 gain), so most stretches need no exact test.
     static double hopeless(double deviate) { return kHopeless * deviate * deviate / 2; }
 
-    // Returns the last line index from which the lines before `end` have at least this many ordinates and
-    // lines.
+    // Returns the index at which the shortest range of lines before `end` begins that has at least this many
+    // ordinates and lines.
     std::size_t down(std::size_t end, double ordinates, std::size_t lines) const {
         const auto next = std::upper_bound(weights_.begin(), weights_.end(), weights_[end] - ordinates);
         const std::ptrdiff_t enough = next - weights_.begin() - 1;
@@ -138,7 +141,7 @@ class Search {
     }
 
     std::vector<Try> tries() const {
-        // The shortest flanks that begin at each line, upwards and downwards.
+        // For each line: where the shortest flank that begins there ends, upwards and downwards.
         std::vector<std::size_t> to(size_ + 1), from(size_ + 1);
         for (std::size_t i = 0, high = 0, low = 0; i <= size_; ++i) {
             while (high <= size_ && weights_[high] < weights_[i] + kFlank) ++high;
@@ -170,8 +173,8 @@ class Search {
         if (all.empty()) return;
         const double deviate = critical(false_alarm / static_cast<double>(all.size()));
         const double hope = std::fmax(hopeless(deviate), best.gain);
-        // Among the stretches that pass, choose the likeliest. Choosing by deviate would favour wide
-        // stretches, whose flanks are longer.
+        // Among the stretches that pass the test, the one with the largest gain is chosen. Choosing by the
+        // deviate would favour wide stretches, because their flanks are longer.
         for (const Try& one : all) {
             const double low = mean(one.low), high = mean(one.high), level = std::fmax(low, high);
             const double ratio = mean(one.own) / std::fmax(level, least_);
@@ -185,8 +188,8 @@ class Search {
         }
     }
 
-    // A stretch too close to an end for complete flanks. It is compared with both sides (`two_sided`), or
-    // with two pieces of the lower flank.
+    // A stretch that is too close to an end of the spectrum for complete flanks. It is compared with both
+    // sides (`two_sided`), or with two neighbouring parts of the lower flank.
     struct AtAnEnd {
         Range own, near, other;
         bool two_sided;
@@ -204,7 +207,8 @@ class Search {
                 std::min(filled, index(size_) - index(kLeastFlank)) - 2 * index(width);
             for (std::ptrdiff_t at = index(kEndFlank + width); at < std::min(first, last + 1); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
-            // Within two averaged lines a level can rise too far.
+            // Within two averaged lines, the level of steep noise can rise too far to be distinguished from a
+            // peak.
             if (width > 1 && is_averaged(size_ - 1)) continue;
             for (std::ptrdiff_t at = std::max(last + 1, first); at <= index(size_) - index(width); ++at)
                 found.push_back(at_an_end(static_cast<std::size_t>(at), width));
@@ -236,7 +240,8 @@ class Search {
             if (!(ratio > 1)) continue;
             const double gain = gain_of(own, ratio);
             if (!(gain > std::fmax(hopeless(deviate), best.gain))) continue;
-            // Tests each flank separately, because a short flank is more often low by chance.
+            // The stretch is tested against each flank separately, because a short flank is more often low by
+            // chance.
             const auto passes = [&](double around, double ordinates) {
                 return f_deviate(mean(one.own) / around, 2 * own, 2 * ordinates) > deviate;
             };

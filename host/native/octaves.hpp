@@ -1,4 +1,5 @@
-// Everything that is kept of the noise of one axis for its spectrum, in constant memory at any length.
+// Everything that is kept of the noise of one axis for its spectrum. The memory does not grow with the length
+// of the record.
 #pragma once
 
 #include <cstddef>
@@ -10,8 +11,8 @@
 
 namespace fltea {
 
-// All consumers of the accepted samples. Each has accept(values, n, number of the first, made_up[n]), cut(),
-// age(now), merge(other, shift, now) and visit(io).
+// Passes the accepted samples on to the spectrum and to the Allan sums. Its functions are accept(values, n,
+// number of the first, made_up[n]), cut(), age(now), merge(other, shift, now) and visit(io).
 template <typename Number>
 struct AcceptedStream {
     explicit AcceptedStream(double memory) : ladder(memory), allan(memory), next_(0) {}
@@ -53,12 +54,12 @@ struct AcceptedStream {
     std::uint64_t next_;  // expected number of the next sample
 };
 
-// Number of samples during motion, and number of motions.
+// Number of samples in motion (`moved`), and number of motions.
 struct MotionCounts {
     std::uint64_t moved, motions;
 };
 
-// Sums of one lane. `memory`: memory length [samples]; 0: nothing is forgotten.
+// The sums of one axis. `memory`: memory length [samples]; 0: nothing is forgotten.
 template <typename Number>
 class Octaves {
   public:
@@ -72,9 +73,9 @@ class Octaves {
     const AllanSums& allan() const { return accepted_.allan; }
 
     void add(const double* y, std::size_t n, std::size_t stride) { gate_.add(y, n, stride, accepted_); }
-    // Adds samples without those in motion. If a motion lasts for more than `longest` samples without kRest
-    // consecutive samples at rest, the rest of it counts as noise: louder noise is quiet for a moment now and
-    // then.
+    // Adds all samples except those in motion. If a motion has lasted for more than `longest` samples without
+    // kRest consecutive samples at rest, further samples count as noise, because the noise may have become
+    // louder for good.
     void add(const double* y, const unsigned char* moving, std::size_t n, std::size_t stride,
              std::uint64_t longest) {
         for (std::size_t i = 0, next; i < n; i = next) {
@@ -93,26 +94,28 @@ class Octaves {
     }
     void skip(std::uint64_t count) { gate_.skip(count); }
 
-    // Adds the waiting samples of the incomplete chunk, and drops what is forgotten by now. This makes a
-    // break.
+    // Adds the samples of the incomplete chunk, and drops what is forgotten by now. This makes a break in the
+    // stream.
     void finish() {
         gate_.finish(accepted_);
         accepted_.age(now());
     }
 
-    // Returns a finished copy for reading. This instance stays as it is.
+    // Returns a copy on which finish() was called, for reading. This instance is not changed.
     Octaves finished() const {
         Octaves copy(*this);
         copy.finish();
         return copy;
     }
 
-    // Adds the values of the deepest complete level to the sums, so that their record in time includes them.
+    // Turns the samples of the level that still keeps them into Welch sums, so that the record of the
+    // spectrum over time includes them.
     void deepen() {
         if (accepted_.ladder.depth() < accepted_.ladder.kLevels - 1) accepted_.ladder.deepen();
     }
 
-    // Merges a later stretch with the same memory length. Both then have a break at their end.
+    // Merges the sums of a later part of the stream, which must have the same memory length. After that, this
+    // instance has a break at its end.
     void merge(const Octaves& other) {
         finish();
         const Octaves later = other.finished();
@@ -145,7 +148,7 @@ class Octaves {
     AcceptedStream<Number> accepted_;
     MotionCounts motion_ = MotionCounts();
     std::uint64_t lasts_ = 0;  // samples since the present motion began
-    std::uint64_t rest_ = 0;   // number of the newest of those samples that are at rest
+    std::uint64_t rest_ = 0;   // number of the newest samples that are at rest, during the present motion
 };
 
 }  // namespace fltea

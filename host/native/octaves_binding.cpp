@@ -1,4 +1,4 @@
-// fltea._native.Octaves: the running spectra of several lanes for Python (host/fltea/spectrum/octaves.py).
+// fltea._native.Octaves: the running spectra of several axes, for Python (host/fltea/spectrum/octaves.py).
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
@@ -89,7 +89,8 @@ class Octaves : public fltea::SumsPart {
         for (size_t i = 0; i < lanes_.size(); ++i) lanes_[i].merge(theirs[i]);
     }
 
-    // Counts in the order of GateCounts and MotionCounts, and whether all samples so far were the same.
+    // Returns the counts in the order of GateCounts and MotionCounts, and whether all samples so far were
+    // equal.
     std::tuple<std::vector<uint64_t>, bool> counts(size_t lane) const {
         const std::lock_guard<std::mutex> alone(mutex_);
         const fltea::engine::GateCounts& c = at(lane).counts();
@@ -106,8 +107,9 @@ class Octaves : public fltea::SumsPart {
         return found;
     }
 
-    // Returns for each Welch level: sums of |FFT|^2, blocks, effective blocks. Then the values of the level
-    // that is kept whole (float32) and the lengths of its stretches (int32).
+    // Returns for each level that has Welch sums: sums of |FFT|^2, number of blocks, and effective number of
+    // blocks. After them, returns the samples of the level that still keeps them (float32), and the lengths
+    // of its stretches (int32).
     nb::tuple spectrum(size_t lane) const {
         const Lane finished = finished_lane(lane);
         const Ladder& ladder = finished.ladder();
@@ -126,8 +128,9 @@ class Octaves : public fltea::SumsPart {
                               bytes_of(lengths.data(), lengths.size()));
     }
 
-    // Returns the number of the next sample, and for each level: the first sample numbers, counts, means and
-    // sums of squared deviations of its time cells, then the pairs and variances of its time scales.
+    // Returns the number of the next sample, and for each level: four columns of its time cells (first sample
+    // number, count, mean and sum of squared deviations of each cell), then the numbers of pairs and the
+    // variances of its time scales.
     nb::tuple cells(size_t lane) const {
         Lane finished = finished_lane(lane);
         finished.deepen();
@@ -139,7 +142,7 @@ class Octaves : public fltea::SumsPart {
         return nb::make_tuple(finished.now(), levels);
     }
 
-    // Returns averaging factors, Allan variances and numbers of terms, and the number of samples that they
+    // Returns averaging factors, Allan variances, their numbers of terms, and the number of samples that they
     // describe.
     std::tuple<std::vector<double>, std::vector<double>, std::vector<double>, double> allan(
         size_t lane) const {
@@ -212,7 +215,8 @@ class Octaves : public fltea::SumsPart {
 
 using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-// Returns begin and end of the most significant peak, and the level around it; None if there is no peak.
+// Returns the indexes at which the most significant peak begins and ends, and the noise level around it, or
+// None if there is no peak.
 nb::object strongest_octave_peak(Column power, Column weight, double false_alarm) {
     if (power.shape(0) != weight.shape(0)) throw nb::value_error("each line has a power and a weight");
     if (!(false_alarm > 0 && false_alarm < 1)) throw nb::value_error("a probability is between 0 and 1");

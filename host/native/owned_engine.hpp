@@ -1,4 +1,5 @@
-// An engine with its own memory, and the functions of its instruction set's table as methods.
+// An estimator engine that owns its memory. Its methods call the functions for its instruction set
+// (engine.hpp).
 #pragma once
 
 #include <cstdint>
@@ -12,7 +13,7 @@ namespace fltea {
 
 class OwnedEngine {
   public:
-    // `settings`: one entry per lane.
+    // `settings` has one entry per lane; a lane is one axis.
     OwnedEngine(const engine::Backend& backend, const engine::EngineShape& shape,
                 const engine::LaneSettings* settings)
         : backend_(backend), shape_(shape), bytes_(backend.storage(shape)) {
@@ -20,7 +21,8 @@ class OwnedEngine {
         owned_.reset(new unsigned char[bytes_ + alignment]);
         const std::uintptr_t address = reinterpret_cast<std::uintptr_t>(owned_.get());
         storage_ = owned_.get() + (alignment - address % alignment) % alignment;
-        // Cleared, because padding between the parts gets into snapshots, which have to be reproducible.
+        // The memory is cleared, because snapshots also contain the unused bytes between its parts, and have
+        // to be reproducible.
         std::memset(storage_, 0, bytes_);
         backend_.start(storage_, shape_, settings);
     }
@@ -31,9 +33,9 @@ class OwnedEngine {
     std::size_t causes() const { return static_cast<std::size_t>(backend_.causes); }
     std::size_t bytes() const { return bytes_; }
 
-    // Applies other settings from the next row on, one entry per lane.
+    // Applies other settings, one entry per lane, from the next row on.
     void retune(const engine::LaneSettings* settings) { backend_.retune(storage_, shape_, settings); }
-    // Applies from the next row on.
+    // Replaces the estimate of one lane from the next row on.
     void set_filter_model(std::size_t lane, const engine::FilterModel& filter_model) {
         backend_.set_filter_model(storage_, shape_, lane, filter_model);
     }

@@ -1,5 +1,6 @@
-// Logarithm without libm and without branches, for double and Pack (pack.hpp): a lane's result is the same at
-// any width. For positive normal numbers. The error is at most 2 units in the last place.
+// The logarithm of positive normal numbers, without libm and without branches, for double and Pack
+// (pack.hpp). A lane's result is the same at any number of lanes. The error is at most 2 units in the last
+// place.
 #pragma once
 
 #include "pack_math.hpp"
@@ -8,7 +9,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// x = 2^n m with m between 1/√2 and √2: the bits of 2^52 + 1023 + n, and m.
+// Splits x = 2^n m with m between 1/√2 and √2 into the bits of 2^52 + 1023 + n, and m.
 template <class T>
 struct Binary {
     T shifted, m;

@@ -1,6 +1,6 @@
-// Runs packs of lanes one after another, for one instruction set. engine.cpp fills its table with these
-// functions. They use no standard library function that has code, because the linker would share such inline
-// functions between the instruction sets.
+// Runs packs of lanes one after another, for one instruction set. A pack is one vector register of lanes, and
+// a lane is one axis. engine.cpp fills its table with these functions. They use no standard library function
+// that has code, because the linker would share such inline functions between the instruction sets.
 #pragma once
 
 #include <new>
@@ -25,10 +25,10 @@ inline std::size_t rounded_up(std::size_t bytes) {
 }
 inline std::size_t packs(const EngineShape& shape) { return (shape.lanes + kLanesInPack - 1) / kLanesInPack; }
 
-// More samples than any sensor delivers, and far from where counters wrap.
+// Limit for numbers of samples in a snapshot. No sensor delivers more, and counters wrap far beyond it.
 const std::uint64_t kMostPushed = std::uint64_t(1) << 52;
 
-// A kind of memory: how much storage it needs, and how it is created.
+// These structs are the kinds of memory: each says how much storage the memory needs, and creates it.
 struct Direct {
     typedef DirectMemory<Number> Memory;
     static std::size_t storage(const EngineShape& shape) { return Memory::storage(shape.window); }
@@ -51,7 +51,7 @@ struct Compressed {
     static bool plausible(const Memory::Position& at, const EngineShape&) { return at.pushed <= kMostPushed; }
 };
 
-// Whether the filters of a lane can have reached this state, given that all numbers are finite.
+// Whether the filters of a lane can have reached this state. All numbers in it are known to be finite.
 inline bool sound(const StateBelief<Number>& state, int lane) {
     return state.P[lane] >= 0 && state.V[lane] >= 0 && state.reach[lane] >= 0;
 }
@@ -82,8 +82,8 @@ inline void set_filter_model(Joint<Number>& filters, int lane, const FilterModel
     set_lane(filters.P.bb, lane, filter_model.parameter_variance);
 }
 
-// An engine of one variant and memory kind. It stores its packs one after another, each a Lane followed by
-// the storage of its memory.
+// An engine for one variant of the filters and one kind of memory. It stores its packs one after another; a
+// pack is an object of class Lane followed by the storage of its memory.
 template <class Variant, class Kind>
 class Packs {
   public:
@@ -142,8 +142,8 @@ class Packs {
         }
     }
 
-    // A snapshot holds, pack after pack, the raw bytes of State, of the memory's own data, and of its storage
-    // including the tables.
+    // A snapshot contains for each pack the bytes of its State, of the memory's Position, and of the memory's
+    // storage including the tables.
     std::size_t snapshot() const {
         return packs(shape_) * (sizeof(typename PackOfLanes::State) + sizeof(Position) +
                                 Kind::storage(shape_) * sizeof(Number));
@@ -192,7 +192,8 @@ class Packs {
         return in + bytes;
     }
 
-    // The last pack may have idle lanes. They have the settings of the last lane, and their input is zeros.
+    // Number of lanes of pack i that are used. Other lanes of the last pack have the settings of the last
+    // lane, and zeros as input.
     std::size_t used(std::size_t i) const {
         const std::size_t rest = shape_.lanes - i * kLanesInPack;
         return rest < kLanesInPack ? rest : kLanesInPack;
@@ -236,7 +237,7 @@ class Packs {
         if (block.u) sample.u = numbers(block.u + row, i);
         if (block.missing) {
             sample.missing = flags(block.missing + row, i);
-            // the value of a missing sample is ignored
+            // the value of a missing sample may be anything, so it is replaced
             sample.y = select(sample.missing, Number(0.0), sample.y);
         }
     }
@@ -312,7 +313,7 @@ class Packs {
         return calm;
     }
 
-    // Whether the loaded state of a pack is possible. Idle lanes do not matter.
+    // Whether the state that was loaded into a pack is possible. Lanes that are not used do not matter.
     bool sound_pack(std::size_t i) const {
         const typename PackOfLanes::State& state = lane(i).state();
         const Number* const numbers = static_cast<const Number*>(static_cast<const void*>(&state));

@@ -1,6 +1,6 @@
 // The past samples of an axis, for a filter that restarts with another model. The newest samples are kept
-// singly; older ones are kept as means, over longer times the older they are. Memory is constant. At 100 Hz
-// it covers half a month, plus the mean of all earlier samples.
+// singly. Older samples are kept as means, and the older they are, the more samples are in a mean. The size
+// in memory is constant. At 100 Hz the record covers half a month, plus the mean of all earlier samples.
 #pragma once
 
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace fltea {
 namespace track {
 
-// Samples are limited to this magnitude. No sensor delivers more.
+// Samples are clipped at this magnitude, which no sensor reaches.
 constexpr float kMostKnown = 1e37f;
 inline float remembered(double y) {
     return y > kMostKnown ? kMostKnown : y < -kMostKnown ? -kMostKnown : float(y);
@@ -26,20 +26,20 @@ void visit_known(Io& io, float& value) {
     value = one > most ? __builtin_nanf("") : float(one);
 }
 
-// The newest numbers, up to `size`, which is a multiple of kGroup. NaN: unknown.
+// A queue of the newest `size` numbers at most; `size` is a multiple of kGroup. Unknown numbers are NaN.
 template <int size>
 class Newest {
   public:
     int count() const { return count_; }
     bool full() const { return count_ == size; }
-    // i = 0 is the oldest.
+    // The number at index i, where i = 0 is the oldest.
     double operator[](int i) const { return double(values_[(first_ + i) % size]); }
     void push(float value) {
         values_[(first_ + count_) % size] = value;
         ++count_;
     }
-    // Removes the oldest `group` numbers. Returns the mean of the known ones, or NaN if less than half are
-    // known.
+    // Removes the oldest `group` numbers. Returns the mean of the known numbers among them, or NaN if less
+    // than half are known.
     float pop(int group) {
         double sum = 0;
         int known = 0;
@@ -62,7 +62,7 @@ class Newest {
         return all <= 0 || (same(values_ + first_, other.values_ + first_, to_end) &&
                             same(values_, other.values_, all - to_end));
     }
-    // Marks the newest numbers as unknown.
+    // Marks the newest `newest` numbers as unknown.
     void forget(int newest) {
         for (int i = count_ - newest < 0 ? 0 : count_ - newest; i < count_; ++i) {
             values_[(first_ + i) % size] = __builtin_nanf("");
@@ -105,10 +105,10 @@ class Past {
         }
         return single_.is(other.single_, but_newest);
     }
-    // Marks the newest samples as unknown, as far as they are kept singly.
+    // Marks the newest `newest` samples as unknown, as far as they are kept singly.
     void forget(int newest) { single_.forget(newest); }
     const Newest<kSingle>& single() const { return single_; }
-    // Means of kGroup^(level + 1) samples.
+    // The means over kGroup^(level + 1) samples.
     const Newest<kMeans>& means(int level) const { return means_[level]; }
 
     template <typename Io>

@@ -1,5 +1,6 @@
-// Parses plain rows of numbers in lines of text, bit-identical to Python's float. Any line that is not plain
-// is left to Python (host/fltea/recording/text_numbers.py), so the rules for such lines exist only once.
+// Parses lines of text that are plain rows of numbers. The numbers are bit-identical to those of Python's
+// float(). Any other line is left to Python (host/fltea/recording/text_numbers.py), so that the rules for
+// such lines exist only once.
 #pragma once
 
 #include <algorithm>
@@ -15,8 +16,9 @@
 
 namespace fltea {
 
-// `separator`: 0 for white space. `least`: a row has at least this number of fields. `most`: fields beyond
-// this number are empty. `places`: indexes, from 0, of the fields to read.
+// The form of a row. `separator`: character between fields; 0 for white space. `least`: a row has at least
+// this number of fields. `most`: fields after this number have to be empty. `places`: indexes, from 0, of the
+// fields to read.
 struct RowForm {
     char separator;
     std::size_t least, most;
@@ -25,8 +27,8 @@ struct RowForm {
 
 class PlainRows {
   public:
-    // `decimal`: '.' or ',' if an earlier number had that decimal mark, otherwise 0. A comma is a decimal
-    // mark only if it does not separate fields.
+    // `decimal`: the decimal mark of earlier numbers, '.' or ',', or 0 if none had a decimal mark. A comma is
+    // a decimal mark only if it does not separate fields.
     PlainRows(RowForm form, char decimal) : form_(std::move(form)), decimal_(decimal) {
         for (std::size_t k = 0; k < form_.places.size(); ++k) {
             const std::size_t place = form_.places[k];
@@ -40,9 +42,9 @@ class PlainRows {
     }
 
     // Reads complete lines (the last line may lack its end) up to the first line that is not plain. Returns
-    // the position where that line begins, or text.size() + 1 if all lines are plain. Skips blank lines and
-    // comments. `values`: receives the numbers, row by row. `lines`: receives the index of each row's line,
-    // from 0. Both need room for all lines.
+    // the position at which that line begins, or text.size() + 1 if all lines are plain. Blank lines and
+    // comments are skipped. The numbers are written to `values`, row by row, and the index of each row's
+    // line, from 0, to `lines`. Both need room for all lines.
     std::size_t read(std::string_view text, double* values, std::int64_t* lines) {
         const std::size_t width = form_.places.size();
         std::size_t begin = 0;
@@ -63,7 +65,7 @@ class PlainRows {
         return begin;
     }
 
-    // Number of consumed lines, and number of rows among them.
+    // Number of lines that were read, and number of rows among them.
     std::size_t passed = 0, rows = 0;
 
     char decimal() const { return decimal_; }
@@ -87,8 +89,8 @@ class PlainRows {
         return !line.empty() && (line.front() == '#' || line.front() == '%' || line.substr(0, 2) == "//");
     }
 
-    // Does the same as `row` in a third of the time, if all fields to be read are short numbers. Returns
-    // false otherwise.
+    // Does the same as row() in a third of the time, if all fields to be read are short numbers. Otherwise
+    // returns false.
     bool quick(std::string_view line, double* out) {
         if (!is_ascii(line.front()) || (decimal_ == ',' && form_.separator != ',')) return false;
         const char *at = line.data(), *const end = at + line.size();
@@ -119,7 +121,8 @@ class PlainRows {
     // Returns whether a line is plain, and writes its numbers if it is.
     bool row(std::string_view line, double* out) {
         fields_.clear();
-        bool plain = line.front() == '\t' || is_ascii(line.front());  // Python knows further blank characters
+        // for Python, more characters are blanks
+        bool plain = line.front() == '\t' || is_ascii(line.front());
         for (std::size_t begin = 0, end = 0; begin < line.size(); begin = form_.separator ? end + 1 : end) {
             if (form_.separator) {
                 for (end = begin; end < line.size() && line[end] != form_.separator;) ++end;
@@ -145,7 +148,8 @@ class PlainRows {
         return true;
     }
 
-    // Adds a field without surrounding blanks and quotes. Returns false if it has quotes anywhere else.
+    // Adds a field without the blanks and quotes around it. Returns false if the field has quotes anywhere
+    // else.
     bool add(std::string_view field) {
         if (field.size() > 1 && field.front() == '"' && field.back() == '"')
             field = field.substr(1, field.size() - 2);
@@ -153,7 +157,7 @@ class PlainRows {
         return field.find('"') == field.npos;
     }
 
-    // Whether a field is a number, or empty, or a word that marks a missing value.
+    // Reads a field. Returns whether it is a number, or empty, or a word that marks a missing value.
     bool number(std::string_view text, double& value, char& mark) const {
         if (text.empty()) return true;
         if (text.size() >= kLongest) return false;
@@ -185,8 +189,9 @@ class PlainRows {
 
     static bool is_digit(char sign) { return sign >= '0' && sign <= '9'; }
 
-    // Parses a number with at most 2^53 as its digits and an exact power of ten, so that one division rounds
-    // correctly. Returns the position after the number, or null if the text is not such a number.
+    // Parses a number whose digits are an integer of at most 2^53 and whose power of ten is exact, so that
+    // one division rounds correctly. Returns the position after the number, or null if the text is not such a
+    // number.
     static const char* digits(const char* at, const char* end, double& value, bool& has_point) {
         static constexpr double kTens[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,  1e8, 1e9,
                                            1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18};
@@ -222,7 +227,7 @@ class PlainRows {
 
     RowForm form_;
     char decimal_;
-    std::vector<std::size_t> slots_;  // for each field, the index for its number
+    std::vector<std::size_t> slots_;  // for each field, the index at which its number is written
     std::vector<std::string_view> fields_;
 };
 

@@ -1,8 +1,8 @@
-// Decodes what came over one port into items, in order of arrival: samples, other frames, ticks of a silent
-// port, and troubles.
+// Decodes what came from one serial port into items, in the order of arrival. Items are samples, other
+// frames, troubles, and ticks, which are given regularly while the port is silent.
 //
-// The items, and the counts at each moment, depend only on the bytes and their arrival times, never on how
-// many reads are given at once. Once its memory has grown to the size it needs, this class allocates none.
+// The items and the counts depend only on the bytes and their arrival times, never on how many reads are
+// given at once. When its memory has grown to the necessary size, this class allocates no more.
 #pragma once
 
 #include <algorithm>
@@ -19,22 +19,22 @@
 
 namespace fltea {
 
-// Call one of the input functions, then next() until kDone. Items that were not taken before the next input
-// are dropped.
+// The decoder. Call one of the input functions, and then next() until it returns kDone. Items that were not
+// fetched before the next input are dropped.
 class PortDecoder {
   public:
-    // If the program itself stalled for this long, silence of the port proves nothing.
+    // If the program itself was stalled for this long, the port was not necessarily silent.
     static constexpr std::int64_t kStallNs = 2 * kSecondNs;
-    // Limit for one silence, which in a recording may last for days.
+    // Largest number of ticks for one silence, which in a recording may last for days.
     static constexpr std::int64_t kMostTicks = 120;
 
     explicit PortDecoder(const PortTimes& times) : times_(times), watch_(times) {}
 
     const PortCounts& counts() const { return counts_; }
-    // Unix time offset of the newest input that the caller has received.
+    // Difference between Unix time and host time for the newest input that the caller has received.
     std::int64_t unix_offset_ns = 0;
 
-    // The port was opened, perhaps again.
+    // Call this when the port was opened, for the first time or again.
     void opened(const Stamp& at) {
         drop();
         unix_offset_ns = at.unix_offset_ns;
@@ -44,7 +44,8 @@ class PortDecoder {
         set_last(at.host_ns);
     }
 
-    // The port could not be opened, or was lost. Returns whether this has to be reported. There are no items.
+    // Call this when the port could not be opened or was lost. Returns whether this has to be reported. It
+    // gives no items.
     bool failed(const char* kind, const Stamp& at) {
         drop();
         unix_offset_ns = at.unix_offset_ns;
@@ -53,20 +54,20 @@ class PortDecoder {
         return watch_.is_news(kind, at.host_ns);
     }
 
-    // Gives the bytes of consecutive reads; the last read ends where the bytes end. Silences between reads
-    // give ticks.
+    // Input: the bytes of `n` consecutive reads; the last read ends where the bytes end. Silences between the
+    // reads give ticks.
     void feed(const std::uint8_t* data, const PortRead* reads, std::size_t n, std::int64_t now_ns) {
         begin(data, reads, n, now_ns);
         tells_time_ = true;
     }
 
-    // Gives the bytes of one read. The caller handles the ticks before it.
+    // Input: the bytes of one read. The caller has to handle ticks before it.
     void feed_one(const std::uint8_t* data, const PortRead& read, std::int64_t now_ns) {
         begin(data, &read, 1, now_ns);
         tells_time_ = false;
     }
 
-    // Nothing has come for a while, until now.
+    // Input: no bytes have come for a while, until `now_ns`.
     void silent(std::int64_t now_ns) {
         drop();
         forgive_stall(now_ns);
@@ -78,31 +79,31 @@ class PortDecoder {
         }
     }
 
-    // The port delivers nothing before this moment.
+    // Input: no bytes will come before `until_ns`.
     void pass_time(std::int64_t until_ns) {
         drop();
         begin_ticks_before(until_ns);
     }
 
-    // Restarts all waiting times, because the program could not read until now.
+    // Restarts all waiting times. Call this if the program could not read until now.
     void forgive(std::int64_t now_ns) {
         watch_.forgive(now_ns);
         has_last_ = false;
     }
 
-    // Notes when the program continued, to distinguish its own stall from a silence.
+    // Notes when the program continued, so that its own stall is not taken for a silence of the port.
     void resume(std::int64_t now_ns) {
         has_before_ = true;
         before_ns_ = now_ns;
     }
 
-    // Call this after a kFrame that is a HELLO, before the next item. It decides how the following bytes are
-    // interpreted.
+    // Accepts the HELLO that was the last item. Call this or refuse_hello() before the next item, because it
+    // decides how the following bytes are interpreted.
     void accept_hello() {
         accepted_.assign(hello_, hello_ + hello_size_);
         watch_.on_hello(true);
     }
-    // Refuses the HELLO. Returns whether this has to be reported.
+    // Refuses the HELLO that was the last item. Returns whether this has to be reported.
     bool refuse_hello() {
         watch_.on_hello(false);
         return watch_.is_news("bad_hello", hello_ns_);
@@ -126,7 +127,7 @@ class PortDecoder {
     }
 
   private:
-    // What the caller received with the last item. It is counted at the next call.
+    // What the caller received with the last item. It is counted at the next call of next().
     struct Handed {
         bool is_any = false;
         std::int64_t end = 0, frames = 0;
@@ -157,7 +158,7 @@ class PortDecoder {
         reads_.assign(reads, reads + n);
     }
 
-    // Begins the ticks from the last event until this moment.
+    // Begins to give the ticks from the last event until `now_ns`.
     void begin_ticks(std::int64_t now_ns) {
         if (!has_last_ || time_between(last_ns_, now_ns) < times_.tick_ns) return;
         ticks_left_ = std::min(kMostTicks, time_between(last_ns_, now_ns) / times_.tick_ns);
@@ -189,8 +190,9 @@ class PortDecoder {
 
     std::int64_t end_before(std::size_t read) const { return read == 0 ? 0 : reads_[read - 1].end; }
 
-    // Continues with the next reads that are processed together: all reads of one second that came close to
-    // each other, or single reads where a trouble may be due between them. Ticks come first.
+    // Continues with the next part, which means the reads that are processed together: all reads of one
+    // second that came close to each other. If a trouble may be due between reads, a part is a single read.
+    // Ticks are given first.
     void next_part() {
         if (at_ == group_end_) {
             group_end_ = end_of_group();
@@ -239,13 +241,13 @@ class PortDecoder {
         check_is_due_ = true;
     }
 
-    // Returns the read of this part in which a frame ended.
+    // Returns the read of the present part in which the frame that ends at `end` ended.
     const PortRead* read_of(std::int64_t end) const {
         return std::lower_bound(reads_.data() + part_begin_, reads_.data() + at_, base_ + end,
                                 [](const PortRead& read, std::int64_t at) { return read.end < at; });
     }
 
-    // Returns false at the end of the part.
+    // Gets the next item of the present part. Returns false at the end of the part.
     bool next_of_part(PortItem& item) {
         for (;;) {
             const bool is_last = other_ == found_.others.size();
@@ -265,7 +267,8 @@ class PortDecoder {
         }
     }
 
-    // Returns samples up to the first whose sequence does not follow, because an epoch may begin with it.
+    // Gives samples up to the first one whose sequence does not follow the previous one, because an epoch may
+    // begin with it.
     void give_samples(std::size_t stop, PortItem& item) {
         const std::size_t from = row_;
         row_ = samples_.end_of_sequence(from, stop);
@@ -276,13 +279,14 @@ class PortDecoder {
         if (row_ == stop) hand_run(stop);
     }
 
-    // Marks as received all samples before `stop` that follow the last other frame.
+    // Notes that the caller has received all samples before `stop` that came after the last other frame.
     void hand_run(std::size_t stop) {
         const std::size_t begin = other_ == 0 ? 0 : found_.others[other_ - 1].row;
         handed_ = {true, found_.samples[stop - 1].end, static_cast<std::int64_t>(stop - begin), Reason::none};
     }
 
-    // Returns false if there is no item, because the frame is from a refused device.
+    // Gives a frame that is no sample, or a bad block. Returns false if there is no item, because the frame
+    // comes from a refused device.
     bool give_other(const OtherRow& other, PortItem& item) {
         const PortRead& read = *read_of(other.end);
         unix_offset_ns = read.stamp.unix_offset_ns;
@@ -326,7 +330,8 @@ class PortDecoder {
         }
     }
 
-    // Counts only what the caller received, so that the counts do not depend on how the bytes were read.
+    // Counts what the caller received with the last item, and nothing else, so that the counts do not depend
+    // on how the bytes were read.
     void count_handed() {
         hello_size_ = 0;
         if (!handed_.is_any) return;
@@ -351,18 +356,18 @@ class PortDecoder {
     PortCounts counts_;
     Handed handed_;
     bool has_before_ = false, has_last_ = false;
-    std::int64_t before_ns_ = 0;  // when the program continued
+    std::int64_t before_ns_ = 0;  // time at which the program continued
     std::int64_t last_ns_ = 0;    // time of the last event or tick
     std::int64_t ticks_left_ = 0, next_tick_ns_ = 0;
-    bool check_is_due_ = false;  // a trouble check is due at last_ns_
+    bool check_is_due_ = false;  // whether a check for troubles is due at last_ns_
 
-    // The given input. Reads before `at_` are in progress or done; the present group ends at `group_end_`.
+    // The input. Reads before `at_` are in progress or done. The present group of reads ends at `group_end_`.
     std::vector<std::uint8_t> bytes_;
     std::vector<PortRead> reads_;
     std::size_t at_ = 0, group_end_ = 0;
     bool tells_time_ = false, is_judged_ = false, is_settled_ = false;
 
-    // The part in progress: reads from `part_begin_` to `at_`. Its bytes begin at `base_`.
+    // The part in progress: the reads from `part_begin_` to `at_`, whose bytes begin at `base_`.
     bool in_part_ = false;
     std::size_t part_begin_ = 0, row_ = 0, other_ = 0;
     std::int64_t base_ = 0, bytes_in_ = 0, bytes_before_ = 0;

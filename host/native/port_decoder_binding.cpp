@@ -1,4 +1,4 @@
-// fltea._native.PortDecoder: decodes what came over a port into items, for Python
+// fltea._native.PortDecoder: the class that decodes what came from a serial port into items, for Python
 // (host/fltea/sources/wire_events.py).
 #include "port_decoder_binding.hpp"
 

@@ -30,7 +30,7 @@ T* copied(NumpyTable& table, const T* from, std::size_t count) {
     return to;
 }
 
-// Returns the columns as in RawBlock.
+// Returns the columns of samples in the order of the Python class RawBlock.
 inline nb::tuple columns(const fltea::SampleColumns& samples) {
     const std::size_t n = samples.n;
     NumpyTable table(n * (4 * sizeof(std::int64_t) + 7 * sizeof(std::int16_t)));
@@ -48,7 +48,7 @@ inline nb::tuple columns(const fltea::SampleColumns& samples) {
                           table.array(flags, wide));
 }
 
-// Returns an item as host/fltea/sources/wire_events.py expects it; None for kDone.
+// Returns an item as a tuple, as host/fltea/sources/wire_events.py expects it, or None for kDone.
 inline nb::object as_tuple(const PortItem& item) {
     switch (item.kind) {
         case PortItem::kDone:
@@ -104,7 +104,8 @@ class PortDecoder {
 
     nb::object next() { return as_tuple(line_.next()); }
 
-    // Returns the numbers of bytes, frames, refused frames and port openings, and the bad blocks by reason.
+    // Returns the numbers of bytes, frames, refused frames and openings of the port, and the number of bad
+    // blocks for each reason.
     nb::tuple counts() const {
         const fltea::PortCounts& counts = line_.counts();
         nb::dict bad;

@@ -1,4 +1,4 @@
-// Arrival times of bytes on a port.
+// Arrival times of bytes on a serial port.
 #pragma once
 
 #include <cstdint>
@@ -6,11 +6,12 @@
 namespace fltea {
 
 struct Stamp {
-    std::int64_t host_ns;         // on the clock that fltea.records.clock reads
-    std::int64_t unix_offset_ns;  // added to host_ns it gives Unix time; 0 if Unix time is not known
+    std::int64_t host_ns;         // time on the clock that fltea.records.clock reads
+    std::int64_t unix_offset_ns;  // Unix time minus host_ns; 0 if Unix time is not known
 };
 
-// One successful read of a port: its end in the bytes that were taken together, and its arrival time.
+// One successful read of a port. `end`: offset of the read's end in the bytes that were fetched together.
+// `stamp`: arrival time.
 struct PortRead {
     std::int64_t end;
     Stamp stamp;

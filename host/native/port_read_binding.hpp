@@ -1,4 +1,4 @@
-// Converts reads to columns for Python.
+// Converts reads of a port (PortRead) to columns for Python.
 #pragma once
 
 #include <vector>
@@ -6,7 +6,7 @@
 #include "numpy_binding.hpp"
 #include "port_read.hpp"
 
-// Returns the columns end, host_ns and unix_offset_ns, each int64 (n).
+// Returns the columns end, host_ns and unix_offset_ns of n reads, each as an int64 array of shape (n,).
 inline nanobind::tuple columns_of(const std::vector<fltea::PortRead>& reads) {
     const std::size_t n = reads.size();
     NumpyTable table(3 * n * sizeof(std::int64_t));

@@ -19,9 +19,11 @@ namespace {
 std::atomic<std::int64_t> unix_shift_ns{0};
 
 constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
-constexpr std::int64_t kEndOfDatesNs = 4'102'444'800 * 1'000'000'000;  // as in fltea.records.clock
-constexpr std::size_t kMostBytes = 1 << 16;                            // of one read
-constexpr int kMostPorts = 64;                                         // of one round
+// the same limit as in fltea.records.clock
+constexpr std::int64_t kEndOfDatesNs = 4'102'444'800 * 1'000'000'000;
+constexpr std::size_t kMostBytes = 1 << 16;  // largest number of bytes in one read
+// largest number of ports for which one wait returns
+constexpr int kMostPorts = 64;
 constexpr std::uint64_t kClose = ~std::uint64_t{0};
 
 // This clock also runs while the machine sleeps, if the system has such a clock.
@@ -105,7 +107,7 @@ std::int64_t PortReader::take(double timeout_s, std::vector<PortNews>& news) {
         news.back().port = static_cast<int>(at);
         one.news = PortNews();
     }
-    // Read under the lock, so that later reads have a later time stamp.
+    // The time is read under the lock, so that all later reads of ports have a later time stamp.
     return now_ns(kClock);
 }
 
@@ -152,7 +154,7 @@ void PortReader::run() {
     }
 }
 
-// Returns whether anything was received.
+// Reads one port. Returns whether anything was received.
 bool PortReader::read_port(std::size_t at, bool hung_up, std::uint8_t* buffer) {
     Port* port = nullptr;
     int descriptor = -1;
@@ -202,7 +204,7 @@ void PortReader::note(Port& port, std::int64_t due_ns) {
     due_ns_ = std::min(due_ns_, due_ns);
 }
 
-// How long to wait for the ports [ms]; -1: the reader is closed.
+// Returns how long to wait for the ports [ms], or -1 if the reader is closed.
 int PortReader::wait_ms() {
     const std::lock_guard<std::mutex> alone(mutex_);
     if (closed_) return -1;

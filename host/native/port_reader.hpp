@@ -1,8 +1,8 @@
-// Reads many ports in a thread of its own. Each read gets its time stamp on arrival, whatever the rest of the
-// program does.
+// Reads many serial ports in a separate thread. Each read gets its time stamp on arrival, whatever the rest
+// of the program does.
 //
-// Received bytes wait here until `take` fetches them. `take` returns when the oldest byte of a port is as old
-// as that port's latency. Waiting does not affect the time stamps.
+// Received bytes wait here until take() fetches them. take() returns when the oldest byte of a port has
+// waited for the latency of that port. Waiting does not affect the time stamps.
 #pragma once
 
 #include <condition_variable>
@@ -24,39 +24,42 @@ Stamp stamp_now();
 // Adds `ns` to the system's Unix time, for tests in which the clock is set.
 void shift_unix_clock(std::int64_t ns);
 
-// What a port delivered since the last `take`.
+// What came from a port since the last call of take().
 struct PortNews {
     int port = 0;
     std::vector<std::uint8_t> bytes;
     std::vector<PortRead> reads;
-    std::int64_t overflow_bytes = 0;  // discarded after reading, because too many bytes were waiting
-    int error = 0;                    // not 0: the port was lost after these bytes, with this errno
+    // bytes that were discarded after reading, because too many were waiting
+    std::int64_t overflow_bytes = 0;
+    int error = 0;  // if not 0, the port was lost after these bytes with this errno
     Stamp lost = {};
 };
 
-// Methods may be called from any thread; `take` from only one thread at a time.
+// All methods may be called from any thread, but take() from only one thread at a time.
 class PortReader {
   public:
-    // `capacity`: number of bytes that may wait per port, including the memory of its read records.
+    // `capacity`: number of bytes that may wait per port. The memory for the time stamps of the reads counts,
+    // too.
     explicit PortReader(std::size_t capacity);
     ~PortReader();
     PortReader(const PortReader&) = delete;
     PortReader& operator=(const PortReader&) = delete;
 
     // Begins to read a non-blocking descriptor. The caller keeps the descriptor, and closes it after the port
-    // is lost or this reader is closed. `port`: index of the port, from 0, not in use by another port.
-    // `closes`: an empty read means that the other side closed, as for a socket. Throws std::system_error if
-    // epoll does not accept the descriptor.
+    // is lost or this reader is closed. `port`: index of the port, from 0, which no other port uses.
+    // `closes`: whether an empty read means that the other side was closed, as for a socket. Throws
+    // std::system_error if epoll does not accept the descriptor.
     void add(int port, int descriptor, bool closes, std::int64_t latency_ns);
 
-    // Waits until a port is due, `wake` is called or the timeout passes. Returns the time and, in `news`,
-    // everything that arrived until then. A port that is lost is due at once and no longer read.
+    // Waits until bytes of a port have waited for its latency, wake() is called or the timeout passes.
+    // Returns the time, and writes everything that has arrived until then to `news`. A port that is lost ends
+    // the wait at once, and is no longer read.
     std::int64_t take(double timeout_s, std::vector<PortNews>& news);
 
-    // Ends a `take` that waits, or else the next `take`.
+    // Ends the call of take() that is waiting. If none is waiting, ends the next one.
     void wake();
 
-    // Stops reading. No port becomes due afterwards.
+    // Stops reading. After this, nothing arrives any more.
     void close();
 
   private:
@@ -64,7 +67,7 @@ class PortReader {
         int descriptor = -1;
         bool closes = false;
         std::int64_t latency_ns = 0;
-        bool changed = false;  // `news` is not empty
+        bool changed = false;  // whether `news` is not empty
         PortNews news;
     };
 
@@ -75,7 +78,7 @@ class PortReader {
     void tell_if_due();
 
     const std::size_t capacity_;
-    const int owner_;  // process that created it; a forked process has no thread to join
+    const int owner_;  // process that created the reader; a forked process has no thread to wait for
     const Descriptor epoll_;
     const WakeUp close_;
     std::mutex mutex_;

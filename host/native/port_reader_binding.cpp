@@ -1,5 +1,5 @@
-// fltea._native.PortReader: reads many ports and stamps the reads without Python's GIL. Use fltea.wire.ports
-// in Python code.
+// fltea._native.PortReader: reads many serial ports, with time stamps that do not wait for Python's GIL.
+// Python code should use fltea.wire.ports instead.
 #include <nanobind/stl/vector.h>
 
 #include <cerrno>
@@ -25,9 +25,9 @@ class PortReader {
         reader_.add(port, descriptor, closes, latency_ns);
     }
 
-    // Returns the time, and for each port with new data: its number, the bytes, the columns of its reads
-    // (end, host_ns, unix_offset_ns), the number of discarded bytes, and None or (errno, time) if the port
-    // was lost.
+    // Returns the time, and a tuple for each port with new data: its number, the bytes, the columns of its
+    // reads (end, host_ns, unix_offset_ns), the number of discarded bytes, and (errno, time) if the port was
+    // lost or else None.
     nb::tuple take(double timeout_s) {
         std::int64_t now_ns = 0;
         std::vector<PortNews> news;

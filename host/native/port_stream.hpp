@@ -1,5 +1,6 @@
-// The samples of one device on a port: passes its bytes through the wire decoder and the device, and collects
-// printed lines and rows. It continues alone until the caller has to act (PortStop).
+// Processes what comes from one device on a serial port: passes its bytes through the wire decoder and the
+// device, and collects printed lines of text and rows of samples. It works without the caller until the
+// caller has to do something (PortStop).
 #pragma once
 
 #include <cstddef>
@@ -18,11 +19,11 @@ namespace fltea {
 
 // Why `run` returned. The caller acts, then calls `run` again.
 enum class PortStop : int {
-    kNothing,  // all received bytes are consumed
-    kItem,     // an item of the wire (item())
-    kStop,     // the device stopped (advanced(), samples())
-    kRows,     // rows wait (rows()); the caller clears them
-    kReads,    // raw bytes wait (reads()); the caller clears them
+    kNothing,  // all received bytes are processed
+    kItem,     // an item came from the wire (item())
+    kStop,     // the device has stopped at a sample (advanced(), samples())
+    kRows,     // rows of samples wait (rows()); the caller has to clear them
+    kReads,    // raw bytes wait (reads()); the caller has to clear them
     kLost,     // the port was lost after all received bytes (news().error, news().lost)
     kFault,    // the bytes cannot be processed (Round::fault); the stream has ended
 };
@@ -32,15 +33,15 @@ class PortStream {
     PortStream(PortDecoder& wire, Device& device, std::vector<RunPrinter*>& printers)
         : wire_(wire), device_(device), printers_(printers) {}
 
-    // Whether the caller wants rows, printed lines, or the raw bytes.
+    // Whether the caller wants rows of samples, printed lines, or the raw bytes.
     bool wants_rows = false, wants_text = false, wants_reads = false;
-    // How long rows and bytes may wait to be joined by more.
+    // How long rows and bytes may wait for more of them, to be fetched together.
     std::int64_t patience_ns = 0;
     std::int64_t overflow_bytes = 0;
 
-    // Whether rows or bytes wait, or the caller does not know all events yet.
+    // Whether rows or bytes wait, or there are events that the caller does not know yet.
     bool is_waiting() const { return is_busy_ || is_lost_ || rows_.rows() > 0 || !reads_.reads.empty(); }
-    // Whether bytes came since the port was last lost.
+    // Whether bytes have come since the port was last lost.
     bool has_worked() const { return has_worked_; }
     const PortItem& item() const { return item_; }
     const Advanced& advanced() const { return advanced_; }
@@ -53,12 +54,12 @@ class PortStream {
     RunRows& rows() { return rows_; }
     PortNews& reads() { return reads_; }
     const PortNews& news() const { return news_; }
-    // Whether the waiting rows were not printed.
+    // Whether the waiting rows were not printed as text, so that the caller has to print them.
     bool is_unprinted() const { return is_unprinted_; }
-    // Time of the newest consumed sample or event.
+    // Time of the newest sample or event that was processed.
     std::int64_t now_ns() const { return now_ns_; }
 
-    // Time at which the waiting rows or bytes are due.
+    // Time at which the waiting rows or bytes have to be fetched.
     std::int64_t due_ns() const {
         std::int64_t due = Device::kNever;
         if (rows_.rows() > 0) due = rows_.first_ns() + patience_ns;
@@ -84,7 +85,7 @@ class PortStream {
         }
     }
 
-    // Nothing came for a while.
+    // Call this if no bytes came for a while.
     void tick(std::int64_t now_ns) {
         is_busy_ = true;
         taken_ns_ = now_ns;
@@ -94,7 +95,7 @@ class PortStream {
     PortStop run(std::int64_t now_ns) {
         while (is_busy_) {
             if (held_ != PortStop::kNothing && !has_new_rows_) {
-                if (rows_.rows() > 0) return PortStop::kRows;  // samples are delivered before later items
+                if (rows_.rows() > 0) return PortStop::kRows;  // the caller gets samples before later items
                 if (held_ == PortStop::kItem && says_hello() && !reads_.reads.empty())
                     return PortStop::kReads;
                 return std::exchange(held_, PortStop::kNothing);
@@ -129,7 +130,8 @@ class PortStream {
   private:
     static constexpr std::size_t kMostRows = 512, kMostBytes = 1 << 16;
 
-    // A caller that keeps the raw bytes receives those of a HELLO before its content.
+    // Whether the present item is a HELLO. A caller that keeps the raw bytes receives the bytes of a HELLO
+    // before the item.
     bool says_hello() const { return item_.kind == PortItem::kFrame && item_.type == Hello::type(); }
 
     PortStop next() {
@@ -204,10 +206,11 @@ class PortStream {
     std::int64_t now_ns_ = 0, taken_ns_ = 0;
     bool worked_ = false, has_worked_ = false;
     bool is_busy_ = false, has_samples_ = false, is_lost_ = false;
-    // reason to return once the caller has all earlier samples
+    // what walk() returns as soon as the caller has all earlier samples
     PortStop held_ = PortStop::kNothing;
-    bool has_new_rows_ = false, is_text_missing_ = false;  // of the newest run
-    bool is_unprinted_ = false;                            // concerns the waiting rows
+    // about the newest run: whether its rows were not collected yet, and whether they were not printed
+    bool has_new_rows_ = false, is_text_missing_ = false;
+    bool is_unprinted_ = false;  // whether the waiting rows were not printed
 };
 
 }  // namespace fltea

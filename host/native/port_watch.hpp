@@ -1,5 +1,5 @@
-// Watches one port: detects that it is silent, unreadable or without a HELLO, and decides when a trouble is
-// reported.
+// Watches one serial port: detects that it is silent, unreadable or without a HELLO, and decides when such a
+// trouble has to be reported.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,14 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 // Times after which a trouble is reported [ns].
 struct PortTimes {
     std::int64_t silence_ns;  // how long a device may send nothing, or nothing readable
-    std::int64_t tick_ns;     // silence of a port after which a tick is given
-    std::int64_t repeat_ns;   // until the same trouble is reported again
+    std::int64_t tick_ns;     // silence of a port after which an item kTick is returned
+    std::int64_t repeat_ns;   // time until the same trouble is reported again
 };
 
-// Trouble of an open port. Names: trouble_name().
+// Trouble of an open port. trouble_name() gives the names.
 enum class PortTrouble : std::uint8_t { none, silent, no_valid_frame, no_hello };
 
-// Name as in host/docs/reference/errors.md; nullptr for none.
+// The name of a trouble in host/docs/reference/errors.md, or nullptr for LineTrouble::none.
 inline const char* trouble_name(PortTrouble trouble) {
     switch (trouble) {
         case PortTrouble::none:
@@ -35,8 +35,8 @@ inline const char* trouble_name(PortTrouble trouble) {
     return nullptr;
 }
 
-// Time from one moment to another. A recording can hold any times, so a difference that overflows is limited
-// to the range of int64.
+// Time from one moment to another. A recording may contain any times, so a difference that would overflow is
+// limited to the range of int64.
 inline std::int64_t time_between(std::int64_t from_ns, std::int64_t to_ns) {
     std::int64_t found = 0;
     if (!__builtin_sub_overflow(to_ns, from_ns, &found)) return found;
@@ -81,30 +81,32 @@ class PortWatch {
         unread_bytes_ += size;
         byte_ns_ = last_ns;
     }
-    // All received bytes were readable.
+    // Call this if all received bytes were parts of readable frames.
     void on_all_read() { has_unread_ = false; }
-    // All received bytes were readable, except the last `bytes`, the first of which came at `since_ns`.
+    // Call this if all received bytes were parts of readable frames, except the last `bytes`, the first of
+    // which came at `since_ns`.
     void on_read_but(std::int64_t bytes, std::int64_t since_ns) {
         has_unread_ = true;
         unread_since_ns_ = since_ns;
         unread_bytes_ = bytes;
     }
 
-    // Whether the port is open and the device known, so that no trouble can become due within a second.
+    // Whether the port is open, its device has sent a HELLO, and no trouble can become due in the second
+    // after `until_ns`.
     bool is_settled(std::int64_t until_ns) const {
         const std::int64_t unread_ns = has_unread_ ? time_between(unread_since_ns_, until_ns) : 0;
         return is_connected_ && heard_hello_ && !is_refused_ && unread_ns < times_.silence_ns - kSecondNs;
     }
 
-    // Returns the trouble at this moment, if it has to be reported.
+    // Returns the trouble of the port at this moment, if it has to be reported.
     PortTrouble check(std::int64_t now_ns) {
         const PortTrouble found = trouble_of(now_ns);
         const bool is_due = found != PortTrouble::none && is_news(trouble_name(found), now_ns);
         return is_due ? found : PortTrouble::none;
     }
 
-    // Whether a trouble has to be reported: it differs from the last reported one, or that report is long
-    // ago. It then counts as reported.
+    // Whether a trouble has to be reported, because it differs from the last reported one or because that
+    // report is long ago. If so, it counts as reported from now on.
     bool is_news(const char* kind, std::int64_t now_ns) {
         if (reported_ == kind && time_between(reported_ns_, now_ns) <= times_.repeat_ns) return false;
         reported_ = kind;
@@ -126,7 +128,7 @@ class PortWatch {
 
     PortTimes times_;
     bool is_connected_ = false, is_refused_ = false, heard_hello_ = false;
-    bool has_unread_ = false;  // bytes came after the last readable frame
+    bool has_unread_ = false;  // whether bytes have come after the last readable frame
     std::int64_t opened_ns_ = 0, byte_ns_ = 0, unread_since_ns_ = 0, unread_bytes_ = 0;
     std::string reported_;  // kind of the last reported trouble; empty: report any trouble
     std::int64_t reported_ns_ = 0;

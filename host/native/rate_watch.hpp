@@ -1,7 +1,7 @@
 // Checks whether the times of samples agree with the rate that their device states. A device numbers its
-// sampling instants and adds its own time to each, so numbers and times together give the true rate. The rate
-// in HELLO is a constant of the firmware. A check of single samples would have to allow a difference of one
-// period, and so would accept even half the rate.
+// sampling instants and adds its own time to each sample, so numbers and times together give the true rate.
+// The rate that HELLO states is a constant of the firmware. A check of single samples would have to allow a
+// difference of one period, and so would accept even half the rate.
 #pragma once
 
 #include <cmath>
@@ -12,25 +12,28 @@ namespace fltea {
 
 class RateWatch {
   public:
-    // Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst can shift both ends by one period.
+    // Limits for the difference of the rates. Sensor clocks are accurate to 1 %, cheap ones to 5 %. A burst
+    // of samples can shift the times at both ends by one period.
     static constexpr double kTolerance = 0.05, kPeriods = 2;
-    // kLeastPairs: number of similar pairs of consecutive samples before a verdict. kWindow: number of steps
-    // after which the check restarts, so that only recent samples count.
+    // kLeastPairs: number of pairs of consecutive samples, all with similar rates, that are needed for a
+    // verdict. kWindow: number of sampling instants after which the check restarts, so that only recent
+    // samples count.
     static constexpr std::int64_t kLeastPairs = 20, kWindow = 200;
-    // A larger step of the number may be a number that has wrapped.
+    // Steps of the sample number that are larger than this are not used, because the number may have wrapped.
     static constexpr std::int64_t kLargestStep = 64;
 
     enum Verdict { kUnknown, kAgrees, kDiffers };
 
     void begin() { has_last_ = false; }
 
-    // `step`, `step_us`: difference of number and of time from the previous sample, with wraps removed.
+    // Adds a sample. `step` and `step_us`: differences of its number and of its time from the previous
+    // sample, with wraps removed.
     Verdict add(std::int64_t step, std::int64_t step_us, double period_us) {
         const bool is_first = !has_last_;
         has_last_ = true;
         const bool is_usable = step >= 1 && step <= kLargestStep && step_us > 0;
         const bool is_alike = pairs_ == 0 || std::llabs(step_us * steps_ - us_ * step) * 2 <= us_ * step;
-        if (is_first || !is_usable || !is_alike) {  // a restart, a stall, or time stamps in bursts
+        if (is_first || !is_usable || !is_alike) {  // after a restart, a stall, or with time stamps in bursts
             pairs_ = steps_ = us_ = 0;
             return kUnknown;
         }
@@ -47,7 +50,7 @@ class RateWatch {
         return differs ? kDiffers : is_full ? kAgrees : kUnknown;
     }
 
-    // Rate by the device's clock, as of the last time it differed from the stated rate.
+    // Rate by the device's clock when it last differed from the stated rate.
     double rate_hz() const { return rate_hz_; }
 
   private:

@@ -1,4 +1,5 @@
-// The host's running spectrum: that of firmware/core/engine in floating point.
+// The number types of the host's running spectrum, which is that of firmware/core/engine (octave_ladder.hpp)
+// in floating point.
 #pragma once
 
 #include <cmath>
@@ -27,7 +28,7 @@ class RealTables {
             sine_[i] = Number(std::sin(turn * i));
         }
     }
-    // Hann's window at even and odd indexes; cosine and sine of i/256 of a turn.
+    // Hann's window at even and odd indexes; cosine and sine of the angle 2π i/256.
     Number even(int i) const { return even_[i]; }
     Number odd(int i) const { return odd_[i]; }
     Number cosine(int i) const { return cosine_[i]; }
@@ -37,10 +38,10 @@ class RealTables {
     Number even_[kHalf], odd_[kHalf], cosine_[kHalf], sine_[kHalf];
 };
 
-// kMostLevels: 20 levels are half a year at 100 Hz.
+// The types for Number = float or double. 20 levels (kMostLevels) cover half a year at 100 Hz.
 template <typename Number, int kMostLevels = 20, int kMostKept = 3072>
 struct RealSpectrum {
-    typedef double Input;  // finite, within 1e100
+    typedef double Input;  // finite, within ±1e100
     typedef double Real;
     typedef Number Value;
     typedef Number Sum;
@@ -66,7 +67,8 @@ struct RealSpectrum {
         return one;
     }
 
-    // Of samples: their mean, the power about the mean, and the power of the sample farthest from the mean.
+    // Of n samples: the mean, the power about the mean, and the squared distance of the sample that is
+    // farthest from the mean.
     class Moments {
       public:
         Moments(const double* x, int n) {
@@ -100,7 +102,8 @@ struct RealSpectrum {
         return std::isinf(least) ? 0 : least;
     }
 
-    // Limits values that no sensor delivers, so that they do not become infinite.
+    // A sample minus the origin. Values beyond those of any sensor are clipped, so that they do not become
+    // infinite.
     static Number value(double y, double origin) {
         const double apart = y - origin, most = kLargest;
         return Number(apart > most ? most : apart < -most ? -most : apart);
@@ -115,7 +118,7 @@ struct RealSpectrum {
         void renew(float*, int) {}
     };
 
-    // A block minus its mean.
+    // A block of values minus their mean.
     template <typename Stored>
     class Centred {
       public:
@@ -134,9 +137,9 @@ struct RealSpectrum {
         Number mean_;
     };
 
-    // The logarithm of the power of the blocks, as a function of time. The first octave has the shortest
-    // blocks, so it shows changes at all scales. The lower octaves add the changes that only they see, at
-    // their shortest scales.
+    // Records the logarithm of the power of the blocks over time. The first octave has the shortest blocks,
+    // so it shows changes at all time scales. Lower octaves are recorded only at their shortest time scales,
+    // for changes that the first octave does not show.
     template <int kLines>
     class Cells : public TimeCells {
       public:
@@ -167,7 +170,8 @@ struct RealSpectrum {
         }
 
       private:
-        // Values in each of `parts` parts of two memory lengths; 0 if nothing is forgotten.
+        // Number of values in each part if two memory lengths are divided into `parts` parts; 0 if nothing is
+        // forgotten.
         static std::uint32_t span(FadingMemory memory, std::uint64_t hop, int parts) {
             if (!memory.fades()) return 0;
             const double span = std::ceil(2 * memory.samples() / (double(hop) * parts));
@@ -181,7 +185,8 @@ struct RealSpectrum {
 template <typename Number, int kMostLevels, int kMostKept>
 constexpr double RealSpectrum<Number, kMostLevels, kMostKept>::kLargest;
 
-// The gain uses the taps in double, whatever type the filter computes with.
+// The gain of the half-band filter at an angle per sample. It is computed from the taps in double, whatever
+// type the filter itself uses.
 inline double half_band_gain(double angle) {
     typedef engine::HalfBand<RealSpectrum<double>> Filter;
     double sum = Filter::middle();

@@ -16,15 +16,15 @@ namespace track {
 
 namespace refilter {
 
-// A state with a relaxation time shorter than 1 / kSlow of the duration of a mean is white noise in the
-// means.
+// A state with a relaxation time shorter than 1 / kSlow of the duration of a mean counts as fast: in the
+// means it is white noise.
 constexpr double kSlow = 6;
-// Relative rounding error of a covariance's element. Smaller values count as 0.
+// Relative rounding error of the elements of a covariance. Smaller values count as 0.
 constexpr double kRounding = 1e-9;
 
-// The slow part of a system, with one mean of m samples per step. `of`: indexes of the n slow states in the
-// whole system. A mean differs from the states at its end; this difference is one more state, the last of the
-// system, which each step forgets.
+// The slow part of a system, in which one step is a mean of m samples. `of`: indexes of the n slow states in
+// the whole system. The mean differs from the states at the end of its m samples. This difference is the last
+// state of the slow part, and has no memory from step to step.
 struct Coarse {
     System<kMost> system;
     int n, of[kMost];
@@ -34,8 +34,8 @@ inline bool is_slow(const System<kMost>& s, int i, double m) {
     return i >= 2 * s.pairs && s.c[i] != 0 && s.a[i] > 0 && (1 - s.a[i]) * m < kSlow;
 }
 
-// Sums of m samples, m a power of 2, computed by doubling: how each state before the first sample contributes
-// to the sum, and the covariances of the noise that is added to the states and to the sum.
+// Sums of m samples, computed by doubling m. They say how each state before the first sample contributes to
+// the sum of the samples, and with which covariances noise adds to the states and to the sum.
 struct Sums {
     explicit Sums(const System<kMost>& s) : step(s) {
         const int n = s.n;
@@ -71,12 +71,12 @@ struct Sums {
         samples *= 2;
     }
 
-    // A and Q for `samples` steps.
+    // The matrices A and Q for a step of `samples` samples.
     System<kMost> step;
     double samples = 1, row[kMost], both[kMost], variance;
 
   private:
-    // x <- A x.
+    // Computes x <- A x.
     void forth(double* x) const {
         for (int i = 0; i < step.n; ++i) {
             if (i < 2 * step.pairs) {
@@ -88,7 +88,7 @@ struct Sums {
             }
         }
     }
-    // x <- A' x.
+    // Computes x <- A' x.
     void back(double* x) const {
         for (int i = 0; i < step.n; ++i) {
             if (i < 2 * step.pairs) {
@@ -102,19 +102,19 @@ struct Sums {
     }
 };
 
-// `m`: number of samples in a mean, a power of 2.
+// Computes the slow part of a system. `m`: number of samples in a mean, a power of 2.
 inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     System<kMost>& q = to.system;
     Sums sums(s);
     while (sums.samples < m) sums.twice();
-    double fast[kMost];  // how the mean depends on the fast states before it
+    double fast[kMost];  // how the mean depends on the fast states before its samples
     int n = 0;
     for (int i = 0; i < s.n; ++i) {
         fast[i] = is_slow(s, i, m) ? 0 : sums.row[i] / m;
         if (is_slow(s, i, m)) to.of[n++] = i;
     }
     to.n = n;
-    // If there is no room for the extra state, its noise is treated as white.
+    // If there is no room for the last state, its noise is treated as white.
     const bool room = n < kMost;
     q.n = n + (room ? 1 : 0);
     q.pairs = 0;
@@ -149,10 +149,11 @@ inline void coarsen(const System<kMost>& s, double m, Coarse& to) {
     }
 }
 
-// Size of the innovations at rest. It is the median of chunks, so undetected motion does not change it.
+// Determines the usual size of the innovations at rest. As it is the median over chunks, undetected motion
+// does not change it.
 class Innovations {
   public:
-    // `z`: innovation divided by its deviation, or NaN.
+    // `z`: innovation divided by its standard deviation, or NaN without a sample.
     void add(double z) {
         if (std::isnan(z)) {
             known_ = false;
@@ -170,7 +171,7 @@ class Innovations {
         known_ = true;
         sum_ = powers_ = largest_ = 0;
     }
-    // Returns `before` if there are too few chunks.
+    // Returns the usual size, or `before` if there are too few chunks.
     Usual usual(const Usual& before) {
         if (count_ < kFewestChunks) return before;
         Usual found;
@@ -202,8 +203,8 @@ class Likelihood {
     HeldLog log_S_;
 };
 
-// The newest steps of the bias: the number of the first sample after each step, and the variance of its
-// possible size.
+// The newest steps of the bias. `at`: number of the first sample after the step. `variance`: variance of the
+// step's possible size.
 class Steps {
   public:
     enum { kMostSteps = 16 };
@@ -220,7 +221,7 @@ class Steps {
         steps_[count_++] = Step{at, variance};
     }
     void clear() { count_ = 0; }
-    // Drops the steps at sample `from` or later.
+    // Drops all steps at the sample number `from` or later.
     void forget(std::int64_t from) {
         int kept = 0;
         for (int i = 0; i < count_; ++i) {
@@ -235,7 +236,8 @@ class Steps {
         }
         return count_ == other.count_;
     }
-    // Sum of the variances of all steps in samples `begin` to before `end`; 0 without a step.
+    // Sum of the variances of all steps at the sample numbers from `begin` to before `end`. It is 0 if there
+    // is no step.
     double within(std::int64_t begin, std::int64_t end) const {
         double sum = 0;
         for (int i = 0; i < count_; ++i) {
@@ -265,7 +267,7 @@ inline bool is_finite(const double* x, int n) {
     return true;
 }
 
-// Whether a symmetric matrix has no negative eigenvalue, except by rounding. Uses elimination.
+// Whether a symmetric matrix has no negative eigenvalue, apart from rounding. This is tested by elimination.
 inline bool is_covariance(const double* P, int n) {
     double left[kMost * kMost];
     std::memcpy(left, P, sizeof(double) * std::size_t(n * n));
@@ -281,8 +283,9 @@ inline bool is_covariance(const double* P, int n) {
     return true;
 }
 
-// Filters means of m samples with the slow part of the system. On entry and return, x and P are those of the
-// whole system. `first`: number of the first sample in the means. A mean that contains a step is ignored.
+// Filters means of m samples with the slow part of the system. x and P are mean and covariance of the whole
+// system's state, before and after. `first`: number of the first sample in the means. A mean that contains a
+// step of the bias is ignored.
 template <int size>
 void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, std::int64_t first,
              const Steps& steps, double* x, double* P, Likelihood& fits) {
@@ -316,7 +319,7 @@ void through(const System<kMost>& s, const Newest<size>& means, std::int64_t m, 
         x_then[part.of[k]] = filter.x[k];
         for (int l = 0; l < n; ++l) P_then[part.of[k] * s.n + part.of[l]] = filter.P[k * all + l];
     }
-    // If a slow pole pair counts as fast, precision may be lost. Then these means are ignored.
+    // If a slow pair of poles counts as fast, precision may be lost. In that case, these means are ignored.
     if (!is_finite(x_then, s.n) || !is_covariance(P_then, s.n)) return;
     std::memcpy(x, x_then, sizeof x_then);
     std::memcpy(P, P_then, sizeof(double) * std::size_t(s.n * s.n));

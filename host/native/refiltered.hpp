@@ -1,7 +1,7 @@
-// The filters of a model after they have processed all remembered samples. The work runs in any thread, on a
-// copy of the memory. The copy assumes that a number of further samples will have come when the tracker takes
-// the model. The tracker then has to filter only those samples, with bit-identical results to filtering
-// everything itself.
+// The filters of a new noise model after they have processed all remembered samples of an axis. The work is
+// done in any thread, on a copy of the memory. For the copy it is assumed that `to_come` more samples will
+// have come when the tracker begins to use the model. The tracker has to filter only those samples. The
+// results are bit-identical to those of filtering everything in the tracker.
 #pragma once
 
 #include <cmath>
@@ -17,11 +17,12 @@ namespace track {
 
 class Refiltered {
   public:
-    // Largest number of samples that may come meanwhile. Samples that are kept singly stay so for this time.
+    // Largest number of samples that may come meanwhile. During this time, the newest samples in the memory
+    // are not yet replaced by means.
     enum { kMostToCome = Past::kSingle / 2 };
 
-    // `steps`: step test whose statistics of the innovations are valid until now. `to_come`: number of
-    // samples until `go_on`.
+    // `steps`: a step test with the statistics of the innovations so far. `to_come`: number of samples that
+    // will come until go_on() is called.
     Refiltered(const std::shared_ptr<TrackerModel>& model, const Remembered& memory, const StepTest& steps,
                int to_come)
         : model_(model), filters_(model->count()), then_(memory), steps_(steps), to_come_(to_come) {
@@ -36,12 +37,12 @@ class Refiltered {
     }
 
     const std::shared_ptr<TrackerModel>& model() const { return model_; }
-    // Whether the memory is as assumed. The values of the samples that came meanwhile do not matter.
+    // Whether `memory` is as it was assumed, apart from the values of the samples that came meanwhile.
     bool expects(const Remembered& memory) const { return then_.is(memory, to_come_); }
     // Filters the samples that came meanwhile.
     void go_on(const Remembered& memory) { take(memory, memory.singles() - to_come_, memory.singles()); }
 
-    // Call this after `go_on`. Returns false if the filters have invalid numbers.
+    // Whether the filters have only valid numbers. Call this after go_on().
     bool sound() const {
         for (const Kalman<kMost>& one : filters_) {
             if (!std::isfinite(one.S) || !std::isfinite(one.bias())) return false;

@@ -10,12 +10,13 @@
 namespace fltea {
 namespace track {
 
-// The samples that a filter restarts with: the past, and the recent samples. Recent samples are not yet part
-// of the past, because they may turn out to be motion. NaN: unknown. Also the steps of the bias.
+// The samples from which a filter can restart: the past (past.hpp) and the recent samples, which are not yet
+// part of the past, because they may turn out to be motion. Unknown samples are NaN. The steps of the bias
+// are remembered, too.
 struct Remembered {
     enum { kRecent = 2 * RestGate::kChunk };
 
-    // Leaves `filter` after the newest sample. Returns log L up to a constant.
+    // Starts `filter` again and lets it process all samples. Returns log L up to a constant.
     double filter_again(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter) const {
         refilter::Likelihood fits;
         filter_means(s, map, filter, fits);
@@ -23,7 +24,8 @@ struct Remembered {
         return fits.value();
     }
 
-    // Leaves `filter` before the first single sample, after it has processed the means.
+    // Starts `filter` again and lets it process the means of older samples. After that, it has to process the
+    // single samples.
     void filter_means(const System<kMost>& s, const RiccatiMap<kMost>& map, Kalman<kMost>& filter,
                       refilter::Likelihood& fits) const {
         double x[kMost] = {0}, P[kMost * kMost];
@@ -43,7 +45,7 @@ struct Remembered {
     }
 
     // Filters the single samples from index `begin` to before `end`. Calls `tell` with each innovation
-    // divided by its deviation; NaN without a sample.
+    // divided by its standard deviation, or with NaN for an unknown sample.
     template <typename Tell>
     void filter_single(const System<kMost>& s, Kalman<kMost>& filter, int begin, int end,
                        refilter::Likelihood& fits, Tell tell) const {
@@ -60,27 +62,27 @@ struct Remembered {
         }
     }
 
-    // Number of single samples: those of the past and the recent ones.
+    // Number of samples that are kept singly, in the past and as recent samples.
     int singles() const { return past.single().count() + kept; }
 
-    // Adds a sample; NaN: unknown. Call `roll` next if the sample ends a chunk.
+    // Adds a sample, or NaN if it is unknown. If the sample ends a chunk, call roll() next.
     void add(float y) {
         recent[kept++] = y;
         ++total;
     }
-    // Ends a chunk.
+    // Ends a chunk of samples. The chunk before it becomes part of the past.
     void roll() {
         if (kept < kRecent) return;
         past.add(recent);
         std::memcpy(recent, recent + RestGate::kChunk, sizeof(float) * RestGate::kChunk);
         kept = RestGate::kChunk;
     }
-    // Adds a future sample, which is unknown yet.
+    // Adds a future sample, whose value is not known yet.
     void foresee() {
         add(__builtin_nanf(""));
         if (kept == kRecent) roll();
     }
-    // Whether everything equals `other`, except the values of the newest `but_newest` samples.
+    // Whether everything here equals `other`, except the values of the newest `but_newest` samples.
     bool is(const Remembered& other, int but_newest) const {
         if (total != other.total || kept != other.kept || !steps.is(other.steps)) return false;
         const int recently = kept - but_newest;
@@ -102,7 +104,8 @@ struct Remembered {
         kept = 0;
     }
 
-    // Returns the newest `count` samples, or fewer if fewer are kept singly; NaN: unknown.
+    // Returns the newest `count` samples, or all samples that are kept singly if these are fewer. Unknown
+    // samples are NaN.
     std::vector<double> newest(int count) const {
         const int single = past.single().count(), there = singles();
         std::vector<double> found;
@@ -121,7 +124,8 @@ struct Remembered {
         for (int i = 0; i < kept && io.sound(); ++i) visit_known(io, recent[i]);
     }
 
-    // Returns 2 log L up to a constant; NaN if no filter can work with the system.
+    // Returns 2 log L of the samples according to a system, up to a constant. NaN if no filter can work with
+    // the system.
     double likelihood(const System<kMost>& s) const {
         RiccatiMap<kMost> map;
         if (!map.set(s)) return __builtin_nan("");

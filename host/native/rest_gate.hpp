@@ -2,13 +2,13 @@
 // rules are those of the live fit's gate (firmware/core/engine/gate.hpp), with shorter chunks and with the
 // filter's knowledge of the noise.
 //
-// A chunk is a knock in any of three cases: the power of its innovations, without the largest one, is sixteen
-// times that of the noise; one innovation exceeds a hundred deviations; or the mean exceeds eight of its
-// deviations. It is no knock if its samples lie as still as usual, and no farther from the bias than a bias
-// can step.
+// A chunk is a knock, which means motion, in any of three cases: the power of its innovations, without the
+// largest one, exceeds sixteen times that of the noise; one innovation exceeds a hundred standard deviations;
+// or their mean exceeds eight standard deviations of such a mean. It is no knock if its samples scatter no
+// more than usual about their mean, and if that mean is no farther from the bias than a bias can step.
 //
-// The filter leaves spectral lines and other effects in its innovations that are not motion, and samples of
-// coloured noise do not lie still about their mean. Each chunk is therefore compared with what is usual at
+// Spectral lines and other effects that are not motion remain in the filter's innovations, and samples of
+// coloured noise scatter widely about their mean. Each chunk is therefore compared with what is usual at
 // rest.
 #pragma once
 
@@ -17,16 +17,17 @@
 namespace fltea {
 namespace track {
 
-// Power of a chunk's innovations, and of their mean, as ratios to those of the noise; never less than 1.
+// Usual power of a chunk's innovations, and of their mean, as ratios to those of the noise. They are never
+// less than 1.
 struct Usual {
     double power = 1, mean = 1;
 };
 
-// Verdict on a chunk of one axis.
+// What is said of a chunk of one axis.
 struct ChunkVerdict {
     bool knock;
-    bool same_place;  // as still as usual, at the level of the previous chunk
-    double place;     // mean of its samples; NaN without samples
+    bool same_place;  // whether it scatters no more than usual and its mean is that of the previous chunk
+    double place;     // mean of its samples, or NaN if it has none
 };
 
 class RestGate {
@@ -37,8 +38,8 @@ class RestGate {
     const Usual& usual() const { return usual_; }
     void expect(const Usual& usual) { usual_ = usual; }
 
-    // Adds a sample `y`. `z`: its innovation divided by its deviation; `deviation`: that of the noise of one
-    // sample. Returns true if this sample alone shows motion.
+    // Adds a sample `y`. `z`: its innovation divided by the innovation's standard deviation. `deviation`:
+    // standard deviation of the noise of one sample. Returns true if this sample alone shows motion.
     bool add(double z, double y, double deviation) {
         z = bounded(z);
         const double power = z * z;
@@ -55,7 +56,7 @@ class RestGate {
         return power > kSpike * kSpike * usual_.power;
     }
 
-    // Forgets the samples of the present chunk, because the bias changes here.
+    // Forgets the samples of the present chunk. Call this when the bias changes.
     void forget_chunk() {
         known_ = 0;
         sum_ = powers_ = largest_ = own_ = own_powers_ = 0;
@@ -67,7 +68,7 @@ class RestGate {
         has_place_ = false;
     }
 
-    // Ends and judges a chunk. `bias`: level of the samples so far; `largest_step`: largest step of the bias.
+    // Ends and judges a chunk. `bias`: the bias so far. `largest_step`: largest possible step of the bias.
     ChunkVerdict end_chunk(double deviation, double bias, double largest_step, bool moving) {
         const int n = known_;
         ChunkVerdict found = {false, false, __builtin_nan("")};
@@ -83,8 +84,8 @@ class RestGate {
             found.same_place = still && has_place_ && std::fabs(step) < kMean * std::sqrt(usual_step_);
             found.knock = powers_ - largest_ > most * (n - 1) || largest_ > spike ||
                           std::fabs(sum_) > apart * std::sqrt(double(n));
-            // During motion the samples have to lie at the level of the previous chunk, rather than still be
-            // changing.
+            // During motion, the mean also has to be that of the previous chunk, so that rest does not begin
+            // while the samples are still changing.
             const bool lies = moving ? found.same_place : still;
             if (lies && !(std::fabs(found.place - bias) > largest_step)) found.knock = false;
             if (!moving && !found.knock) {
@@ -120,7 +121,7 @@ class RestGate {
   private:
     static constexpr double kLearned = 1 / 16.0, kOutlier = 4;
 
-    // Limits x, so that its square is finite.
+    // Clips x, so that its square is finite.
     static double bounded(double x) { return x > 1e100 ? 1e100 : x < -1e100 ? -1e100 : x; }
 
     static double learned(double before, double now, double least) {
@@ -132,7 +133,8 @@ class RestGate {
     int known_ = 0;
     bool has_place_ = false;
     double sum_ = 0, powers_ = 0, largest_ = 0, first_ = 0, place_ = 0;
-    double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;  // relative to the first sample, in deviations
+    // relative to the first sample, in standard deviations
+    double own_ = 0, own_powers_ = 0, low_ = 0, high_ = 0;
     double usual_own_ = 1, usual_step_ = 2.0 / kChunk;
 };
 

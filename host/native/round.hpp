@@ -1,4 +1,5 @@
-// All devices on ports. A round processes what came from each port, until the caller has to act.
+// All devices on serial ports. A round processes what has come from each port, until the caller has to do
+// something.
 #pragma once
 
 #include <algorithm>
@@ -15,13 +16,14 @@
 
 namespace fltea {
 
-// A port on which the caller has to act.
+// A port for which the caller has to do something, and what.
 struct Happened {
     int port;
     PortStop stop;
 };
 
-// Printed records of one device, and the arrival time of their newest bytes.
+// A part of a text with the printed records of one device: their number, and the arrival time of the newest
+// bytes.
 struct PrintedPart {
     std::int64_t arrived_ns;
     std::size_t records;
@@ -35,7 +37,8 @@ struct Text {
 
 class Round {
   public:
-    // `capacity`: as for PortReader. `texts`: number of texts. A device has one printer per text, or none.
+    // `capacity`: number of bytes that may wait per port (PortReader). `texts`: number of texts, one for each
+    // format. A device has one printer for each text, or no printers.
     Round(std::size_t capacity, std::int64_t tick_ns, std::size_t texts)
         : reader_(capacity), tick_ns_(tick_ns), texts_(texts) {}
 
@@ -48,14 +51,15 @@ class Round {
         ports_.push_back({std::move(stream), printers, latency_ns, stamp_now().host_ns + tick_ns_});
     }
 
-    // Call this when the port was opened or failed. The port's silence is counted from now on.
+    // Call this when the port was opened or failed. The time during which the port is silent is counted from
+    // now on.
     void touch(std::size_t port, std::int64_t now_ns) { ports_[port].tick_ns = now_ns + tick_ns_; }
-    // The port is not needed any more.
+    // Call this when the port is not needed any more.
     void end(std::size_t port) { ports_[port].has_ended = true; }
 
-    // Continues the ports on which the caller has acted. Without such ports, waits for bytes, a tick, due
-    // rows, `wake` or the timeout. `happened`: receives at most one entry per port on which the caller has to
-    // act.
+    // Continues with the ports for which the caller has just done something. If there are none, waits for
+    // bytes, a tick, rows that are due, a wake-up or the timeout. Writes one entry at most to `happened` for
+    // each port for which the caller has to do something.
     void run(double timeout_s, std::vector<Happened>& happened) {
         std::int64_t now_ns = stamp_now().host_ns;
         for (std::size_t port = 0; port < ports_.size(); ++port) {
@@ -82,7 +86,7 @@ class Round {
     // Why a port's stream ended (kFault).
     const std::string& fault(std::size_t port) const { return ports_[port].fault; }
     std::vector<Text>& texts() { return texts_; }
-    // Longest time that bytes waited beyond their latency.
+    // Longest time that bytes have waited in addition to the latency of their port.
     std::int64_t waited_ns() const { return waited_ns_; }
     void forget_waited() { waited_ns_ = 0; }
 
@@ -90,10 +94,10 @@ class Round {
     struct Port {
         std::unique_ptr<PortStream> stream;
         std::vector<RunPrinter*>* printers;
-        std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which a silent port is due for a tick
+        std::int64_t latency_ns, tick_ns;  // `tick_ns`: time at which the port gets a tick if it stays silent
         bool has_ended = false;
         std::string fault = {};
-        bool is_left = false;  // the caller has acted on it, and more data may wait
+        bool is_left = false;  // the caller has done something for it, and more data may wait
     };
 
     void take(PortNews& news, std::int64_t now_ns, std::vector<Happened>& happened) {

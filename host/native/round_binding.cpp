@@ -1,4 +1,5 @@
-// fltea._native.Round: processes all devices on ports without Python's GIL (host/fltea/service/port_loop.py).
+// fltea._native.Round: the class that processes all devices on serial ports without Python's GIL
+// (host/fltea/service/port_loop.py).
 #include <nanobind/nanobind.h>
 
 #include <cstring>
@@ -19,7 +20,7 @@ using fltea::PortStop;
 using fltea::PortStream;
 using fltea::RunRows;
 
-// Columns of the waiting rows as arrays, in the order of RunRows.
+// Converts the columns of the waiting rows to arrays, in the order of RunRows.
 class Columns {
   public:
     explicit Columns(const RunRows& rows) : rows_(rows), table_(bytes_of(rows)) {}
@@ -46,8 +47,8 @@ class Columns {
     std::size_t next_ = 0;
 };
 
-// Returns the fields of Rows: arrival times, sample columns, and for each sensor its tracker's and its bank's
-// columns, or None.
+// Returns the fields of the Python class Rows: arrival times; columns of samples; and for each sensor the
+// columns of its tracker and of its bank, or None.
 nb::tuple as_tuple(const RunRows& rows) {
     const fltea::RunShape& shape = rows.shape();
     Columns columns(rows);
@@ -109,8 +110,8 @@ class Round {
     std::int64_t now_ns(std::size_t port) { return at(port).now_ns(); }
     std::int64_t overflow_bytes(std::size_t port) { return at(port).overflow_bytes; }
 
-    // Returns the printed texts (the bytes, and for each device the arrival time and number of its records),
-    // and the events: port, kind and details.
+    // Runs a round. Returns the printed texts (each with its bytes, and for each device the arrival time and
+    // the number of its records) and the events (each with port, kind and details).
     nb::tuple run(double timeout_s) {
         happened_.clear();
         {
@@ -172,7 +173,7 @@ class Round {
                 const fltea::PortNews& news = line.reads();
                 const nb::tuple columns = columns_of(news.reads);
                 const nb::tuple reads = nb::make_tuple(nb::bytes(news.bytes.data(), news.bytes.size()),
-                                                       // the fields of Reads
+                                                       // the fields of the Python class Reads
                                                        columns[0], columns[1], columns[2]);
                 line.reads() = fltea::PortNews();
                 return reads;

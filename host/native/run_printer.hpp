@@ -1,5 +1,5 @@
-// Prints the samples of a device's runs as JSON lines. Columns are numbered as in
-// host/fltea/sinks/json_lines.py.
+// Prints the samples of a device's runs as JSON lines; a run is a series of samples that Device processed
+// together. Columns are numbered as in host/fltea/sinks/json_lines.py.
 #pragma once
 
 #include <cstddef>
@@ -16,9 +16,9 @@ namespace fltea {
 
 class RunPrinter {
   public:
-    // `every`: prints the samples whose number is a multiple of this. `weight`: number of records that one
-    // printed sample counts as. `shape`: only rows of this shape are printed; it leaves out sensors without
-    // samples. Throws std::invalid_argument.
+    // `every`: samples are printed if their number is a multiple of this. `weight`: number of records that
+    // each printed sample counts as. `shape`: the columns of the rows that are printed (RunShape, with
+    // Absent::kLeftOut); other rows are not. Throws std::invalid_argument for other arguments.
     RunPrinter(std::shared_ptr<const LinePrinter> lines, std::int64_t every, std::size_t weight,
                RunShape shape)
         : lines_(std::move(lines)), every_(every), weight_(weight), shape_(std::move(shape)) {
@@ -33,13 +33,13 @@ class RunPrinter {
         }
     }
 
-    // Whether rows of the newest run have the shape of this printer.
+    // Whether the newest run has the columns that this printer prints, so that its rows will be printed.
     bool prints(const Device& device) const {
         return missed_ == 0 && shape_of(device, Absent::kLeftOut) == shape_;
     }
 
-    // Prints rows of the newest run. If their shape differs, these and all later rows are only counted until
-    // clear().
+    // Prints rows of the newest run. If their shape differs, these rows and all later ones until clear() are
+    // only counted.
     void append(const Device& device, std::size_t begin, std::size_t end) {
         if (begin >= end) return;
         if (missed_ > 0 || shape_of(device, Absent::kLeftOut) != shape_) {
@@ -61,10 +61,10 @@ class RunPrinter {
     const char* data() const { return data_.data(); }
     std::size_t size() const { return used_; }
     std::size_t records() const { return records_; }
-    // Number of newest rows that were not printed.
+    // Number of rows that were not printed.
     std::size_t missed() const { return missed_; }
 
-    // Restarts after the text was fetched.
+    // Removes the printed text. Call this after the text was fetched.
     void clear() {
         if (data_.size() > kKept && used_ < data_.size() / 8) std::vector<char>().swap(data_);
         used_ = records_ = missed_ = 0;
@@ -75,8 +75,8 @@ class RunPrinter {
     // Number of a bank's columns that are printed before its flags; index of the bias among a tracker's
     // columns.
     enum : std::size_t { kNumbers = kLaneInnovationStd, kBias = 2 };
-    // Memory is kept up to this size while little of it is used. Devices are many, and what waits for one
-    // device comes at once.
+    // If only a little of more memory than this is used, the memory is released. There may be many devices,
+    // and much text of one device may come at once after a wait.
     static constexpr std::size_t kKept = 1 << 16;
 
     static bool has_samples(const SensorColumns& one) { return one.tracked != nullptr; }
@@ -154,7 +154,7 @@ class RunPrinter {
     std::size_t weight_;
     RunShape shape_;
     bool is_corrected_ = false;
-    std::vector<char> data_;  // `used_` bytes are printed; the memory beyond is not cleared each time
+    std::vector<char> data_;  // the first `used_` bytes are printed text; the rest is not cleared each time
     std::size_t used_ = 0, records_ = 0, missed_ = 0;
     std::vector<Cells> columns_;
     std::vector<double> corrected_dps_;

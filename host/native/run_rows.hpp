@@ -1,4 +1,4 @@
-// Collects rows of a device's runs, for a consumer that takes them later all at once.
+// Collects rows of a device's runs, for a caller that fetches many of them at once.
 #pragma once
 
 #include <cstddef>
@@ -47,10 +47,10 @@ class RunRows {
 
     std::size_t rows() const { return rows_; }
     const RunShape& shape() const { return shape_; }
-    // Arrival time of the first row.
+    // Arrival time of the first of the waiting rows.
     std::int64_t first_ns() const { return first_ns_; }
-    // Number of columns: arrival times, then the columns of the shape: samples, and for each sensor the
-    // columns of its tracker and of its bank.
+    // Number of columns. The arrival times come first, then the columns of the samples, then for each sensor
+    // the columns of its tracker and of its bank.
     std::size_t columns() const { return next_; }
     const std::vector<char>& column(std::size_t i) const { return columns_[i]; }
 

@@ -1,4 +1,4 @@
-// Consecutive samples of a source as columns. The source keeps the ownership of the memory.
+// Consecutive samples of a source as columns. The memory belongs to the source.
 #pragma once
 
 #include <cstddef>
@@ -6,19 +6,19 @@
 
 namespace fltea {
 
-// A column of n rows: raw counts of the wire or numbers from a file.
+// A column of n rows, which are raw counts from the wire or numbers from a file.
 class NumberColumn {
   public:
-    enum Type { kNone, kCounts, kWhole, kReal };  // int16, int64, double
+    enum Type { kNone, kCounts, kWhole, kReal };  // none; int16; int64; double
 
     NumberColumn() = default;
     NumberColumn(const void* data, Type type, std::size_t width) : data_(data), type_(type), width_(width) {}
 
     explicit operator bool() const { return type_ != kNone; }
     std::size_t width() const { return width_; }
-    // Only for columns of the wire (kCounts).
+    // The raw counts. Call this only for columns of the type kCounts.
     const std::int16_t* counts() const { return static_cast<const std::int16_t*>(data_); }
-    // `i`: index among all numbers, row by row.
+    // The number at index `i`, counted over all rows.
     double operator[](std::size_t i) const {
         if (type_ == kCounts) return static_cast<const std::int16_t*>(data_)[i];
         if (type_ == kReal) return static_cast<const double*>(data_)[i];
@@ -31,18 +31,19 @@ class NumberColumn {
     std::size_t width_ = 0;
 };
 
-// n samples. RawSample of host/fltea/records/events.py defines the meaning of each column.
+// The columns of n samples. The class RawSample in host/fltea/records/events.py defines what each column
+// means.
 struct SampleColumns {
     std::size_t n;
     const std::int64_t *sequence, *device_us, *host_ns;
     NumberColumn gyro, accel, temperature;
-    const std::int64_t* flags;  // null: the source has no flags
+    const std::int64_t* flags;  // null if the source has no flags
 };
 
 // Factors that convert counts to units.
 struct Scales {
     double gyro_lsb_per_dps;
-    bool has_accel;  // false: the scale of the accelerometer is not known
+    bool has_accel;  // whether the scale of the accelerometer is known
     double accel_ms2_per_lsb;
     double temperature_lsb_per_c, temperature_zero_c;
 };

@@ -1,4 +1,5 @@
-// One sensor of a device: the tracker of its biases, the sums of its noise, and its bank of filters.
+// One sensor of a device: the tracker of its biases, the sums from which its noise is fitted, and the filters
+// of its axes (AxisBank).
 #pragma once
 
 #include <cstddef>
@@ -10,14 +11,16 @@
 
 namespace fltea {
 
-// Half of the engine's limit, so that a sample stays within the limit after a bias is subtracted.
+// Largest magnitude of a sample. It is half of the engine's limit, so that a sample minus its bias stays
+// within that limit.
 constexpr double kLargestSample = kLargestInput / 2;
 enum { kTrackedColumns = 5 };
 
-// Interfaces of the three parts. Each takes rows of y (rows, axes).
+// Interfaces of the three parts of a sensor. Each part processes samples y of shape (rows, axes).
 struct TrackerPart {
     virtual ~TrackerPart() = default;
-    // `accel`: (rows, accel_axes), or null. `out`: (kTrackedColumns, rows, axes). `moving`: (rows, axes).
+    // `accel` has the shape (rows, accel_axes) or is null; `out` has the shape (kTrackedColumns, rows, axes),
+    // and `moving` has the shape (rows, axes).
     virtual void run(const double* y, const double* accel, std::size_t accel_axes, std::size_t rows,
                      double* out, std::uint8_t* moving, std::vector<track::TrackerEvent>& events) = 0;
     virtual void skip_rows(std::uint64_t count) = 0;
@@ -36,9 +39,9 @@ struct BankPart {
     virtual void skip_rows(std::uint64_t count, std::vector<Lost>& lost) = 0;
 };
 
-// Results for a block of rows: columns of (rows, axes) each.
+// Results for a block of rows. Each column has the shape (rows, axes).
 struct SensorColumns {
-    double* tracked = nullptr;  // kTrackedColumns columns
+    double* tracked = nullptr;  // kTrackedColumns columns, or null
     std::uint8_t* moving = nullptr;
     BankBlock bank = {};
     bool has_estimates = false;  // false while the start-up window fills
@@ -48,13 +51,14 @@ struct Sensor {
     bool is_accel = false;
     std::vector<std::size_t> places;  // indexes of the sensor's axes in the sample columns
     TrackerPart* tracker = nullptr;
-    SumsPart* sums = nullptr;  // null: no noise is fitted
+    SumsPart* sums = nullptr;  // null if no noise is fitted
     std::uint64_t longest_motion = 0;
-    BankPart* bank = nullptr;     // null: no filters run
-    std::vector<bool> waits;      // for each axis: its fit is not accepted yet, whatever its innovations are
+    BankPart* bank = nullptr;  // null if no filters run
+    // for each axis: whether its fit is not accepted yet, so that its innovations do not count as white
+    std::vector<bool> waits;
     std::size_t window_left = 0;  // number of rows until the bank's start-up window is full
 
-    // Copies the columns `places` of n rows to `y`. Returns false for values beyond kLargestSample.
+    // Copies the axes in `places` of n rows to `y`. Returns false if a value exceeds kLargestSample.
     bool choose(const double* from, std::size_t n, std::size_t width, std::vector<double>& y) const {
         y.clear();
         for (std::size_t i = 0; i < n; ++i) {
@@ -88,7 +92,8 @@ struct Sensor {
     }
 
   private:
-    // Adds the samples at rest. Each omitted sample ends a stretch, so that no spectrum spans a step.
+    // Adds the samples at rest to the sums. The sample at a step of the bias is omitted, which makes a break,
+    // so that no spectrum extends over the step.
     void add_at_rest(const std::vector<double>& y, std::size_t n, const SensorColumns& from,
                      const std::vector<track::TrackerEvent>& events) {
         const std::size_t axes = places.size();

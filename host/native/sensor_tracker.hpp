@@ -10,20 +10,21 @@
 namespace fltea {
 namespace track {
 
-// An event at a sample.
+// An event at a sample: a step of the bias, or the beginning or end of a motion.
 struct TrackerEvent {
     enum Kind { kStep, kMoves, kRests };
     Kind kind;
     std::size_t row;
-    // For a step: its axis. For motion: the axis that showed it, kByAccel or kByCaller.
+    // The axis that has stepped or that showed the motion. Motion may also have been shown by the
+    // accelerometer (kByAccel) or announced by the caller (kByCaller).
     int axis;
-    std::int64_t ago;       // samples since the event began, including the newest
-    double size, size_std;  // of a step; for motion that ended, `size` is its largest sample
-    std::int64_t samples;   // duration of the motion
+    std::int64_t ago;       // number of samples since the event began, including the newest one
+    double size, size_std;  // size of a step; at the end of a motion, `size` is its largest sample
+    std::int64_t samples;   // duration of the motion, in samples
     enum { kByAccel = -1, kByCaller = -2 };
 };
 
-// What the caller knows about the samples of a call.
+// What the caller knows about motion during the samples of a call.
 enum Rest { kUnknown = 0, kAtRest = 1, kMoving = 2 };
 
 class SensorTracker {
@@ -36,8 +37,8 @@ class SensorTracker {
     const std::vector<AxisTracker>& axes() const { return axes_; }
     bool moving() const { return moving_; }
 
-    // `y`: a sample of each axis; `accel`: a sample of `accel_axes` axes, or null; `to`: receives the result
-    // of each axis.
+    // Processes a sample. `y`: its value on each axis. `accel`: the values of `accel_axes` axes of the
+    // accelerometer, or null. The results of all axes are written to `to`.
     void next(const double* y, const double* accel, int accel_axes, Rest rest, std::size_t row, Tracked* to,
               std::vector<TrackerEvent>& events) {
         const std::size_t n = axes_.size();
@@ -59,7 +60,7 @@ class SensorTracker {
         if (++fill_ == RestGate::kChunk) end_chunk(rest, row, events);
     }
 
-    // Samples of all axes are missing.
+    // Call this if `count` samples of all axes are missing.
     void skip(std::uint64_t count) {
         if (count > AxisTracker::kLongestGap) {
             begin_again();
@@ -109,7 +110,7 @@ class SensorTracker {
         }
     }
 
-    // Motion began some time ago: undoes the effect of its samples.
+    // Handles a motion that began some samples ago: undoes the effect of these samples on all axes.
     void go_back(int by, std::size_t row, std::vector<TrackerEvent>& events) {
         std::int64_t undone = 0;
         for (AxisTracker& one : axes_) {
@@ -151,7 +152,8 @@ class SensorTracker {
             const ChunkVerdict one = axes_[i].end_chunk(moving_);
             if (one.knock && by == kNone) by = int(i);
             same = same && one.same_place;
-            // A bias farther from 0 than the present bias is less likely than a turn of the sensor.
+            // A mean farther from 0 than the present bias is more likely a rotation of the sensor than a new
+            // bias.
             const double place = one.place + axes_[i].origin();
             nearer = nearer && std::fabs(place) <= std::fabs(axes_[i].absolute_bias());
         }
@@ -180,7 +182,7 @@ class SensorTracker {
         for (AxisTracker& one : axes_) one.roll();
     }
 
-    // Ends a chunk with lost samples, without judging it.
+    // Ends a chunk in which samples are missing, without judging it.
     void drop_chunk() {
         for (AxisTracker& one : axes_) {
             one.drop_chunk();

@@ -1,9 +1,9 @@
-// Places each sample in its epoch: computes its number and device time without the wraps of the wire, and the
-// number of samples missing before it. The rules are those of protocol/README.md. The sequence of SAMPLE
-// numbers the sampling instants, so within a boot delivered + lost = due, even where the sensor was set up
-// again. If sequence and time disagree, the device was restarted or exchanged, and samples are ignored until
-// its next HELLO. If they keep disagreeing in the same way, the device contradicts itself, and samples are
-// ignored until the two agree.
+// Computes for each sample its number and its device time within the epoch, without the wraps of the wire
+// protocol, and the number of samples that are missing before it. The rules are those of protocol/README.md.
+// The sequence of SAMPLE numbers the sampling instants, so within a boot delivered + lost = due, even where
+// the sensor was set up again. If sequence and time disagree, the device was restarted or exchanged, and
+// samples are ignored until its next HELLO. If they keep disagreeing in the same way, the device contradicts
+// itself, and samples are ignored until the two agree.
 #pragma once
 
 #include <cmath>
@@ -15,7 +15,8 @@
 
 namespace fltea {
 
-// Why an epoch begins. kEpochReasons has the names, as in the record `epoch`. kNone: no epoch begins.
+// Why an epoch begins; kNone means that none begins. kEpochReasons has the names, which the record `epoch`
+// uses.
 enum class EpochReason : int { kNone, kStart, kRestart, kSensorRestart, kDiscontinuity, kGap, kSilence };
 constexpr const char* kEpochReasons[] = {"",    "start",  "restart", "sensor_restart", "discontinuity",
                                          "gap", "silence"};
@@ -29,24 +30,27 @@ struct Newest {
     std::int64_t sequence, device_us, host_ns, seq, epoch_us;
 };
 
-// Judgement of a sample relative to the previous one.
+// How a sample continues the previous one.
 struct Judged {
     enum Kind { kTaken, kDuplicate, kUnusable };
     Kind kind;
-    EpochReason reason;    // of the epoch that begins with this sample
-    std::int64_t missing;  // number of samples lost just before this one: seq - missing to seq - 1
+    EpochReason reason;  // why an epoch begins with this sample, or kNone
+    // number of samples that are missing just before this one: numbers seq - missing to seq - 1
+    std::int64_t missing;
     std::int64_t seq, epoch_us;
 };
 
 class SequenceTracker {
   public:
-    // After half an hour without a sample, the number of wraps of the device time (71.6 minutes each) is
-    // unknown.
+    // After half an hour without a sample, it is unknown how often the device time has wrapped; it wraps
+    // every 71.6 minutes.
     static constexpr std::int64_t kMaxSilenceNs = std::int64_t(30) * 60 * 1'000'000'000;
-    // A reset can look like a gap of up to 71 minutes. The host's clock shows the difference, even if samples
-    // arrive late.
+    // Largest difference between device time and host time over a gap. After a reset, sequence and device
+    // time can look like a gap of up to 71 minutes, but the host's clock shows the difference, even if
+    // samples arrive late.
     static constexpr std::int64_t kMaxHostDisagreementUs = std::int64_t(5) * 60 * 1'000'000;
-    // Sequence and time may differ by twice the ±1 % of the sensor's own clock, plus one period.
+    // The time that follows from the sequence may differ from the device time by twice the ±1 % of the
+    // sensor's own clock, plus one period.
     static constexpr double kClockTolerance = 0.02;
     static constexpr std::int64_t kSequenceWrap = 1 << 16, kTimeWrapUs = std::int64_t(1) << 32;
 
@@ -75,7 +79,7 @@ class SequenceTracker {
     }
     bool knows_hello() const { return knows_hello_; }
 
-    // Begins a new epoch with the next sample, because the recording states that one began.
+    // Begins a new epoch with the next sample. Call this where a recording states that an epoch began.
     void on_break(EpochReason reason) {
         if (pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart) pending_ = reason;
     }
@@ -90,8 +94,8 @@ class SequenceTracker {
                step_ns <= kMaxSilenceNs;
     }
 
-    // Judges a sample, when a HELLO is known. A rejected sample is counted here; the caller has nothing to
-    // do.
+    // Judges a sample. Call this only if a HELLO is known. A rejected sample is counted here, so that the
+    // caller has nothing to do.
     Judged judge(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         const bool must_begin =
             !any_ || !(pending_ == EpochReason::kNone || pending_ == EpochReason::kSensorRestart);
@@ -132,14 +136,14 @@ class SequenceTracker {
         return {Judged::kTaken, reason, missing, newest_.seq + step, newest_.epoch_us + step_us};
     }
 
-    // Accepts the next sample, for which `follows` is true.
+    // Accepts the next sample. Call this only if follows() is true for it.
     void go_on(std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         newest_.epoch_us += time_step_us(device_us);
         ++newest_.seq;
         come_to(sequence, device_us, host_ns);
     }
 
-    // Accepts a sample that was judged.
+    // Accepts a sample for which judge() has returned `judged`.
     void take(const Judged& judged, std::int64_t sequence, std::int64_t device_us, std::int64_t host_ns) {
         newest_.seq = judged.seq;
         newest_.epoch_us = judged.epoch_us;
@@ -159,15 +163,15 @@ class SequenceTracker {
         if (disagreed_) watch(sequence, device_us);
     }
 
-    // Whether the device contradicts itself, so that all samples are rejected; and the count of such a
-    // sample.
+    // Whether the device contradicts itself, so that all its samples are rejected. note_rate_differs() counts
+    // such a sample.
     bool rate_differs() const { return rate_differs_; }
     void note_rate_differs(std::int64_t sequence, std::int64_t device_us) {
         ++counts_.rate_differs;
         if (watch(sequence, device_us) == RateWatch::kAgrees) accept_again();
     }
-    // Whether the last sample has shown the contradiction and the caller is not notified yet; and the two
-    // rates: the one that HELLO states, and the one by the device's clock.
+    // Whether the last sample has shown that the device contradicts itself, and the caller does not know that
+    // yet. After this come the two rates: the one that HELLO states, and the one by the device's clock.
     bool has_news() const { return has_news_; }
     void told_news() { has_news_ = false; }
     double stated_hz() const { return 1e6 / period_us_; }
@@ -219,7 +223,7 @@ class SequenceTracker {
     struct Seen {
         bool any;
         std::int64_t sequence, device_us;
-        RateWatch::Verdict verdict;  // last verdict
+        RateWatch::Verdict verdict;  // last verdict on the rate
     };
 
     Newest newest_ = {};
@@ -230,7 +234,7 @@ class SequenceTracker {
     bool any_ = false, has_boot_ = false, knows_hello_ = false;
     RateWatch watch_;
     Seen seen_ = {};
-    bool disagreed_ = false;  // number and time disagreed, and no further HELLO has come since
+    bool disagreed_ = false;  // whether number and time have disagreed, and no HELLO has come since then
     bool rate_differs_ = false, has_news_ = false;
 };
 

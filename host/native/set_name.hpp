@@ -1,5 +1,5 @@
-// FLTEA_INSTRUCTION_SET as a string and as part of names. It distinguishes code that is compiled once per
-// instruction set.
+// Macros that give FLTEA_INSTRUCTION_SET as a string and as a part of names. Such names distinguish code that
+// is compiled once for each instruction set.
 #pragma once
 
 #include "instruction_set.hpp"

@@ -23,7 +23,7 @@ const char kSourceHash[] = "{digest}";
 
 
 def sources(root: Path = ROOT) -> list[Path]:
-    """Return all files that the module is compiled from, in a fixed order."""
+    """Return all files from which the native module is compiled, in a fixed order."""
     found = {path for pattern in PATTERNS for path in root.glob(pattern)}
     return sorted(found | {root / "firmware/core" / name for name in ENCODER})
 

@@ -1,11 +1,11 @@
-// Tests whether the bias of an axis has stepped: a generalised likelihood ratio of its filter's innovations,
-// over windows from 16 to 16,384 samples (Basseville & Nikiforov, Detection of Abrupt Changes, 1993, section
-// 2.4). The innovations of a correct filter are white, so after a step by δ deviations the mean of n
-// innovations raises log L by n δ² / 2. At one false alarm a week no test needs fewer than about 30 / δ²
-// samples (Lorden, Ann. Math. Statist. 42, 1971).
+// Tests whether the bias of an axis has stepped, by a generalised likelihood ratio of its filter's
+// innovations over windows of 16 to 16,384 samples (Basseville & Nikiforov, Detection of Abrupt Changes,
+// 1993, section 2.4). The innovations of a correct filter are white, so a step by δ standard deviations
+// raises log L by n δ² / 2 after n samples. With one false alarm a week, every test needs at least about 30 /
+// δ² samples (Lorden, Ann. Math. Statist. 42, 1971).
 //
-// Filters are never exactly correct. The sums are therefore compared with what is usual for windows of their
-// length.
+// Filters are never exactly correct. The sums of innovations are therefore compared with the usual sums over
+// windows of the same length.
 #pragma once
 
 #include <cmath>
@@ -17,25 +17,26 @@ struct StepSeen {
     enum Kind { kNothing, kStep, kDrift };
     Kind kind;
     int ago;      // number of samples since the change, including the newest
-    double size;  // change of the mean [deviations]; for a drift, the change so far
+    double size;  // change of the mean [standard deviations]; for a drift, the change so far
 };
 
-// A possible step: its probability, its size [deviations] and its variance.
+// A possible step: its probability, its size [standard deviations] and the variance of the size.
 struct StepSuspected {
     double likely, size, variance;
 };
 
 class StepTest {
   public:
-    // kSure: log L at which a step is reported; there is less than one false report a week. kEven: log L at
-    // which a step has the probability 1/2; one such case is expected in some hours without a step.
+    // kSure: increase of log L at which a step is reported; this gives less than one false report a week.
+    // kEven: increase of log L at which a step has the probability 1/2; without a step, this happens once in
+    // some hours.
     static constexpr double kSure = 18, kEven = 13;
 
     // Likeliest step that is not reported yet.
     const StepSuspected& suspected() const { return suspected_; }
 
-    // Adds an innovation divided by its deviation. Returns the step that is detected with this sample; then
-    // call `clear`.
+    // Adds an innovation, divided by its standard deviation. Returns the step that is detected with this
+    // sample, if any. In that case, call clear() next.
     StepSeen add(double z) {
         const double used = louder(z);
         total_ += used;
@@ -51,7 +52,7 @@ class StepTest {
         return nothing();
     }
 
-    // Restarts the sums, and keeps the usual levels.
+    // Restarts the sums, and keeps what is known of the usual sums.
     void clear() {
         total_ = 0;
         samples_ = 0;
@@ -59,8 +60,8 @@ class StepTest {
         suspected_ = StepSuspected{0, 0, 0};
     }
 
-    // Updates the usual levels from past innovations of a different filter of the same samples, without
-    // testing for steps. The sums continue.
+    // Updates the usual sums by a past innovation of a new filter of the same samples, without testing for
+    // steps. The sums continue.
     void take(double z) {
         const double used = louder(z);
         total_ += used;
@@ -74,7 +75,7 @@ class StepTest {
         }
     }
 
-    // Reduces the weight of the usual levels, since the filter has changed.
+    // Reduces the weight of the usual sums so far. Call this when the filter has changed.
     void relearn() {
         for (Level& level : levels_) {
             for (Window& one : level.windows) {
@@ -95,14 +96,16 @@ class StepTest {
 
   private:
     enum { kLevels = 4, kBlock = 4, kUp = 8, kKept = 32, kWindows = 7, kWeight = 8, kMostCounted = 200 };
-    // A larger innovation is clipped to this number of deviations, so that a glitch is not a step.
+    // Innovations are clipped at this number of standard deviations, so that a glitch is not taken for a
+    // step.
     static constexpr double kClip = 4;
     static constexpr double kPower = 1 / 64.0;
     // A square counts as at most this multiple of the usual square.
     static constexpr double kOutlier = 9, kAnything = 100;
 
-    // Windows of one length. `usual`: mean square of their sums, as a ratio to that of white innovations. It
-    // is computed from differences of neighbouring windows, so steps and drifts do not raise it.
+    // Statistics of windows of one length. `usual`: mean square of their sums, as a ratio to that of white
+    // innovations. It is computed from differences of neighbouring windows, so steps and drifts do not raise
+    // it.
     struct Window {
         double usual;
         int count, since;
@@ -120,7 +123,8 @@ class StepTest {
         int at = 0, count = 0;
         Window windows[kWindows];
         Suspect suspect = {0, 0, 1};
-        double absolute = 0;  // mean square of the sums of these windows, or of shorter ones
+        // mean square of the sums of these windows or of shorter ones, whichever is larger
+        double absolute = 0;
 
         Level() {
             ends[0] = 0;
@@ -140,7 +144,7 @@ class StepTest {
             ends[at] = sum;
             if (count < kKept) ++count;
         }
-        // Sum of the newest blocks.
+        // Sum of the newest `blocks` blocks.
         double newest(int blocks) const {
             const int then = at - blocks;
             return ends[at] - ends[then < 0 ? then + kKept + 1 : then];
@@ -164,12 +168,12 @@ class StepTest {
         }
     };
 
-    // Divides by the present noise if that has grown. The noise is computed from differences, which do not
-    // contain a step.
+    // Divides an innovation by the present noise if the noise has grown. The noise is computed from
+    // differences of neighbours, in which a step hardly shows.
     double louder(double z) {
         const double apart = z - last_, square = apart * apart / 2;
         last_ = z;
-        const double most = kOutlier * (power_ > 1 ? power_ : 1);  // a step causes one such difference
+        const double most = kOutlier * (power_ > 1 ? power_ : 1);  // a step causes one large difference
         power_ += kPower * ((square < most ? square : most) - power_);
         const double used = power_ > 1 ? z / std::sqrt(power_) : z;
         return used > kClip ? kClip : used < -kClip ? -kClip : used;
@@ -195,10 +199,10 @@ class StepTest {
     StepSeen judge(int l, int size) {
         Level& level = levels_[l];
         level.suspect = Suspect{0, 0, 1};
-        // A longer sum is usually no smaller than a shorter one: a spectral line with that period may hide in
-        // it.
+        // The usual sum of a longer window is taken to be at least that of a shorter window, because a
+        // spectral line whose period fits the longer window cancels in it.
         double absolute = l == 0 ? 0 : levels_[l - 1].absolute;
-        // Skips the windows that the level below has already tested.
+        // Windows that the level with shorter blocks has already tested are skipped.
         for (int w = l == 0 ? 0 : 1; w < kWindows; ++w) {
             const int blocks = blocks_of(w);
             if (blocks > level.count || blocks * size > kLongest) break;
@@ -206,7 +210,7 @@ class StepTest {
             const double length = double(blocks) * size, sum = level.newest(blocks);
             const double square = sum * sum, beside = std::fmax(usual(l, w) * length, absolute);
             if (window.count >= kWeight) absolute = std::fmax(absolute, window.usual * length);
-            if (square > kEven * beside) {  // a gain of kEven / 2
+            if (square > kEven * beside) {  // which means a gain above kEven / 2
                 const double gain = square / (2 * beside);
                 if (gain > kSure) return found(level, size, blocks);
                 if (gain > level.suspect.gain && length >= kSuspected) {
@@ -219,7 +223,7 @@ class StepTest {
         return nothing();
     }
 
-    // Only windows that do not overlap are used.
+    // Updates the usual sum of a window. Only windows that do not overlap are used.
     static void learn(Window& window, int blocks, int size, double sum, double outlier) {
         if (++window.since < blocks) return;
         window.since = 0;
@@ -234,7 +238,8 @@ class StepTest {
         window.usual += (used - window.usual) / (window.count + kWeight);
     }
 
-    // If few windows of this length were seen, the largest usual level of the shorter windows is used.
+    // The usual mean square for windows of one length. If few such windows were seen, it is the largest one
+    // of all shorter windows.
     double usual(int l, int w) const {
         const Window& own = levels_[l].windows[w];
         double most = std::fmax(own.usual, 1);
@@ -274,7 +279,7 @@ class StepTest {
         return best;
     }
 
-    // A mean that has grown linearly from 0 to `size`. Its log L is size² ago / 6.
+    // The likeliest drift: a mean that has grown linearly from 0 to `size`. It raises log L by size² ago / 6.
     StepSeen likeliest_drift(const Level& level, int size) const {
         StepSeen best = {StepSeen::kDrift, 0, 0};
         double most = 0, moment = 0, later = 0;  // `later`: sum of the blocks after this one
@@ -293,7 +298,8 @@ class StepTest {
         return best;
     }
 
-    // A step suspected in shorter windows is either reported soon, or was chance.
+    // kSuspected: shortest window in which a step is suspected. A step in a shorter window is either reported
+    // soon, or was chance.
     enum { kLongest = 16384, kShortestDrift = 1024, kSuspected = 64 };
 
     StepSuspected suspected_ = StepSuspected{0, 0, 0};

@@ -1,4 +1,5 @@
-// Records a value over time, in at most 16 cells at any length.
+// Records how a value changes over time, in at most 16 cells, however long the time is. A cell is the mean of
+// consecutive values.
 #pragma once
 
 #include <cmath>
@@ -7,7 +8,7 @@
 namespace fltea {
 
 struct TimeCell {
-    std::uint64_t first;  // sample number
+    std::uint64_t first;  // number of the first sample
     std::uint32_t count;
     float mean, squares;  // mean of the values, and sum of their squared deviations from the mean
 };
@@ -16,8 +17,8 @@ class TimeCells {
   public:
     enum { kMost = 16 };
 
-    // `span`: number of values per cell if the oldest cell is to be dropped when all cells are full; 0 if
-    // neighbouring cells are to be joined instead.
+    // `span`: number of values per cell, if the oldest cell has to be dropped when all cells are full. 0:
+    // neighbouring cells are joined instead, so that cells become wider.
     explicit TimeCells(std::uint32_t span = 0) : each_(span > 0 ? span : 1), forgets_(span > 0), size_(0) {}
 
     int size() const { return size_; }
@@ -32,7 +33,7 @@ class TimeCells {
         add(one);
     }
 
-    // Adds `cell`, which is later than all others.
+    // Adds `cell`, which must be later than all other cells.
     void add(const TimeCell& cell) {
         if (size_ > 0 && count_[size_ - 1] + cell.count <= each_) {
             put(size_ - 1, joined((*this)[size_ - 1], cell));
@@ -48,7 +49,7 @@ class TimeCells {
         put(size_++, cell);
     }
 
-    // Merges a later stretch. Its sample 0 is our sample `shift`.
+    // Merges the cells of a later part of the record. Its sample 0 is our sample `shift`.
     void merge(const TimeCells& other, std::uint64_t shift) {
         while (!forgets_ && each_ < other.each_ && each_ < kWidest) join_neighbours();
         for (int i = 0; i < other.size_; ++i) {
@@ -58,8 +59,8 @@ class TimeCells {
         }
     }
 
-    // Calls io.number or io.real(value, low, high) for each number, to save or load it. The result is valid
-    // if io.sound().
+    // Saves or loads each number by calling io.number or io.real(value, low, high). The result is valid if
+    // io.sound() is true.
     template <typename Io>
     void visit(Io& io) {
         io.number(size_, 0, kMost);
@@ -105,7 +106,7 @@ class TimeCells {
         each_ *= 2;
     }
 
-    // Stored as columns: rows would be a sixth larger.
+    // The cells are stored as columns, because an array of structs would be a sixth larger.
     std::uint64_t first_[kMost];
     std::uint32_t count_[kMost];
     float mean_[kMost], squares_[kMost];

@@ -1,25 +1,26 @@
-// The variance of a value's changes over times of 1, 2, 4 … values, in constant memory: its Haar wavelet
-// variances.
+// How much a value changes over times of 1, 2, 4 … values: its Haar wavelet variances, computed in constant
+// memory.
 #pragma once
 
 #include <cstdint>
 
 namespace fltea {
 
-// At scale s, the means of neighbouring runs of 2^s values are compared, in pairs that do not overlap. A pair
-// contributes 2^s d²/2, where d is the difference. For independent values, the mean of this equals their
-// variance at every scale (Percival and Walden, Wavelet Methods for Time Series Analysis, 2000). More values
-// therefore give more precision at every scale, whereas the cells of time_cells.hpp become wider.
+// At scale s, the means of two neighbouring groups of 2^s values are compared; the pairs of groups do not
+// overlap. A pair contributes 2^s d²/2, where d is the difference of the two means. For independent values,
+// the mean of these contributions is the variance of the values at every scale (Percival and Walden, Wavelet
+// Methods for Time Series Analysis, 2000). More values therefore give more precision at every scale, whereas
+// the cells of time_cells.hpp become wider.
 template <int kScales>
 class TimeScales {
   public:
-    // `span`: number of values after which earlier pairs count as old; the old pairs are forgotten after
-    // another span. 0: nothing is forgotten.
+    // `span`: after this number of values, the pairs so far become old pairs, and after as many values again,
+    // these are forgotten. 0: nothing is forgotten.
     explicit TimeScales(std::uint32_t span = 0) : span_(span), waiting_(0) { clear(); }
 
     static int size() { return kScales; }
     double pairs(int s) const { return double(pairs_[s]) + double(old_pairs_[s]); }
-    // Mean over the pairs; 0 without pairs.
+    // Mean of the contributions of all pairs, or 0 if there is no pair.
     double variance(int s) const {
         const double n = pairs(s);
         return n > 0 ? (sum_[s] + double(old_sum_[s])) / n : 0;
@@ -38,7 +39,7 @@ class TimeScales {
         add(0, figure);
     }
 
-    // Merges a later stretch.
+    // Merges the sums of a later part of the record.
     void merge(const TimeScales& other) {
         for (int s = 0; s < kScales; ++s) {
             sum_[s] += other.sum_[s];
@@ -46,13 +47,14 @@ class TimeScales {
             old_sum_[s] += other.old_sum_[s];
             old_pairs_[s] += other.old_pairs_[s];
         }
-        // The longest run is the earliest.
+        // Means that wait for their second one are added from the longest group to the shortest, because the
+        // longest is the earliest.
         for (int s = kScales - 1; s >= 0; --s) {
             if (other.waits(s)) add(s, other.first_[s]);
         }
     }
 
-    // As in TimeCells.
+    // Saves or loads all numbers (TimeCells::visit).
     template <typename Io>
     void visit(Io& io) {
         io.number(waiting_, 0, (1u << kScales) - 1);
@@ -93,12 +95,12 @@ class TimeScales {
     }
 
     double sum_[kScales];   // sum of the contributions of the pairs
-    float first_[kScales];  // first mean of the pair that waits for its second
+    float first_[kScales];  // first mean of the pair that waits for its second mean
     std::uint32_t pairs_[kScales];
-    float old_sum_[kScales];  // of the previous span
+    float old_sum_[kScales];  // the same sums for the previous span
     std::uint32_t old_pairs_[kScales];
     std::uint32_t span_;
-    std::uint32_t waiting_;  // one bit per scale
+    std::uint32_t waiting_;  // one bit per scale: whether a first mean waits
 };
 
 }  // namespace fltea

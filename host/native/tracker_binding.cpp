@@ -1,4 +1,5 @@
-// fltea._native.Tracker: the biases of all axes of a sensor for Python (host/fltea/estimator/tracker.py).
+// fltea._native.Tracker: the class that tracks the biases of all axes of a sensor, for Python
+// (host/fltea/estimator/tracker.py).
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
@@ -24,8 +25,8 @@ namespace {
 using Lane = fltea::track::AxisTracker;
 using Event = fltea::track::TrackerEvent;
 
-// Fields of TrackerEvent: kind, row, axis, samples since it began, size and its deviation, duration of the
-// motion.
+// Fields of TrackerEvent: kind, row, axis, number of samples since the event began, size and its standard
+// deviation, duration of the motion.
 using EventTuple = std::tuple<int, size_t, int, std::int64_t, double, double, std::int64_t>;
 
 class Tracker : public fltea::TrackerPart {
@@ -55,8 +56,8 @@ class Tracker : public fltea::TrackerPart {
         make(sensor_);
     }
 
-    // `out`: (columns, rows, lanes). `moving`: (rows, lanes). `accel`: (rows, 1 to 3). `rest`: a value of
-    // Rest.
+    // Processes rows. `out` has the shape (columns, rows, lanes), `moving` (rows, lanes) and `accel` (rows, 1
+    // to 3). `rest` is a value of Rest.
     std::vector<EventTuple> run(Rows y, Results out, Places moving, std::optional<Rows> accel, int rest) {
         const size_t rows = y.shape(0), lanes = offsets_.size();
         if (y.shape(1) != lanes || out.shape(0) != static_cast<size_t>(fltea::kTrackedColumns) ||
@@ -117,9 +118,10 @@ class Tracker : public fltea::TrackerPart {
         return {one.origin(), std::move(found)};
     }
 
-    // For each lane: samples in motion, restarts, steps, lag1, NIS, the Ljung-Box statistic and the number of
-    // innovations it uses; pieces and RMS for each length over which the bias is checked; bias and its
-    // deviation after the newest sample, NaN before the first.
+    // Figures of each lane (axis): samples in motion, restarts, steps; of the innovations the correlation of
+    // neighbours, NIS, the Ljung-Box statistic and the number of innovations that it uses; number of pieces
+    // and RMS for each length over which the bias is checked; bias and its standard deviation after the
+    // newest sample, which are NaN before the first sample.
     using Check = std::tuple<uint64_t, double>;
     using Stats = std::tuple<uint64_t, uint64_t, uint64_t, double, double, double, int, std::vector<Check>,
                              double, double>;
@@ -206,7 +208,7 @@ class Tracker : public fltea::TrackerPart {
     double largest_gravity_step_;
     fltea::track::TrackerRules rules_;
     std::unique_ptr<Sensor> sensor_;
-    std::vector<fltea::track::Tracked> newest_;  // for each lane, the result after the newest sample
+    std::vector<fltea::track::Tracked> newest_;  // results of all lanes after the newest sample
     mutable std::mutex mutex_;
 };
 

@@ -1,7 +1,7 @@
-// The noise model that an axis's tracker uses: one system, or two rival systems with the same parts but
-// different behaviour of the offset. This class holds everything that follows from the systems alone: the
-// maps of their covariances, and their forecasts of the bias. It is immutable, so any thread may make it, and
-// all filters may share it.
+// The noise model that an axis's tracker uses: one system, or two candidate systems with the same noise parts
+// but different behaviour of the offset. This class has everything that follows from the systems alone: the
+// maps of their covariances, and their forecasts of the bias. It is immutable, so any thread may create it,
+// and all filters may share it.
 #pragma once
 
 #include <cmath>
@@ -15,8 +15,8 @@
 namespace fltea {
 namespace track {
 
-// Lengths in samples. `ahead`: the bias is the mean over this number of samples to come; 0: it is the bias of
-// the newest sample. `checked`: lengths over which the bias is checked; 0: not checked.
+// Lengths in samples. `ahead`: the bias is the mean over this number of future samples; 0: it is the bias of
+// the newest sample. `checked`: lengths over which the bias is checked (bias_check.hpp); 0: no check.
 struct BiasLengths {
     enum { kChecks = 3 };
     std::int64_t ahead = 0;
@@ -29,18 +29,19 @@ class TrackerModel {
     enum { kRivals = 2 };
 
     struct Rival {
-        Noise system = Noise();  // its bias is the forecast
+        Noise system = Noise();  // the bias in it is the forecast over `ahead` samples
         double now[kMost] = {};  // weight of each state in the bias of the newest sample
         RiccatiMap<kMost> map;
-        double unlikely = 0;                                  // -log of its probability
+        double unlikely = 0;                                  // negative logarithm of its probability
         MeanAhead<kMost> checked[BiasLengths::kChecks] = {};  // forecasts for the bias check
     };
 
-    // `absolute`: the state has no mean of its own, so it includes the offset.
+    // `absolute`: the published state includes the offset, because the state of this model has no mean of its
+    // own.
     explicit TrackerModel(bool absolute = false) : absolute_(absolute) {}
 
-    // Returns null if no filter can work with the systems, which all have the same number of states.
-    // `weights`: the probability of each system.
+    // Creates the model of these systems, which must have the same number of states. Returns null if no
+    // filter can work with them. `weights`: the probability of each system.
     static std::shared_ptr<TrackerModel> made(const std::vector<Noise>& systems,
                                               const std::vector<double>& weights, bool absolute,
                                               const BiasLengths& lengths) {
@@ -57,8 +58,8 @@ class TrackerModel {
     std::size_t count() const { return rivals_.size(); }
     const Rival& rival(std::size_t i) const { return rivals_[i]; }
     const BiasLengths& lengths() const { return lengths_; }
-    // Density at frequency 0 of the noise in the samples that is not part of the bias; it gives the noise of
-    // a long mean.
+    // Spectral density at frequency 0 of the noise in the samples that is not part of the bias. It gives the
+    // noise of a mean over many samples.
     double density() const { return density_; }
     std::size_t likeliest() const {
         std::size_t best = 0;

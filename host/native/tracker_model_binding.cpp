@@ -1,5 +1,5 @@
-// fltea._native.TrackerModel and fltea._native.Remembered (host/fltea/estimator/tracker.py), and functions of
-// a system alone (host/fltea/noise/heading.py).
+// The Python classes fltea._native.TrackerModel and fltea._native.Remembered
+// (host/fltea/estimator/tracker.py), and functions of a single noise system (host/fltea/noise/heading.py).
 #include "tracker_model_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -99,7 +99,7 @@ void make(LaneModel* self, std::int64_t ahead, const std::vector<std::int64_t>& 
     new (self) LaneModel(std::move(made));
 }
 
-// The fields of a Coordinate.
+// The fields of Coordinate (noise_system.hpp).
 using Row = std::tuple<double, double, double, double, double>;
 
 Noise grown(Noise s, const std::vector<Row>& rows) {
@@ -111,7 +111,7 @@ Noise grown(Noise s, const std::vector<Row>& rows) {
     return s;
 }
 
-// Returns the likelihoods of the system extended by each of these sets of states.
+// Returns the likelihood of the remembered samples for each set of states by which the system is extended.
 std::vector<double> likelihoods(const RememberedLane& self, const Numbers& numbers,
                                 const std::vector<std::vector<Row>>& rows) {
     const Noise bare = std::apply(system_of, numbers);

@@ -1,4 +1,5 @@
-// A tracker's model and its memory as Python objects, usable in any thread (tracker_model_binding.cpp).
+// A tracker's noise model and its memory of samples as Python objects, which may be used in any thread
+// (tracker_model_binding.cpp).
 #pragma once
 
 #include <nanobind/nanobind.h>
@@ -8,7 +9,7 @@
 
 #include "axis_tracker.hpp"
 
-// A copy of a lane's memory, which never changes.
+// A copy of the samples that the tracker of an axis remembers. The copy never changes.
 class RememberedLane {
   public:
     explicit RememberedLane(const fltea::track::AxisTracker& lane)
@@ -16,7 +17,7 @@ class RememberedLane {
 
     const fltea::track::Remembered& memory() const { return memory_; }
     const fltea::track::StepTest& steps() const { return steps_; }
-    // 2 log L under the bank of random walks.
+    // 2 log L of the samples according to the bank of filters (walk_bank.hpp).
     double of_walks() const { return of_walks_; }
 
   private:
@@ -25,14 +26,14 @@ class RememberedLane {
     double of_walks_;
 };
 
-// A model, and the filters that were prepared for the tracker that takes it.
+// A noise model, and the filters that were prepared for the tracker that will use it.
 class LaneModel {
   public:
     explicit LaneModel(std::shared_ptr<fltea::track::TrackerModel> model) : model_(std::move(model)) {}
 
     const std::shared_ptr<fltea::track::TrackerModel>& model() const { return model_; }
     void refilter(const RememberedLane& remembered, int to_come);
-    // Returns the prepared filters. Works once.
+    // Returns the prepared filters. Only the first call returns them.
     std::unique_ptr<fltea::track::Refiltered> take_refiltered() {
         const std::lock_guard<std::mutex> alone(mutex_);
         return std::move(refiltered_);

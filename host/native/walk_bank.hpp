@@ -1,5 +1,6 @@
-// Estimates a bias while the noise is unknown, with a bank of many noise models (bank_members.hpp). Each is
-// weighted by the likelihood of the samples. The scale of the noise is estimated from the samples.
+// Estimates a bias while the noise is not known yet, with a bank of filters for many noise models
+// (bank_members.hpp). Each filter is weighted by the likelihood of the samples. The scale of the noise is
+// estimated from the samples.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +15,7 @@ class WalkBank {
   public:
     enum { kFewest = 16 };
 
-    // `ahead`: the bias is the mean over this number of samples to come; 0: it is the bias of the newest
+    // `ahead`: the bias is the mean over this number of future samples; 0: it is the bias of the newest
     // sample.
     explicit WalkBank(std::int64_t ahead) : all_(&BankMembers::of(ahead)) {
         for (int i = 0; i < all_->count(); ++i) {
@@ -23,7 +24,7 @@ class WalkBank {
         }
     }
 
-    // Whether there were enough samples to estimate the scale.
+    // Whether there were enough samples to estimate the scale of the noise.
     bool knows() const { return count_ >= kFewest; }
 
     int count() const { return count_; }
@@ -31,7 +32,7 @@ class WalkBank {
     void predict(double y) {
         for (Member& one : members_) one.e = one.filter.innovation(y);
     }
-    // Innovation of the likeliest member, and its variance.
+    // Innovation of the filter with the likeliest model, and its variance.
     double innovation() const { return members_[best_].e; }
     double variance() const { return members_[best_].filter.S * members_[best_].scale(count_); }
 
@@ -51,8 +52,8 @@ class WalkBank {
         weigh();
     }
 
-    // Returns the estimates in units of the samples. The bank has no separate state, so it returns the bias
-    // as the state.
+    // Returns the estimates in units of the samples. The bank does not distinguish state and bias, so it
+    // returns the bias for both.
     Known known() const {
         Known all = Known{0, 0, 0, 0, innovation(), variance()};
         double weights = 0, squares = 0;
@@ -66,14 +67,14 @@ class WalkBank {
         }
         all.bias /= weights;
         const double variance = squares / weights - all.bias * all.bias;
-        // An axis that has never changed has no scale.
+        // If all samples are equal, the scale is 0.
         all.bias_variance = variance > kNothing ? variance : 0;
         all.state = all.bias;
         all.state_variance = all.bias_variance;
         return all;
     }
 
-    // 2 log L of the samples under the likeliest member, up to a constant.
+    // 2 log L of the samples according to the likeliest model, up to a constant.
     double likelihood() const { return -2 * members_[best_].unlikely - count_; }
 
     template <typename Io>
@@ -101,16 +102,16 @@ class WalkBank {
 
   private:
     enum { kWeighed = 8, kSorted = 32 };
-    // A member is dropped if its log L is lower than the best one's by this.
+    // A filter is dropped if its log L is lower than that of the best filter by this number.
     static constexpr double kHopeless = 15;
     static constexpr double kNegligible = 1e-4;
 
     struct Member {
         explicit Member(int which = 0) : index(which) {}
         int index;
-        double logs = 0, squares = 0;  // sums over the innovations
+        double logs = 0, squares = 0;  // sums over the innovations: log S, and squares divided by S
         double e = 0, unlikely = 0;    // `unlikely`: -log L
-        double weight = 1;             // relative to the best member
+        double weight = 1;             // relative to the best filter
         HeldLog log_S;
         Kalman<BankMembers::kMost> filter;
 

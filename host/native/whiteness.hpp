@@ -1,8 +1,8 @@
 // Tests whether the innovations of a filter are white and as large as predicted. If the filter's model is
-// right, the innovations are uncorrelated, and the mean of their squares over the predicted variance is 1
-// (Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2).
-// Behind a low-pass filter, neighbours may be uncorrelated while later samples are correlated, so the first
-// lag alone is not enough.
+// right, the innovations are uncorrelated, and the mean of their squares divided by the predicted variance is
+// 1 (Bar-Shalom, Li & Kirubarajan, Estimation with Applications to Tracking and Navigation, section 5.4.2).
+// If the noise has passed a low-pass filter, neighbouring innovations may be uncorrelated while those at
+// larger distances are correlated, so testing neighbours alone is not enough.
 #pragma once
 
 #include <cstddef>
@@ -10,11 +10,12 @@
 
 namespace fltea {
 
-// All statistics use the last 1,000 innovations (within a hundred); NaN before the first 200.
+// All statistics use the last 1,000 innovations or up to a hundred more. They are NaN before the first 200
+// innovations.
 class Whiteness {
   public:
     void add(double innovation, double std) {
-        const double* const last = window_ + at_;  // newest first
+        const double* const last = window_ + at_;  // the last innovations, newest first
         if (before_ == kLags) {
             for (int lag = 0; lag < kLags; ++lag) now_.products[lag] += innovation * last[lag];
         } else {
@@ -38,26 +39,28 @@ class Whiteness {
         white_ = ljung_box().value < kColoured;
     }
 
-    // Whether the innovations were white when the last block of a hundred was full. The result does not
-    // depend on how often it is asked for.
+    // Whether the innovations were white when the last block of a hundred innovations was complete. The
+    // result does not depend on how often this is called.
     bool is_white() const { return white_; }
 
-    // An innovation is missing, so the next one has no neighbour.
+    // Call this if an innovation is missing, so that the next one has no neighbour.
     void skip() { before_ = 0; }
 
-    // Correlation of neighbours; 0 ± 1/sqrt(n) for white innovations.
+    // Correlation of neighbouring innovations. For white innovations it is 0 ± 1/sqrt(n).
     double lag1() const {
         const Sums all = sum();
         return all.n >= kFewest && all.squares > 0 ? all.products[0] / all.squares : __builtin_nan("");
     }
 
-    // Mean normalised innovation squared; 1 if the filter's variance is right.
+    // Mean of the squared innovations divided by their predicted variance (NIS). It is 1 if that variance is
+    // right.
     double nis() const {
         const Sums all = sum();
         return all.n >= kFewest ? all.normalised / all.n : __builtin_nan("");
     }
 
-    // The Ljung-Box statistic over `n` innovations: χ² with kLags degrees of freedom for white innovations.
+    // The Ljung-Box statistic over `n` innovations. For white innovations it has the distribution χ² with
+    // kLags degrees of freedom.
     struct LjungBox {
         double value;
         int n;
@@ -103,8 +106,8 @@ class Whiteness {
         }
     };
     static const int kBlock = 100, kBlocks = 9, kFewest = 200;
-    // White innovations exceed this once in a thousand cases (innovation_whiteness.py; no 1,000 innovations
-    // reach its other limit).
+    // Limit of the Ljung-Box statistic, which white innovations exceed once in a thousand cases.
+    // innovation_whiteness.py has a second limit, which 1,000 innovations cannot reach.
     static constexpr double kColoured = 45.314746618125859;
 
     Sums sum() const {
@@ -120,12 +123,12 @@ class Whiteness {
         to.normalised += from.normalised;
     }
 
-    Sums blocks_[kBlocks];  // oldest first
+    Sums blocks_[kBlocks];  // blocks of a hundred, oldest first
     Sums now_;
     int kept_ = 0;
     bool white_ = false;
-    double window_[kBlock + kLags] = {};  // the newest kLags are from at_ on
-    int at_ = kBlock, before_ = 0;        // number of the newest innovations without a gap
+    double window_[kBlock + kLags] = {};  // the newest kLags innovations begin at index at_
+    int at_ = kBlock, before_ = 0;        // before_: number of newest innovations without a gap
 };
 
 }  // namespace fltea

@@ -1,5 +1,5 @@
-// Fits of noise models for Python (host/fltea/spectrum/candidate_models.py): the bins are given once, then
-// any number of models is fitted to them.
+// Fits of noise models for Python (host/fltea/spectrum/candidate_models.py). The bins of a spectrum are given
+// once, and then any number of models can be fitted to them.
 #include "whittle_binding.hpp"
 
 #include <nanobind/ndarray.h>
@@ -29,7 +29,7 @@ using OutColumn = nb::ndarray<double, nb::ndim<1>, nb::c_contig, nb::device::cpu
 using OutRows = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 constexpr double kLargestPower = 1e100;
-constexpr int kMeanFrom = 100;  // codes from here on: kMeanFrom + m is the mean of m samples
+constexpr int kMeanFrom = 100;  // the code kMeanFrom + m stands for the part "mean of m samples"
 
 const Kernel& fastest() {
 #if defined(FLTEA_X86)
@@ -57,7 +57,7 @@ Terms terms_of(const std::vector<int>& codes) {
     return terms;
 }
 
-// A model for Python: codes of its parts, parameters, -log L; without codes there is no model.
+// A model for Python: codes of its parts, parameters, -log L. If there are no codes, there is no model.
 using Raw = std::tuple<std::vector<int>, std::vector<double>, double>;
 
 Raw raw_of(const FittedModel& s) {
@@ -116,8 +116,8 @@ class Fitted {
         return {std::move(eta), nll};
     }
 
-    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). last: the models of
-    // an earlier search, which are then fitted again; empty for a new search.
+    // Returns the models white, null, plain, rich, pure, ordered and missing (Frontier). `last`: the models
+    // of an earlier search, which are fitted again; empty for a new search.
     std::vector<Raw> search(const std::vector<Raw>& last) {
         std::vector<FittedModel> before;
         for (const Raw& one : last) {
@@ -139,8 +139,9 @@ class Fitted {
                 raw_of(f.pure),  raw_of(f.ordered), raw_of(f.missing)};
     }
 
-    // Returns how far the two alternatives of the null test (an order, and a high-pass) are above white noise
-    // in 2 log L, and the transformed parameters of both. last: those of an earlier test, or empty.
+    // Returns by how much 2 log L of the two alternatives of the null test (an order, and a high-pass)
+    // exceeds that of white noise, and the free parameters of both. `last`: the free parameters from an
+    // earlier test, or empty.
     std::tuple<double, double, std::vector<double>> null_test(const std::vector<double>& last) {
         if (!last.empty() && last.size() != NullFits::kOrderFree + 3)
             refuse("a null test has seven coordinates, of an order and of a high-pass in white noise");
@@ -153,8 +154,9 @@ class Fitted {
         return {2 * (found.white.nll - found.order.nll), 2 * (found.white.nll - found.missing.nll), eta};
     }
 
-    // Returns the end of an interval (interval_end), NaN if there is none, and the difference between the
-    // parameters there and the best ones. last: this difference from an earlier fit, or empty.
+    // Returns the end of an interval as interval_end() does, or NaN if there is none, and the differences
+    // between the parameters at that end and the best parameters. `last`: these differences from an earlier
+    // fit, or empty.
     std::pair<double, std::vector<double>> end(const std::vector<int>& codes, const std::vector<double>& eta,
                                                double nll, int index, int side, double limit, double step,
                                                double usual, double at_bound, std::vector<double> last) {
@@ -172,7 +174,8 @@ class Fitted {
         return {found, std::move(last)};
     }
 
-    // Writes the derivatives of the logarithm of the spectrum by the parameters, (p, bins).
+    // Writes the spectrum to `total`, and the derivatives of its logarithm by the parameters to `rows`, one
+    // row per parameter.
     void slopes(const std::vector<int>& codes, const std::vector<double>& eta, OutColumn total,
                 OutRows rows) {
         const Terms terms = terms_of(codes);
@@ -190,7 +193,8 @@ class Fitted {
     }
 
   private:
-    static constexpr double kSlowest = 300;  // longest tried correlation time over the longest in the data
+    // ratio of the longest correlation time that is tried to the longest one in the data
+    static constexpr double kSlowest = 300;
 
     void set_orders(double lowest, double highest) {
         bins_.lowest_order = lowest;
@@ -199,9 +203,9 @@ class Fitted {
     Bins bins_;
 };
 
-// Returns the table of parts for Python, in the order of the parts' numbers: name, parameters (kind of value,
-// lowest and highest value), traits, the question of the verdict that the part answers, and the number of
-// parameters that a search has tried in addition to the free ones.
+// Returns the table of noise parts for Python, in the order of the parts' numbers. A row has the name, the
+// parameters (each with kind of value, lowest and highest value), the traits, the question of the verdict
+// that the part answers, and the number of parameters that a search has tried in addition to the free ones.
 using RawCoordinate = std::tuple<std::string, double, double>;
 using RawRow =
     std::tuple<std::string, std::vector<RawCoordinate>, std::vector<std::string>, std::string, int>;
@@ -222,7 +226,7 @@ std::vector<RawRow> noise_parts() {
     return found;
 }
 
-// Writes the spectrum of a model at any frequencies.
+// Writes the spectrum of a model at the frequencies `lam`.
 void spectrum(const std::vector<int>& codes, const std::vector<double>& eta, Column lam, double h,
               OutColumn total) {
     const Terms terms = terms_of(codes);

@@ -1,4 +1,4 @@
-// The bins of a spectrum to which noise models are fitted: the columns that the kernels read
+// The bins of a spectrum to which noise models are fitted, as the columns of numbers that the kernels read
 // (whittle_kernel.hpp).
 #pragma once
 
@@ -15,8 +15,9 @@
 namespace fltea {
 namespace whittle {
 
-// Allocates memory that begins at a cache line: a pack across two cache lines costs twice as much to write.
-// C++11 has no allocation with such an alignment, so the original pointer is stored in front of the memory.
+// Allocates memory that begins at a cache line, because writing a pack that extends over two cache lines
+// takes twice as long. C++11 has no allocation with such an alignment, so the original pointer is stored in
+// front of the memory.
 template <class T>
 struct OnLines {
     typedef T value_type;
@@ -38,7 +39,8 @@ struct OnLines {
 };
 typedef std::vector<double, OnLines<double>> Numbers;
 
-// Distance from row to row, in numbers, of rows of `size` numbers: a whole number of cache lines.
+// Distance between the beginnings of rows of `size` numbers, counted in numbers. It is a whole number of
+// cache lines.
 inline std::size_t stride_of(std::size_t size) {
     constexpr std::size_t kStep = OnLines<double>::kLine / sizeof(double);
     return (size + kStep - 1) / kStep * kStep;
@@ -51,8 +53,8 @@ struct Bins {
     double lowest_order = 0, highest_order = kHighestOrder;
 
     Bins() = default;
-    // `frequencies` rise from above 0 to π. `walks`: the spectrum of a random walk with steps of variance 1.
-    // `windows`: mean square of the frequency distance over which a line averages.
+    // `frequencies` are above 0 and rise up to π. `walks`: spectrum of a random walk with steps of variance
+    // 1. `windows`: mean square of the frequency distance over which a spectral line averages.
     Bins(const Kernel& used, Numbers frequencies, Numbers ordinates_of, Numbers powers, Numbers walks,
          const Numbers& windows, double h)
         : kernel(&used),
@@ -70,8 +72,8 @@ struct Bins {
         if (size()) lowest = lam[0];
         mean /= ordinates;
     }
-    // Bins at frequencies without data, for the spectrum of parts; `read` selects the columns that the parts
-    // read.
+    // Bins at any frequencies, without data, for computing the spectrum of noise parts. `read` selects the
+    // columns that these parts read.
     Bins(const Kernel& used, Numbers frequencies, unsigned read, double h)
         : kernel(&used),
           counts(frequencies.size()),
@@ -93,7 +95,7 @@ struct Bins {
     void fill(unsigned read) {
         for (std::size_t i = 0; i < size(); ++i) {
             quarter.push_back((kPi - lam[i]) / 2);
-            // Each line is taken to fill the space to its neighbours.
+            // Each spectral line is assumed to fill half of the distances to its neighbours.
             const double reach = (lam[i + 1 < size() ? i + 1 : i] - lam[i ? i - 1 : 0]) / 4;
             spread.push_back(reach * reach / 3);
         }

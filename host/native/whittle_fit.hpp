@@ -1,6 +1,6 @@
 // Whittle's likelihood of a noise model (whittle_kernel.hpp), its maximum within bounds by Fisher scoring
-// with Levenberg's damping, and what a further part would gain (Rao's score). Any parameter may be held
-// fixed, for profiles.
+// with Levenberg's damping, and what adding a part to the model would gain (Rao's score). For profile
+// likelihoods, any parameter may be held fixed.
 #pragma once
 
 #include <algorithm>
@@ -22,7 +22,7 @@ inline int free_of(const Terms& terms) {
     return count;
 }
 
-// Returns the parts that have one of `traits` (any part if 0) and none of `without`.
+// Returns the noise parts that have one of `traits` (if it is 0, all parts) and none of `without`.
 inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     std::vector<Part> found;
     for (const Row& row : kTable)
@@ -30,7 +30,7 @@ inline std::vector<Part> parts_with(unsigned traits, unsigned without = 0) {
     return found;
 }
 
-// Writes the lowest and highest value of each parameter of a part.
+// Writes the lowest and highest value of each parameter of a noise part.
 inline void bounds_of(const Term& term, const Bins& bins, double slowest, double* low, double* high) {
     const double power = std::log(bins.mean), least = power - kSmallest, most = power + kLargest;
     const double slow = std::log(bins.lowest / slowest), top = std::log(kPi);
@@ -76,7 +76,7 @@ inline void bounds_of(const Term& term, const Bins& bins, double slowest, double
     }
 }
 
-// The spectrum of a model at given parameters, and the derivatives of its logarithm.
+// Computes the spectrum of a model for given parameters, and the derivatives of its logarithm.
 class Spectrum {
   public:
     explicit Spectrum(const Bins& bins)
@@ -89,7 +89,7 @@ class Spectrum {
           floor_(size_),
           over_(size_) {}
 
-    // Returns -log L, or infinity if the parameters define no spectrum.
+    // Computes the spectrum. Returns -log L, or infinity if there is no spectrum for these parameters.
     double at(const Terms& terms, const double* eta) {
         const Columns columns = bins_->columns();
         std::fill(total_.begin(), total_.end(), 0.0);
@@ -141,7 +141,8 @@ class Spectrum {
   private:
     double* row(int i) { return rows_.data() + static_cast<std::size_t>(i) * stride_; }
 
-    // Converts derivatives of parts and gains into those of the whole spectrum, on first use.
+    // Converts the derivatives of parts and gains into those of the whole spectrum. This is done when they
+    // are first needed.
     void scale() {
         for (int k = 0; k < free_ && !scaled_; ++k) bins_->kernel->times(size_, row(k), by_[k], row(k));
         scaled_ = true;
@@ -155,8 +156,8 @@ class Spectrum {
     bool scaled_ = true;
 };
 
-// Replaces the lower half of a positive definite matrix by its Cholesky factor; false if it is not such a
-// matrix.
+// Replaces the lower half of a matrix by its Cholesky factor. Returns false if the matrix is not positive
+// definite.
 inline bool factor(int n, double (*a)[kMostFree]) {
     for (int i = 0; i < n; ++i) {
         for (int j = 0; j <= i; ++j) {
@@ -173,7 +174,7 @@ inline bool factor(int n, double (*a)[kMostFree]) {
     return true;
 }
 
-// Solves L b' = b in place; with `both` it then solves L' b'' = b' too.
+// Solves L b' = b in place. With `both`, also solves L' b'' = b' after that.
 inline void substitute(int n, const double (*a)[kMostFree], double* b, bool both) {
     for (int i = 0; i < n; ++i) {
         for (int k = 0; k < i; ++k) b[i] -= a[i][k] * b[k];
@@ -189,11 +190,11 @@ constexpr double kLongest = 3;  // largest step of a parameter
 
 struct Patience {
     int steps = 60;
-    double converged = 1e-5;  // a step that gains less in -log L is small
-    double slowest = 1;       // factor by which correlation times may be longer than the longest in the data
-    // A parameter with less information than this counts as absent: its step would be endless, and must not
-    // shorten other steps. A search does not use this rule, so that it does not hastily turn a relaxation
-    // into a filter of one pole.
+    double converged = 1e-5;  // a step that lowers -log L by less than this counts as small
+    double slowest = 1;       // factor by which correlation times may exceed the longest one in the data
+    // A parameter about which the data have less information than this is ignored when the length of a step
+    // is limited, because its own step would be endless. A model search does not use this rule, so that it
+    // does not hastily turn a relaxation into a filter of one pole.
     double nothing = 0;
 
     Patience() = default;
@@ -201,7 +202,8 @@ struct Patience {
         : steps(most), converged(gain), slowest(slower), nothing(1e-4) {}
 };
 
-// The spectra at the best parameters so far and at the next ones, reused by consecutive fits.
+// The spectra at the best parameters so far (`here`) and at the next ones (`there`). Consecutive fits use the
+// same memory for them.
 struct Room {
     const Bins& bins;
     Spectrum here, there;
@@ -209,8 +211,8 @@ struct Room {
     explicit Room(const Bins& of) : bins(of), here(of), there(of) {}
 };
 
-// Moves `eta` to the best parameters that are reached from there, and returns -log L. Parameter `held` keeps
-// its value; -1: none is held.
+// Searches for the best parameters from `eta` on, writes them to `eta`, and returns their -log L. The
+// parameter with index `held` keeps its value; with -1, no parameter is held.
 inline double score(Room& room, const Terms& terms, double* eta, int held, const Patience& patience) {
     const int free = free_of(terms);
     double low[kMostFree], high[kMostFree], gradient[kMostFree];
@@ -246,7 +248,8 @@ inline double score(Room& room, const Terms& terms, double* eta, int held, const
             }
             if (!factor(count, damped)) continue;
             substitute(count, damped, move, true);
-            // Derivatives are not trusted beyond a step by a factor of e³.
+            // The step is shortened so that no parameter, which is a logarithm, changes by more than 3:
+            // beyond that, the derivatives say nothing.
             double longest = kLongest;
             for (int a = 0; a < count; ++a)
                 if (information[index[a]][index[a]] > patience.nothing)
@@ -269,7 +272,7 @@ inline double score(Room& room, const Terms& terms, double* eta, int held, const
         nll = found;
         std::swap(here, there);
         damping = std::fmax(damping / 6, 1e-9);
-        // A small step does not end the fit while the damping is strong.
+        // While the damping is strong, a single small step does not end the fit.
         small = gained < patience.converged ? small + 1 : 0;
         if (small > 2 || (small && damping < 1e-2)) break;
     }

@@ -1,4 +1,4 @@
-// Candidates for a further part of a noise model, and what each would gain (Rao's score).
+// Candidates for a part that is added to a noise model, and what each would gain (Rao's score).
 #pragma once
 
 #include <algorithm>
@@ -14,12 +14,13 @@
 namespace fltea {
 namespace whittle {
 
-// A part that may be added, with its spectrum at these parameters; for a filter, the logarithm of its gain.
+// A part that may be added to a model. `shape` is its spectrum for the parameters `eta` or, for a filter, the
+// logarithm of its gain.
 struct Candidate {
     Term term;
     double eta[3];
-    Numbers shape, inverse;  // inverse: of the gain of a filter
-    bool leaks;              // a filter behind which white noise is added
+    Numbers shape, inverse;  // inverse: 1 / gain, for a filter
+    bool leaks;              // whether white noise is added behind the filter
 };
 
 inline Candidate candidate(const Bins& bins, const Term& term, double a, double b, double c) {
@@ -35,8 +36,8 @@ inline Candidate candidate(const Bins& bins, const Term& term, double a, double 
     return found;
 }
 
-// Returns the same filter with white noise added behind it, which fills the stop band: a random walk before
-// such a filter has this shape.
+// Returns the same filter with white noise added behind it, so that there is power in its stop band. A random
+// walk with white noise has such a spectrum behind this filter.
 inline Candidate leaking(const Bins& bins, Candidate filter) {
     constexpr double kLeak = 0.2;
     for (std::size_t i = 0; i < bins.size(); ++i) {
@@ -48,9 +49,9 @@ inline Candidate leaking(const Bins& bins, Candidate filter) {
     return filter;
 }
 
-// The gain of a further part in 2 log L by Rao's score, with all parameters of the model free. A part is
-// added by its power, whose logarithm (relative to the candidate's) is `log_power`. A filter is added by a
-// small power of its gain, or completely.
+// What adding a candidate gains in 2 log L, by Rao's score with all parameters of the model free.
+// `log_power`: logarithm of the best power of the added part, relative to that of the candidate. For a
+// filter, the gain is that of the complete filter, or follows from a small exponent of its gain.
 struct Gain {
     double gain, log_power;
 };
@@ -74,7 +75,8 @@ class Gains {
         sound_ = factor(free_, information);
         if (!sound_) return;
         substitute(free_, information, slope_, false);
-        // The derivatives by the parameters, made orthogonal to each other and multiplied by the counts.
+        // The derivatives by the model's parameters, made orthogonal to each other and multiplied by the
+        // numbers of ordinates.
         normal_.resize(static_cast<std::size_t>(free_) * stride_);
         for (std::size_t i = 0; i < size_; ++i) {
             double column[kMostFree];
@@ -119,9 +121,11 @@ class Gains {
 
   private:
     static constexpr double kLocal =
-        30;  // upper limit of the score of a filter, since adding a filter is no small change
+        // upper limit of a filter's score, which is only approximate because adding a filter is a large
+        // change
+        30;
 
-    // Returns what the complete filter gains, with the best scale of the spectrum and all other parameters
+    // Returns the gain of the complete filter, with the best scale of the spectrum. All other parameters stay
     // unchanged.
     double of_filter(const Candidate& one) const {
         const double* const shape = one.shape.data();
@@ -142,12 +146,13 @@ class Gains {
     double slope_[kMostFree];
 };
 
-constexpr double kNearlyOnePole = -4.0;  // logit of the number of poles of a filter with about one pole
+// free parameter of the number of poles, for a filter with about one pole
+constexpr double kNearlyOnePole = -4.0;
 
-// The parts that may be added, at a power of 1.
+// The candidates with a power of 1.
 typedef std::vector<Candidate> Candidates;
 
-// Makes all candidates of one part, from its row of the table.
+// Makes all candidates for one noise part, as its row of the table says.
 class Trials {
   public:
     Trials(const Bins& bins, Candidates& into)
@@ -249,8 +254,8 @@ inline Candidates orders_to_add(const Bins& of) {
 }
 
 // Returns the candidates that `make` gives. They depend on the frequencies of the bins, not on the power in
-// them. So the axes of a sensor, which are fitted one after another, share them. The newest two sets are
-// kept, since the fits of the whole spectrum and of its clean part alternate.
+// them, so the axes of a sensor share them. The newest two sets are kept, because fits of the whole spectrum
+// alternate with fits of its part without disturbances.
 template <Candidates (*make)(const Bins&)>
 std::shared_ptr<const Candidates> shared(const Bins& bins) {
     struct Made {

@@ -10,7 +10,7 @@
 namespace fltea {
 namespace whittle {
 
-constexpr double kNoWhite = 0.01;  // white noise is negligible if -log L grows by less than this without it
+constexpr double kNoWhite = 0.01;  // white noise is negligible if removing it raises -log L by less than this
 
 // Returns -log L of the same model with its white noise removed.
 inline double without_white(Room& room, const Terms& terms, std::vector<double> eta) {
@@ -18,20 +18,20 @@ inline double without_white(Room& room, const Terms& terms, std::vector<double> 
     return room.here.at(terms, eta.data());
 }
 
-// The loss of 2 log L that defines an end of an interval: `usual` if the best fit with the value there has
-// white noise, `at_bound` if it has none.
+// The loss of 2 log L at which an interval ends: `usual` if the best fit with the parameter at the end has
+// white noise, `at_bound` if that fit has none.
 struct Critical {
-    double usual, at_bound;  // if both are equal, white noise makes no difference
+    double usual, at_bound;  // if both are equal, white noise does not matter
 };
 
-// A value that was tried, with the parameters of the best fit that has this value.
+// A value of the parameter that was tried, and all parameters of the best fit with this value.
 struct Tried {
-    double value, excess;  // loss of 2 log L beyond the critical one
+    double value, excess;  // `excess`: loss of 2 log L against the best fit
     std::vector<double> eta;
 };
 
-// Returns the distance to the end if log L were a parabola; `by`: change of the other parameters per unit of
-// parameter i.
+// Returns the distance of the end from the best value if log L were a parabola. Writes to `by` how much the
+// other parameters change per unit of parameter i.
 inline double direction(const Bins& bins, const Terms& terms, const std::vector<double>& best, int i,
                         std::vector<double>& by) {
     const int free = free_of(terms);
@@ -48,17 +48,18 @@ inline double direction(const Bins& bins, const Terms& terms, const std::vector<
     return std::sqrt(row[i]);
 }
 
-constexpr double kNear = 3e-3;  // accuracy of an end, over its distance from the best value
+constexpr double kNear = 3e-3;  // accuracy of an end, as a fraction of its distance from the best value
 
-// Log of the power at the highest frequencies over that of a small amount of white noise.
+// Logarithm of the ratio of the power at the highest frequencies to the power of a small amount of white
+// noise.
 constexpr double kLittle = 4;
 
-// Limits a step of a parameter to the range in which derivatives are trusted.
+// Limits a step of a parameter to the range in which the derivatives are valid.
 inline double near(double step) { return std::fmin(std::fmax(step, -1.0), 1.0); }
 
-// Returns the end of the interval of parameter i on one side (-1 or 1), NaN if the profile does not fall far
-// enough before `limit`. `end`: difference between the parameters at the end that an earlier fit found and
-// the best ones, or empty; it receives this difference for the new end, if there is one.
+// Returns the end of the interval of parameter i on the side -1 or 1, or NaN if the profile likelihood does
+// not fall far enough before `limit`. `end`: differences between the parameters at the end that an earlier
+// fit has found and the best parameters, or empty. If there is an end, the new differences are written to it.
 inline double interval_end(const Bins& bins, const Terms& terms, const std::vector<double>& best, double nll,
                            int i, int side, double limit, double step, const Critical& critical,
                            const Patience& patience, std::vector<double>& end) {
@@ -79,8 +80,8 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
         for (std::size_t k = 0; k < eta.size(); ++k) eta[k] += near(by[k] * (trial - middle));
     }
     end.clear();
-    // With negligible white noise the likelihood has no slope in log R: a fit would never find that another
-    // value of the parameter needs white noise. So the fit begins with a small amount.
+    // The fit begins with a small amount of white noise. With negligible white noise the likelihood has no
+    // slope in log R, so the fit could not find out that another value of the parameter needs white noise.
     const double some_white = std::log(std::fmax(end_power(bins, true), 1e-9 * bins.mean)) - kLittle;
     for (int look = 0; look < 40; ++look) {
         if (i != 0) eta[0] = std::fmax(eta[0], some_white);
@@ -99,7 +100,7 @@ inline double interval_end(const Bins& bins, const Terms& terms, const std::vect
         if (close || (!outside.eta.empty() &&
                       std::fabs(outside.value - inside.value) < kNear * std::fabs(outside.value - middle)))
             break;
-        // The excess is nearly quadratic in the value, so that its root is nearly linear.
+        // The excess is nearly a quadratic function of the value, so its square root is nearly linear.
         const double a = std::sqrt(std::fmax(inside.excess, 0.0));
         if (outside.eta.empty()) {
             const double wider = std::fmin(std::fmax(1.05 * root / std::fmax(a, 1e-3), 1.1), 2.6);

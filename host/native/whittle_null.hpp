@@ -1,6 +1,6 @@
 // The null test: white noise against an order in white noise, and against white noise through a high-pass of
 // one pole, which has less power at low frequencies. tools/gen_null_constants.py simulates the distribution
-// of the ratios.
+// of the likelihood ratios.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,8 @@ struct NullTest {
 
 class NullFits {
   public:
-    static constexpr int kOrderFree = 4;  // number of parameters of the order in white noise
+    // number of free parameters of the model with an order in white noise
+    static constexpr int kOrderFree = 4;
 
     NullFits(Bins& bins, Room& room)
         : bins_(bins), room_(room), power_(std::log(bins.mean)), lowest_(2 * std::log(bins.lowest)) {}
@@ -32,8 +33,8 @@ class NullFits {
         return {w, best_order(w, gains, orders), best_high_pass(w, gains, filters)};
     }
 
-    // Repeats the test from the parameters `last` of an earlier one: those of the order, then those of the
-    // high-pass.
+    // Repeats an earlier test, starting from its parameters `last`: those of the order, followed by those of
+    // the high-pass.
     NullTest again(const std::vector<double>& last) {
         const auto second = last.begin() + kOrderFree;
         return {white(), order({last.begin(), second}), missing({second, last.end()})};
@@ -51,7 +52,7 @@ class NullFits {
 
   private:
     static constexpr double kConverged = 1e-3;  // least gain of -log L in a step
-    static constexpr std::size_t kOrders = 5;   // number of starting points
+    static constexpr std::size_t kOrders = 5;   // number of starting points for the fit of the order
 
     FittedModel fitted(Terms terms, std::vector<double> eta, int held) {
         Patience patience;
@@ -85,8 +86,8 @@ class NullFits {
         return found;
     }
 
-    // Fits the high-pass from the best starting point: the likelihood has a single maximum along the corner,
-    // apart from chance.
+    // Fits the high-pass from the best starting point only. As a function of the corner frequency, the
+    // likelihood has a single maximum, apart from chance.
     FittedModel best_high_pass(const FittedModel& white, Gains& gains, const Candidates& filters) {
         double corner = lowest_, gained = 0;
         for (const Candidate& one : filters) {

@@ -1,5 +1,6 @@
-// The table of the parts of noise models. Search, fit and intervals take from it everything that they need to
-// know about a part, and so does Python (host/fltea/noise/part.py).
+// The table of noise parts, which are the terms of noise models, such as white noise, a relaxation or a
+// filter. Search, fit and intervals, and also Python (host/fltea/noise/part.py), take everything that they
+// need to know about a part from this table.
 //
 // A new part needs a number in Part and a row in kTable here, its spectrum in whittle_kernel.cpp, and a
 // class in host/fltea/noise/parts.py. Compilers and tests report whatever is missing
@@ -13,46 +14,52 @@ constexpr double kLn2 = 0.69314718055994530942;
 constexpr double kHighestOrder = 1.999;
 constexpr double kLogitEnd = 16;
 constexpr double kHighestHighPass =
-    -0.96;  // log c of a corner at a tenth of the sample rate: a filter above it looks like a rise
-constexpr double kWidestPeak = -1.0;  // log of width over frequency; a wider peak has no visible maximum
+    // log c of a corner at a tenth of the sample rate; a filter with a higher corner looks like a kRise
+    -0.96;
+// log of the ratio of width to frequency; a wider peak has no visible maximum
+constexpr double kWidestPeak = -1.0;
 
-// The comments name the free parameters, in the order in which a fit has them. A search takes candidates with
-// equal gains in the order of these numbers.
+// The noise parts. The comments name the free parameters of each part, in the order in which a fit has them.
+// If candidates have equal gains, a search prefers the part that stands first here.
 enum Part : int {
-    kWhite,        // log R
-    kRelaxation,   // log σ², log h/τ
-    kWalk,         // log of the variance of a step of a random walk
-    kOrder,        // α, logit(-g / 2^α), log s2
-    kResonance,    // log of the height, log of the frequency in rad a sample, log of width over frequency
-    kQuantised,    // log of the variance of the noise whose differences are this noise
-    kRise,         // log of the power at π, δ: the power goes with |1 - e^{-iλ}|^2δ
-    kLowPass,      // log c, logit of the poles: 1 / (1 + (λ² / c)^n), sampled
-    kHighPass,     // log c, logit of the poles: 1 / (1 + (c / |1 - e^{-iλ}|²)^n)
-    kSharp,        // s: the filter -s, 1 + 2 s, -s; it sharpens, or smooths if s < 0
-    kNotch,        // log of the frequency, log of width over frequency
-    kMean,         // the mean of m samples, m fixed
-    kAlternating,  // log σ², log h/τ: a relaxation with the sign of every second sample changed
-    kFloor,        // log of the variance of white noise that is added behind all filters, such as rounding
-    kArfima,       // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
-    kOrderByF,     // F = g + α, log -g, log s2: kOrder with other parameters, so that a fit can hold F
+    kWhite,       // log R
+    kRelaxation,  // log σ², log h/τ
+    kWalk,        // log of the variance of a step of a random walk
+    kOrder,       // α, logit(-g / 2^α), log s2
+    // log of the height, log of the frequency in rad per sample, log of the ratio of width to frequency
+    kResonance,
+    kQuantised,    // log of the variance of white noise, of whose differences this noise consists
+    kRise,         // log of the power at λ = π, δ: the power is proportional to |1 - e^{-iλ}|^2δ
+    kLowPass,      // log c, logit of the number of poles n: 1 / (1 + (λ² / c)^n), sampled
+    kHighPass,     // log c, logit of the number of poles n: 1 / (1 + (c / |1 - e^{-iλ}|²)^n)
+    kSharp,        // s: the filter with the taps -s, 1 + 2 s, -s; it sharpens, or smooths if s < 0
+    kNotch,        // log of the frequency, log of the ratio of width to frequency
+    kMean,         // no parameter: the mean of m samples with a fixed m
+    kAlternating,  // log σ², log h/τ: a relaxation in which every second sample has the opposite sign
+    // log of the variance of white noise that is added behind all filters, for example by rounding
+    kFloor,
+    kArfima,    // d, log rate, log s2: an order without f, ARFIMA(1, d, 0), φ = e^-rate
+    kOrderByF,  // F = g + α, log -g, log s2: kOrder with other parameters, so that a fit can hold F
     kOrderByf,  // α, log -f, log s2: kOrder with other parameters, so that a fit can hold f (with h = 1: g)
     kOrderByQ,  // α, logit(-g / 2^α), log Q: kOrder with another parameter, so that a fit can hold Q
-    kArfimaByStep,  // d, log rate, log of the variance of a step: kArfima, to hold that variance in a fit
+    // d, log rate, log of the variance of a step: kArfima with another parameter, so that a fit can hold that
+    // variance
+    kArfimaByStep,
 };
 constexpr int kParts = kArfimaByStep + 1;
 
-// Kinds of free parameters, which determine the bounds (bounds_of). Unless a comment names other bounds, they
-// are `low` and `high` of the parameter's row.
+// Kinds of free parameters, which determine the bounds (bounds_of). The bounds are `low` and `high` in the
+// part's row of the table, unless a comment says otherwise.
 enum Value : int {
     kLevel,      // log of the variance of white noise
     kPower,      // log of a power
     kRate,       // log of h/τ
-    kPole,       // log of the rate whose exponential e^-rate is φ of ARFIMA
-    kAlpha,      // an order, within the limits of the fit
+    kPole,       // log of the rate with which φ of ARFIMA is e^-rate
+    kAlpha,      // an order; its bounds are those of the fit
     kNumber,     // the parameter without a transformation
-    kShape,      // a function of the parameter; beyond the bounds the spectrum hardly changes
-    kFrequency,  // log of λ; `high` is the largest excess over π
-    kCorner,     // log of λ²; `high` is the upper bound
+    kShape,      // a function of the number; beyond the bounds the spectrum hardly changes
+    kFrequency,  // log of a frequency λ; `high` is the largest excess over log π
+    kCorner,     // log of the square of a frequency λ; from the lowest frequency to `high`
     kMinusF,     // log of -f
     kNoise,      // log of Q of an order
 };
@@ -74,33 +81,35 @@ struct Coordinates {
     constexpr Coordinates(Coordinate a, Coordinate b, Coordinate c) : count(3), at{a, b, c} {}
 };
 
-// Columns of the bins that only some parts need.
+// Columns of the bins that only some parts need (whittle_kernel.hpp).
 enum Read : unsigned { kNoColumn = 0, kSquare = 1, kTurn = 2, kLogSize = 4, kBranch = 8, kAllColumns = 15 };
 
 enum Trait : unsigned {
-    kFilter = 1,     // it multiplies the sum of the parts before it
-    kBehind = 2,     // it is added behind all filters
-    kSlow = 4,       // it has a memory: it is a state of the tracker's filter, and does not count for N
-    kOrdered = 8,    // an order, which has all slow power of its model
+    kFilter = 1,  // a filter, which multiplies the spectrum of the parts before it
+    kBehind = 2,  // noise that is added behind all filters
+    // noise with a memory: it is a state of the tracker's filter, and is not part of the figure N
+    kSlow = 4,
+    kOrdered = 8,    // an order, which replaces all other slow parts of its model
     kEndless = 16,   // a random walk, whose power grows without limit towards low frequencies
-    kRising = 32,    // its power may rise with the frequency
-    kFastOnly = 64,  // it has no power at low frequencies
-    kEntry = 128,    // a navigation file has an entry for it; it lists other parts with their parameters
-    kOther = 256,    // the same part as another one with other free parameters; no search adds it
+    kRising = 32,    // noise whose power may rise with the frequency
+    kFastOnly = 64,  // noise without power at low frequencies
+    // a navigation file has an entry of its own for this part; other parts are listed with their parameters
+    kEntry = 128,
+    kOther = 256,  // another part with other free parameters; no search adds it
 };
 constexpr const char* kTraitNames[] = {"filter", "behind",    "slow",  "ordered", "endless",
                                        "rising", "fast only", "entry", "other"};
 
-// The question of the verdict that a part answers if there is no order (host/fltea/spectrum/reading.py).
+// Which question of the verdict a part answers if there is no order (host/fltea/spectrum/reading.py).
 enum Says : int { kNothing, kRelaxations, kDrift, kAnOrder, kAResonance, kAColour, kANotch, kAHighPass };
 constexpr const char* kSaysNames[] = {"nothing",   "relaxations", "drift", "order",
                                       "resonance", "colour",      "notch", "high-pass"};
 
-// Where a search tries a part (whittle_gains.hpp).
+// At which parameters a search tries a part (whittle_gains.hpp).
 enum Start : int {
     kNever,
-    kOnce,    // once, since its only parameter is its power
-    kListed,  // at listed values of the parameter after the power, or of a filter's first parameter
+    kOnce,    // once, because its power is its only parameter
+    kListed,  // at a list of values of the parameter after the power, or of the first parameter of a filter
     kCorners,
     kPeaks,
     kLowPasses,
@@ -123,16 +132,18 @@ struct Starts {
 
 struct Row {
     Part part;
-    const char* name;  // in Python and in files
+    const char* name;  // name in Python and in files
     unsigned traits;
     Says says;
     unsigned columns;
-    int most;    // largest number of such parts in a model
-    int sought;  // parameters of which a search tries many values: BIC counts them with the free ones
+    int most;  // largest number of such parts in a model
+    // number of parameters of which a search tries many values; the criterion BIC counts them as free
+    // parameters, too
+    int sought;
     Coordinates coordinates;
     Starts starts;
 
-    // A constructor, so that the compiler rejects a row with a missing column.
+    // Rows are made by a constructor, so that the compiler rejects a row in which a column is missing.
     constexpr Row(Part number, const char* called, unsigned is, Says tells, unsigned read, int at_most,
                   int tried, Coordinates free, Starts from)
         : part(number),
@@ -205,7 +216,7 @@ inline const Row& row_of(Part part) { return kTable[part]; }
 inline bool filters(Part part) { return row_of(part).is(kFilter); }
 inline int free_of(Part part) { return row_of(part).coordinates.count; }
 
-// Returns which free parameter of a part is the logarithm of its power; -1 if none is.
+// Returns the index of the free parameter that is the logarithm of a part's power, or -1 if there is none.
 inline int power_of(Part part) {
     const Coordinates& own = row_of(part).coordinates;
     for (int k = 0; k < own.count; ++k)

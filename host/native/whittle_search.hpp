@@ -1,7 +1,8 @@
-// The search for the noise models of a spectrum: parts are added while they gain more than their price, then
-// removed where they no longer do. It searches equally hard for three models: the best without an order at
-// the price of BIC; the best without an order at a lower price, which is what chance gains with a parameter;
-// and the best with an order. The claims are decided elsewhere (host/fltea/spectrum/verdict.py).
+// The search for the noise models of a spectrum. Noise parts are added to a model as long as they gain more
+// in 2 log L than the price of their parameters. After that, parts that no longer gain as much are removed.
+// The search treats three models equally: the best one without an order at the price of the criterion BIC;
+// the best one without an order at a lower price, which is what a parameter gains by chance; and the best one
+// with an order. Which of them holds is decided elsewhere (host/fltea/spectrum/verdict.py).
 #pragma once
 
 #include <algorithm>
@@ -16,9 +17,10 @@ namespace whittle {
 
 struct Frontier {
     FittedModel white, null, plain, rich, pure,
-        ordered;  // null: the null test's alternative, an order up to 1
+        ordered;  // null: the first alternative of the null test, an order up to 1
     FittedModel
-        missing;  // the second alternative of the null test: white noise through a high-pass of one pole
+        // the second alternative of the null test: white noise that has passed a high-pass of one pole
+        missing;
 };
 
 class Search {
@@ -38,8 +40,8 @@ class Search {
         f.plain = grown(f.white, bic_, Allowed());
         find_orders(f);
         if (f.ordered.known()) {
-            // Parts that were found along with an order may be better with another part in place of the
-            // order. Without an order or a replacement, a filter would move to where the order was.
+            // The parts beside the order may fit better if another part replaces the order. If the order were
+            // only removed, a filter among them could move to where the order was.
             const FittedModel rest = removed(f.ordered, orders());
             Gains gains(bins_, rest.terms, rest.eta.data());
             FittedModel other;
@@ -52,7 +54,7 @@ class Search {
         return f;
     }
 
-    // Fits the same models as `last` to the present data of the bins.
+    // Fits the models of an earlier search, `last`, to the present bins.
     Frontier again(const Frontier& last) {
         Frontier f;
         f.white = null_.white();
@@ -80,14 +82,17 @@ class Search {
     }
 
   private:
-    static constexpr double kByChance = 3.0;  // gain in 2 log L that chance gives to a parameter
+    static constexpr double kByChance = 3.0;  // gain in 2 log L of a parameter by chance
     static constexpr double kRough = 1e-3;    // least gain of -log L in a step of a rough fit
     static constexpr double kTrial = 0.1;     // least gain of -log L in a step of a fit that is only compared
     static constexpr int kSteps = 60, kTrialSteps = 12;
     static constexpr int kMostParameters = 20, kRelaxations = 6, kResonances = 2;
-    static constexpr double kAhead = 6;     // lead in 2 log L that ARFIMA needs over the fractional state
-    static constexpr double kSure = 4;      // a part worth this many prices stays without a trial fit
-    static constexpr double kNothing = 12;  // log of the mean power over that of negligible white noise
+    // difference in 2 log L by which ARFIMA has to be better than the fractional state
+    static constexpr double kAhead = 6;
+    // a part that gains this many times its price stays without a trial fit
+    static constexpr double kSure = 4;
+    // logarithm of the ratio of the mean power to that of negligible white noise
+    static constexpr double kNothing = 12;
 
     struct Allowed {
         bool slow = true;  // whether parts that have a memory are allowed
@@ -102,7 +107,7 @@ class Search {
     bool fits_in(const FittedModel& s, const Term& term, const Allowed& allowed) const {
         const Row& row = row_of(term.part);
         if (s.count(term.part) >= row.most || (row.is(kSlow) && !allowed.slow)) return false;
-        // Behind a high-pass, a random walk has the same spectrum as white noise behind the filter.
+        // A random walk before a high-pass has the same spectrum as white noise that does not pass it.
         if (row.is(kEndless) && s.has(kHighPass)) return false;
         if (row.is(kBehind) && !s.filtered()) return false;
         return term.part != kLowPass || !s.has(kMean);
@@ -113,7 +118,7 @@ class Search {
         Gain gain;
     };
 
-    // Returns the best `count` candidates of `list`, at most `alike` of one kind.
+    // Returns the best `count` candidates of `list`, but at most `alike` candidates of the same part.
     std::vector<Ranked> best(Gains& gains, const FittedModel& s, const std::vector<Candidate>& list,
                              int count, int alike, const Allowed& allowed) {
         std::vector<Ranked> all, found;
@@ -153,8 +158,8 @@ class Search {
         if (power >= 0) eta[first + static_cast<std::size_t>(power)] = one.gain.log_power;
         const bool low = candidate.term.part == kLowPass, high = candidate.term.part == kHighPass;
         if ((low || high) && !s.has(kFloor)) {
-            // A floor such as rounding is added behind the filter; without a floor a steep filter fits
-            // nothing.
+            // White noise, for example of rounding, is added behind the filter, because without it a steep
+            // filter leaves no power at some frequencies and fits badly.
             terms.push_back(Term{kFloor, 0});
             eta.push_back(std::log(std::fmax(end_power(bins_, low), 1e-9 * bins_.mean) / 2));
             return taken_away(fitted(terms, eta, true), bic_, {kFloor});
@@ -176,8 +181,8 @@ class Search {
         return taken_away(s, price, {});
     }
 
-    // Keeps the better order. ARFIMA, which has no f, has to lead the fractional state D^α x = f x + ω by
-    // kAhead.
+    // Keeps the better of two models with an order. ARFIMA, which has no f, has to be better than the
+    // fractional state D^α x = f x + ω by kAhead.
     void keep_order(const FittedModel& one, FittedModel& into) const {
         const auto behind = [&](const FittedModel& s) {
             return cost(s, bic_) + (s.has(kArfima) ? kAhead : 0);
@@ -189,8 +194,8 @@ class Search {
         if (cost(one, price) < cost(into, price)) into = one;
     }
 
-    // Returns `s` without the parts that are not worth their price. `only`: the parts that may be removed; if
-    // empty, all but the orders.
+    // Returns `s` without the parts that gain less than their price. `only`: the parts that may be removed;
+    // if it is empty, these are all parts except orders.
     FittedModel taken_away(FittedModel s, double price, const std::vector<Part>& only) {
         for (;;) {
             FittedModel next;
@@ -208,8 +213,8 @@ class Search {
         }
     }
 
-    // Returns, for each part, the square of its power over the standard deviation of that power, by the
-    // curvature.
+    // Returns for each part the square of the ratio of its power to the standard deviation of that power,
+    // which follows from the curvature.
     std::vector<double> certainty(const FittedModel& s) const {
         std::vector<double> found(s.terms.size(), 0.0);
         const int free = free_of(s.terms);
@@ -262,8 +267,8 @@ class Search {
         return s;
     }
 
-    // Returns the model with the rise at index i replaced by that of quantisation, which has one parameter
-    // less.
+    // Returns the model with quantisation noise in place of the rise at index i. Quantisation noise has one
+    // parameter less.
     FittedModel as_quantised(const FittedModel& s, std::size_t i) {
         Terms terms = s.terms;
         std::vector<double> eta = s.eta;
@@ -291,7 +296,8 @@ class Search {
         return found;
     }
 
-    // Finds `pure`, an order in place of relaxations and walks, and `ordered`, an order with any other parts.
+    // Finds the models `pure`, with an order instead of relaxations and random walks, and `ordered`, with an
+    // order and any other parts.
     void find_orders(Frontier& f) {
         std::vector<FittedModel> bases = {f.white};
         Gains gains(bins_, f.white.terms, f.white.eta.data());
@@ -319,8 +325,8 @@ class Search {
     std::shared_ptr<const Candidates> parts_, filters_, orders_;
 
   public:
-    // Range of orders that are reported: below it hardly any order is left, and above it the order is a
-    // relaxation.
+    // Range of orders that are reported. Noise of a lower order is hardly distinguishable from white noise,
+    // and noise of a higher order is a relaxation.
     static constexpr double kLeastOrder = 0.15, kMostOrder = 0.85;
 };
 

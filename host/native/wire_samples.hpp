@@ -1,4 +1,4 @@
-// Samples of a port as columns, in memory that is reused.
+// Samples from a serial port as columns. Their memory is used again for the next samples.
 #pragma once
 
 #include <algorithm>
@@ -14,8 +14,8 @@ namespace fltea {
 
 class WireSamples {
   public:
-    // `reads`: the reads in which the samples ended. Their ends are counted from `base` bytes before the
-    // decoder's.
+    // Converts samples to columns. `reads`: the reads in which the samples ended. Their ends are counted from
+    // an origin that is `base` bytes before that of the decoder.
     void lay_out(const std::vector<SampleRow>& samples, const PortRead* reads, std::int64_t base) {
         const std::size_t n = samples.size();
         for (std::vector<std::int64_t>* column : {&sequence_, &device_us_, &host_ns_, &flags_})
@@ -37,14 +37,15 @@ class WireSamples {
         }
     }
 
-    // Returns the end of the samples, at most `stop`, whose sequence numbers follow each other without a gap.
+    // Returns the index at which a series of samples ends whose sequence numbers follow each other without a
+    // gap; it is at most `stop`.
     std::size_t end_of_sequence(std::size_t from, std::size_t stop) const {
         std::size_t end = from + 1;
         while (end < stop && sequence_[end] - sequence_[end - 1] == 1) ++end;
         return end;
     }
 
-    // Columns of some samples. They are valid until the next lay_out().
+    // Columns of the samples from `from` to before `end`. They are valid until the next call of lay_out().
     SampleColumns rows(std::size_t from, std::size_t end) const {
         const auto counts = [from](const std::vector<std::int16_t>& column, std::size_t width) {
             return NumberColumn(column.data() + width * from, NumberColumn::kCounts, width);

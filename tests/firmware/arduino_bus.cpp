@@ -1,9 +1,10 @@
-// Tests of the Arduino port's parts between the core and the board, with the stub.
+// Tests of the classes of the sketch that connect the core with the board. They run with the stub of the
+// Arduino libraries.
 #define DOCTEST_CONFIG_IMPLEMENT_WITH_MAIN
 #include <doctest/doctest.h>
 
-// Included after the test framework, since the stub defines names such as min, round and bit, as the real
-// core does.
+// These files are included after the test framework, because the stub defines macros such as min, round and
+// bit, as the real Arduino core does.
 #include "board.h"
 #include "identity.h"
 #include "serial_sink.h"
@@ -99,24 +100,25 @@ TEST_CASE_FIXTURE(Bench, "Wire's own time-out is told from a NACK by its length"
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::timeout);
     CHECK(bus.write(kAddress, kConfig, 0) == I2cResult::timeout);
     CHECK(board.spins == 2);
-    // The controller has been reset, so it holds no line.
+    // The time-out has reset the controller, so it holds no line any more.
     CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::none);
-    CHECK(board.clocks == 1);  // a line held by the controller itself is no reason to clock the sensor
+    // only the clock of the STOP: the controller itself held the line, not the sensor
+    CHECK(board.clocks == 1);
 }
 
 TEST_CASE_FIXTURE(Bench,
                   "a line that gets stuck at any byte of a read is a time-out, and the next read is whole") {
     bus.recover();
-    // 0: at the address, the register or the repeated START; 14: at the STOP.
+    // With 0, the line gets stuck at the address, the register or the repeated START; with 14, at the STOP.
     for (int after = 0; after <= 14; ++after) {
         CAPTURE(after);
         uint8_t data[14] = {};
         board.chip.stalls = 1;
         board.chip.stall_after = after;
         const I2cResult result = bus.read(kAddress, 0x3B, data, 14);
-        // If only the STOP is missing, all bytes have arrived.
+        // If the line gets stuck only at the STOP, all bytes have arrived.
         CHECK((result == I2cResult::timeout || (after == 14 && result == I2cResult::ok)));
         CHECK(bus.recover() == HeldLines::none);
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
@@ -154,7 +156,7 @@ TEST_CASE_FIXTURE(Bench,
 
 TEST_CASE_FIXTURE(Bench, "a free bus gets no clocks, one STOP, and Wire again") {
     CHECK(bus.recover() == HeldLines::none);
-    CHECK(board.clocks == 1);  // the clock of the STOP
+    CHECK(board.clocks == 1);  // only the clock of the STOP
     CHECK(board.stops == 1);
     CHECK(board.wire_begins == 1);
     CHECK(board.drives == 0);
@@ -174,7 +176,7 @@ TEST_CASE_FIXTURE(Bench, "a held SDA is freed by as many clocks as it needs, nin
         uint8_t data[1];
         CHECK(bus.read(kAddress, kWhoAmI, data, 1) == I2cResult::ok);
     }
-    board.chip.held_clocks = 11;  // nine clocks and that of the STOP are ten
+    board.chip.held_clocks = 11;  // nine clocks and the clock of the STOP are ten
     board.clocks = 0;
     CHECK(bus.recover() == HeldLines::sda);
     CHECK(board.clocks == 10);

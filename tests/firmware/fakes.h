@@ -1,5 +1,6 @@
 // Simple models of the hardware: a clock that stands still unless it is advanced, a sensor as a register
-// file, a bus and a UART with faults on demand. Every test checks all rules on which a port or a chip relies.
+// file, a bus and a UART with faults on demand. In every test, these models check all rules on which the real
+// hardware relies.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -23,8 +24,8 @@ class FakeClock final : public fltea::Clock {
     uint32_t now_us() override { return static_cast<uint32_t>(us_); }
 
     void pass(uint64_t us) { us_ += us; }
-    uint64_t us() const { return us_; }                  // does not wrap
-    uint64_t run_us() const { return us_ - start_us_; }  // since the test began
+    uint64_t us() const { return us_; }                  // the time without wrapping
+    uint64_t run_us() const { return us_ - start_us_; }  // time since the test began
 
   private:
     uint64_t start_us_;
@@ -34,24 +35,24 @@ class FakeClock final : public fltea::Clock {
 // Value that a FakeChip returns when its registers are not as required.
 constexpr int16_t kWrong = 0x5A5A;
 
-// An MPU-9250 as seen by the driver, with the numbers of the register map typed by hand. Every burst differs
-// from the one before unless `frozen`. accel_x shows the chip's life (a reset or brown-out begins a new one),
-// and gyro_x is kWrong if the registers were not as required.
+// An MPU-9250 as the driver sees it; its register numbers are typed by hand from the register map. Every
+// burst differs from the burst before, unless `frozen` is set. accel_x is the number of resets and losses of
+// supply so far (`life`), and gyro_x is kWrong if the registers were not as required.
 class FakeChip {
   public:
     uint8_t who_am_i = 0x71;
-    uint8_t wanted[5] = {0x00, 0x01, 0x18, 0x00, 0x01};  // 0x19 to 0x1D
+    uint8_t wanted[5] = {0x00, 0x01, 0x18, 0x00, 0x01};  // required values of the registers 0x19 to 0x1D
     bool frozen = false;
-    bool stopped = false;        // values freeze until the next reset
-    bool reserved_ones = false;  // meaningless bits read 1
+    bool stopped = false;        // the values stay the same until the next reset
+    bool reserved_ones = false;  // bits without a meaning read as 1
     int16_t gyro_y = 7;
-    std::vector<uint8_t> stuck;  // registers that ignore writes
+    std::vector<uint8_t> stuck;  // numbers of registers that ignore writes
     int16_t life = 0;
     bool quiet = false;  // the chip never pulses its pin
 
     explicit FakeChip(FakeClock& clock) : clock_(clock) { power_up(); }
 
-    // Resets the registers as a loss of supply does, without notice.
+    // Resets the registers, as a loss of supply does. The driver is not told.
     void power_up() {
         std::memset(registers_, 0, sizeof registers_);
         registers_[0x6B] = who_am_i == 0x68 ? 0x40 : 0x01;
@@ -119,7 +120,7 @@ class FakeChip {
         }
     }
 
-    // A reset needs 100 ms before the next transfer.
+    // Checks that the next transfer comes at least 100 ms after a reset.
     void ready() {
         if (resetting_) REQUIRE(clock_.us() - reset_us_ >= 100000);
         resetting_ = false;
@@ -145,13 +146,13 @@ class FakeChip {
     bool resetting_ = false;
 };
 
-// Largest duration of nine clocks and a STOP.
+// Largest duration of recover(), which sends nine clocks and a STOP.
 constexpr uint64_t kRecoverUs = 900;
 
 class FakeBus final : public fltea::I2cBus {
   public:
     bool plugged = true;
-    std::deque<fltea::I2cResult> script;  // results of the next transfers; ok once it is empty
+    std::deque<fltea::I2cResult> script;  // results of the next transfers; further transfers are ok
     fltea::HeldLines held = fltea::HeldLines::none;
     bool stale = false;   // the controller holds a byte, which shifts each read until recover()
     int wrong_reads = 0;  // number of reads that were wrong by a flipped bit or a shift
@@ -159,10 +160,10 @@ class FakeBus final : public fltea::I2cBus {
     uint8_t flip_reg = 0;
     uint8_t flip_mask = 0x01;
     std::function<void(uint8_t, uint8_t*)> tamper;  // called with register and data of each read
-    int clocks_to_free = 0;                         // recoveries until `held` ends; -1: never
+    int clocks_to_free = 0;                         // number of recoveries after which `held` ends; -1: never
     int recoveries = 0;
     int failures = 0;
-    std::vector<uint8_t> written;     // register numbers, in order
+    std::vector<uint8_t> written;     // numbers of the registers that were written, in order
     void (*during)(void*) = nullptr;  // called in the middle of every transfer
     void* during_of = nullptr;
 
@@ -219,7 +220,7 @@ class FakeBus final : public fltea::I2cBus {
         if (!plugged) result = fltea::I2cResult::nack;
         if (held != fltea::HeldLines::none) result = fltea::I2cResult::timeout;
         if (result != fltea::I2cResult::ok) ++failures;
-        // Nine clocks of 2.5 us a byte; half of the time passes before the values are read.
+        // A byte takes nine clocks of 2.5 us. Half of the transfer's time passes before the values are read.
         const uint64_t us =
             result == fltea::I2cResult::timeout ? fltea::settings::kI2cTimeoutUs : bytes * 45 / 2;
         clock_.pass(us / 2);
@@ -236,7 +237,7 @@ class FakeBus final : public fltea::I2cBus {
 // A ring buffer from which the UART sends 25 bytes a millisecond.
 class FakeSink final : public fltea::ByteSink {
   public:
-    size_t size = 127;    // as Arduino's
+    size_t size = 127;    // as in Arduino's ring buffer
     bool jammed = false;  // the UART sends nothing
     Receiver receiver;
     std::vector<uint8_t> bytes;
@@ -255,8 +256,8 @@ class FakeSink final : public fltea::ByteSink {
         receiver.feed(data, n);
         bytes.insert(bytes.end(), data, data + n);
         waiting_ += static_cast<double>(n);
-        // Only whole frames are accepted, one at a time, and none may use the room of a sample. The device's
-        // estimates may use it as long as no sample is due.
+        // Each write must be exactly one complete frame, and has to leave room for a sample. Only messages
+        // with the device's estimates may use that room, as long as no sample is due.
         REQUIRE(receiver.frames.size() == frames + 1);
         REQUIRE(data[n - 1] == 0);
         const uint8_t type = receiver.frames.back().type;
@@ -264,7 +265,7 @@ class FakeSink final : public fltea::ByteSink {
         if (type != fltea::Sample::type() && !at_quiet) REQUIRE(room_now - n >= 28);
     }
 
-    // Returns all frames of a type.
+    // Returns all frames of one message type.
     template <typename Message>
     std::vector<Frame> of() const {
         std::vector<Frame> found;

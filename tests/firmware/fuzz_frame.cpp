@@ -1,5 +1,6 @@
-// libFuzzer on frames. The first byte of an input selects: (even) the rest is a stream for the receiver;
-// (odd) the rest is a message, and damage for it. `fuzz_frame --seeds DIR` makes a corpus from the vectors.
+// A libFuzzer test of frames. If the first byte of an input is even, the rest is a stream of bytes for the
+// receiver; if it is odd, the rest is a message and the damage that is done to it. `fuzz_frame --seeds DIR`
+// makes a corpus from the test vectors.
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -29,7 +30,8 @@ bool same(const Frame& a, const Frame& b) {
            a.payload == b.payload;
 }
 
-// Encodes the frame again through the struct of its type, with exactly the fields of this version.
+// Encodes a frame again through the struct of its message type. The result has exactly the fields of this
+// protocol version.
 struct Again {
     Frame frame;
     Bytes wire;
@@ -43,7 +45,8 @@ struct Again {
     }
 };
 
-// An accepted frame has only one encoding, so the firmware's encoder gives the same bytes.
+// Checks any stream of bytes. A frame has only one valid encoding, so the firmware's encoder has to give the
+// same bytes for each accepted frame.
 void any_stream(const uint8_t* data, size_t n) {
     Receiver receiver;
     Bytes block;
@@ -71,7 +74,7 @@ void any_stream(const uint8_t* data, size_t n) {
     }
 }
 
-// The input split into a header, a payload, and pairs (kind, position) of damage.
+// Splits the input into a header, a payload, and pairs (kind, position) of damage to the encoded frame.
 void damaged_message(const uint8_t* data, size_t n) {
     if (n < 8) return;
     const size_t size = data[0] % (fltea::kMaxPayload + 1);
@@ -101,7 +104,8 @@ void damaged_message(const uint8_t* data, size_t n) {
     receiver.feed(0);
     receiver.feed(wire.data(), wire.size());
     receiver.feed(0);
-    // A payload may contain a valid frame, and damage by zeros may cut it free: no checksum can detect that.
+    // A payload may itself contain a valid frame. If damage puts zeros before and after it, the receiver
+    // accepts it, and no checksum can detect that.
     const bool cut = std::find(wire.begin(), wire.end() - 1, 0) != wire.end() - 1;
     for (const Frame& frame : receiver.intact)
         check(cut || same(frame, sent), "accepted only if it is what was sent");
@@ -123,8 +127,8 @@ void write_message(const std::string& folder, int number, size_t type, const Byt
     write_seed(folder, number, message);
 }
 
-// Streams unchanged; good frames as messages without damage; and good frames as the payload of a message in
-// which zeros before and after free the inner frame.
+// Writes inputs of three kinds: streams without a change, good frames as messages without damage, and good
+// frames as the payload of a message in which the damage puts zeros before and after the inner frame.
 void write_seeds(const std::string& folder) {
     int number = 0;
     for (const char* name : {"good.txt", "bad.txt", "streams.txt"}) {

@@ -1,4 +1,4 @@
-// Mean and variance of counts by the textbook's formulas.
+// Mean and variance of counts, computed in double by the textbook's formulas.
 #pragma once
 
 #include <stdint.h>

@@ -1,4 +1,5 @@
-// Shared by the tests of the device's fits: counts of noise, and the names of what they test.
+// What the tests of the device's fits share: simulated counts of noise, and short names of the classes under
+// test.
 #pragma once
 #include <doctest/doctest.h>
 
@@ -27,7 +28,7 @@ typedef fltea::engine::FitBins<Octaves> Bins;
 
 constexpr float kCountsPerDps = static_cast<float>(fltea::kGyroLsbTenths) / 10.0f;
 
-// Returns white noise and a slow state, in counts.
+// Returns the sum of white noise and a slow state, in counts.
 class Counts {
   public:
     explicit Counts(unsigned seed, double slow = 0.5) : random_(seed), white_(0, 3), slow_(0, slow) {}

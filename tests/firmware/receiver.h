@@ -1,4 +1,5 @@
-// A receiver of frames for tests alone, written from protocol/README.md and not from the host's decoder.
+// A receiver of frames that only the tests use. It was written from protocol/README.md, and not from the
+// host's decoder.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +19,7 @@ struct Frame {
     std::vector<uint8_t> payload;
 };
 
-// Calls use.message<Message>() for the message of this type; false if there is none.
+// Calls use.message<Message>() with the struct for this message type. Returns false if there is no such type.
 template <typename Use>
 bool with_message(uint8_t type, Use& use) {
     switch (type) {
@@ -78,9 +79,10 @@ inline uint32_t plain_crc32(const uint8_t* bytes, size_t n) {
 
 class Receiver {
   public:
-    std::vector<Frame> frames;          // frames of known types and right length
-    std::vector<Frame> intact;          // all frames with a right CRC, in any version
-    std::map<std::string, int> counts;  // number of blocks by their error, and "frames" for the good ones
+    std::vector<Frame> frames;  // valid frames of known types
+    // all frames with a right CRC, also of unknown types and other versions
+    std::vector<Frame> intact;
+    std::map<std::string, int> counts;  // number of blocks by their error; "frames" counts the valid frames
     int refused = 0;                    // intact HELLOs of another version
 
     void feed(const uint8_t* bytes, size_t n) {
@@ -100,7 +102,7 @@ class Receiver {
         }
     }
 
-    // Number of blocks judged so far, whatever the verdict.
+    // Number of blocks that were judged so far, with any result.
     int judged() const {
         int total = refused;
         for (const auto& reason : counts) total += reason.second;
@@ -110,7 +112,7 @@ class Receiver {
   private:
     static constexpr size_t kMaxBlock = 252;
 
-    // Damage in a block that began before the port was opened proves nothing.
+    // Damage in the first block is counted as "partial": the block may have begun before the port was opened.
     void count(const std::string& reason) {
         if (reason == "refused") {
             ++refused;

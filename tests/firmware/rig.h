@@ -1,4 +1,5 @@
-// A simulated device: the real application on fake hardware, stepped as a port would.
+// A simulated device: the real application on fake hardware. Its step() is called as the code of a board
+// would do it.
 #pragma once
 
 #include <doctest/doctest.h>
@@ -21,7 +22,7 @@ inline fltea::Identity test_identity() {
 
 class Rig {
   public:
-    // When a port calls step().
+    // When step() is called.
     enum class Calls { often, every_tick, unevenly };
 
     FakeClock clock;
@@ -45,7 +46,7 @@ class Rig {
         bus.during_of = this;
     }
 
-    // Runs for `us` more microseconds.
+    // Runs the device for `us` more microseconds.
     void run(uint64_t us) {
         const uint64_t end = clock.us() + us;
         while (clock.us() < end) {
@@ -60,10 +61,10 @@ class Rig {
 
     void start() { application.start(); }
 
-    // Starts, and runs until the sensor is running.
+    // Starts the device, and runs it until the sensor is running.
     void start_and_settle() {
         start();
-        run(305 * kMs);  // in the middle between two sampling instants
+        run(305 * kMs);  // the end is in the middle between two sampling instants
         REQUIRE(!samples().empty());
     }
 
@@ -72,7 +73,7 @@ class Rig {
     fltea::Hello hello() const { return message_of<fltea::Hello>(sink.of<fltea::Hello>().back()); }
     fltea::Status status() const { return message_of<fltea::Status>(sink.of<fltea::Status>().back()); }
 
-    // Number of frames so far of one FAULT code; and the detail of the last one.
+    // Number of FAULT frames with this code so far. fault_detail() is the detail of the last of them.
     int fault_count(fltea::FaultCode code) const {
         int n = 0;
         for (const Frame& frame : faults()) n += message_of<fltea::Fault>(frame).code == code;
@@ -87,7 +88,8 @@ class Rig {
         return detail;
     }
 
-    // The pin pulses at the chip's own times, whatever the main loop is doing.
+    // Gives the edges of the data-ready pin that are due by now. They come at the chip's own times, whatever
+    // the main loop is doing.
     void edges() {
         if (next_edge_us_ > clock.us()) return;
         const bool pulses = chip.pulses();
@@ -104,7 +106,7 @@ class Rig {
             case Calls::often:
                 return 150;
             case Calls::every_tick:
-                // A waiting CPU is woken by its timer and by the pin.
+                // A sleeping CPU is woken by its timer and by the data-ready pin.
                 return std::min(kPeriodUs - clock.us() % kPeriodUs,
                                 chip.pulses() ? next_edge_us_ - clock.us() : kPeriodUs);
             default:
@@ -116,7 +118,8 @@ class Rig {
     uint64_t random_ = 1;
 };
 
-// Checks delivered + overruns + dropped = due, by STATUS and the numbers of the samples.
+// Checks that delivered + overruns + dropped = due, with the counts in STATUS and the sequence numbers of the
+// samples.
 inline void check_balance(const Rig& rig) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();

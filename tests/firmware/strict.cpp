@@ -1,5 +1,6 @@
-// Only compiled, with the firmware's flags, never run: every template that the firmware uses compiles without
-// exceptions and RTTI, and no object of the core is too large for a small chip.
+// This file is only compiled, with the flags of the firmware, and never run. It shows that every template
+// that the firmware uses compiles without exceptions and RTTI, and that no object of the core is too large
+// for a small chip.
 #include "application.h"
 
 size_t hello(const fltea::Hello& message, uint8_t* out) { return fltea::encode_message(message, 1, 2, out); }
@@ -34,5 +35,5 @@ void run(fltea::I2cBus& bus, fltea::ByteSink& sink, fltea::Clock& clock, const f
 fltea::ResetCause cause(uint32_t rsttyp) { return fltea::reset_cause_from_rsttyp(rsttyp); }
 uint32_t line() { return fltea::settings::kLineBaud + fltea::settings::kI2cHz; }
 
-// Pointers of this machine are twice as long as the Due's.
+// On this machine, pointers are twice as long as on the Due.
 static_assert(sizeof(fltea::Application) <= size_t(45) * 1024, "the core's share of the RAM");

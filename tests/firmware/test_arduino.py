@@ -27,7 +27,10 @@ SKETCH = ROOT / "firmware/arduino/fltea"
 
 @pytest.fixture(scope="session", params=[slow("g++"), slow("clang++")])
 def build(request: pytest.FixtureRequest) -> Path:
-    """Build with one of the two compilers, with all warnings as errors; return the folder of the programs."""
+    """Build the sketch with one of two compilers and with all warnings as errors.
+
+    Return the folder of the programs.
+    """
     needed(request.param)
     folder = ROOT / "build/tests-arduino" / request.param
     make(FOLDER / "arduino_stub", folder, f"CXX={request.param}", "all")
@@ -35,7 +38,7 @@ def build(request: pytest.FixtureRequest) -> Path:
 
 
 class Run(NamedTuple):
-    """What the sketch sent, and how the board fared."""
+    """The frames that the sketch sent, and a summary of the board at the end."""
 
     frames: list[Frame]
     board: dict[str, Any]
@@ -62,8 +65,11 @@ def run(build: Path, *arguments: str, mode: str = "timer") -> Run:
 
 
 def lost(run: Run) -> tuple[list[str], int, int]:
-    """Return reasons of the host's epochs, samples that the host counts as lost, and samples delivered by
-    epoch."""
+    """Pass the frames to the host's decoder.
+
+    Return the reasons for which its epochs began, the samples that it counts as lost, and those delivered by
+    epoch.
+    """
     place = Decoder(lambda: 0, max_gap=10**6)
     reasons: list[str] = []
     for frame in run.frames:
@@ -108,7 +114,7 @@ def test_ten_quiet_seconds(build: Path, mode: str) -> None:
     assert set(steps) <= set(range(9990, 10011))
     for sample, frame in zip(quiet.of(wire.Sample), samples, strict=True):
         assert sample.flags == 0
-        # the stub's sensor gives the time of the burst in ms
+        # the stub's sensor gives the time of reading in ms
         assert abs(sample.gyro_x - frame.device_us / 1000) <= 2
     hello = quiet.of(wire.Hello)[-1]
     assert hello.boot_id == 0x12345678
@@ -128,7 +134,7 @@ def test_ten_quiet_seconds(build: Path, mode: str) -> None:
 
 
 def test_the_sketch_fits_too_and_its_small_ring_bears_it(build: Path) -> None:
-    """The stub's sensor counts milliseconds on x; y and z never change, and are left out."""
+    """Only x is fitted: the stub's sensor counts milliseconds on x, while y and z never change."""
     fitting = run(build, "16.5")
     assert [s.sequence for s in fitting.samples()] == list(range(len(fitting.samples())))
     assert fitting.of(wire.Status)[-1].dropped_frames == 0
@@ -165,7 +171,7 @@ def test_a_short_trouble_costs_few_samples_and_no_epoch(
 
 @pytest.mark.parametrize("stalls", [1, 2])
 def test_a_stalled_transfer_loses_its_instants_and_nothing_else(build: Path, stalls: int) -> None:
-    """A sample that is read a period or more after its instant would have the time of another instant."""
+    """A sample that is read a period or more after its instant is lost, because its time would be wrong."""
     after = run(build, "4.8", f"stalls=2,{stalls}")
     reasons, missing, _ = lost(after)
     assert reasons == ["start"]
@@ -208,7 +214,10 @@ def test_a_line_that_takes_nothing_loses_whole_frames_and_counts_them(build: Pat
 
 
 def test_a_stalled_transfer_takes_as_long_as_the_readme_says(build: Path) -> None:
-    """Wire's time limit counts turns, twice in a read: 55 ms; two reads in a row are the worst."""
+    """Wire waits for a number of loops, twice in a read, which takes 55 ms.
+
+    Two stalled reads in a row are the worst case.
+    """
     one, two = run(build, "3", "stalls=2,1"), run(build, "3", "stalls=2,2")
     assert one.board["longest_us"] in range(55_000, 58_000)
     assert two.board["longest_us"] in range(110_000, 113_000)

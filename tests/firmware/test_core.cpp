@@ -1,5 +1,5 @@
-// The device's encoder, checked with the vectors and at its limits. Sources of the vectors: published values
-// typed by hand, and PyPI cobs and zlib (tools/make_vectors.py).
+// Tests of the device's encoder, with test vectors and at its limits. The vectors are published values typed
+// by hand, and results of the packages cobs and zlib (tools/make_vectors.py).
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace {
 
-// A heap block of exactly the promised size, so that the sanitizer sees the first byte beyond it.
+// Encodes into a heap block of exactly the promised size, so that the sanitizer detects a write beyond it.
 Bytes cobs(const Bytes& plain) {
     Bytes out(fltea::cobs_max_encoded(plain.size()));
     out.resize(fltea::cobs_encode(plain.data(), plain.size(), out.data()));
@@ -44,7 +44,7 @@ class RecordReader {
     void operator()(const char* name, float& field) {
         const std::string text = next(name);
         char* end = nullptr;
-        field = std::strtof(text.c_str(), &end);  // std::stof refuses denormal numbers
+        field = std::strtof(text.c_str(), &end);  // std::stof throws for denormal numbers
         REQUIRE(!text.empty());
         REQUIRE(*end == 0);
     }
@@ -77,7 +77,7 @@ class RecordReader {
     size_t used_ = 0;
 };
 
-// The bytes of a record's fields.
+// Encodes the message whose fields a record lists.
 struct EncodeRecord {
     const Record& record;
     uint16_t sequence;

@@ -12,7 +12,7 @@ from tests.rig.tiers import slow
 FOLDER = Path(__file__).parent
 
 compilers = pytest.mark.parametrize("compiler", ["g++", slow("clang++")])
-"""Each compiler builds in a folder of its own."""
+"""Runs a test with each compiler; each builds in a separate folder."""
 
 
 LONG = ",".join(
@@ -21,8 +21,10 @@ LONG = ",".join(
         *("edges: each is*", "random trouble*", "application: the ends of*"),
     ]
 )
-"""Test cases of hours of virtual time, half of the total time: only clang's build runs them, in the second
-tier."""
+"""Test cases that simulate hours and take half of the total time.
+
+Only clang's build runs them, in the second tier of tests.
+"""
 
 
 def made_by(compiler: str, goal: str) -> Path:

@@ -1,6 +1,6 @@
-// The data-ready interrupt at every single instruction of the main loop's read. The CPU's single-step trap
-// takes the place of the interrupt; like an interrupt on a Cortex-M, it stops the program anywhere, runs the
-// handler, and continues.
+// Tests the data-ready interrupt at every single instruction of the main loop's reading of edges. Instead of
+// the interrupt, the single-step trap of this CPU is used. Like an interrupt on a Cortex-M, it stops the
+// program anywhere, runs the handler, and continues.
 #include <doctest/doctest.h>
 
 #include "edges.h"
@@ -44,7 +44,8 @@ TEST_CASE(
     handle(SIGTRAP, one_instruction);
     int before = 0;
     int after = 0;
-    // Instants are count * 10000, so each pair shows whether its values belong together.
+    // The edge with number `count` has the time count * 10000, so each pair shows whether both values belong
+    // together.
     for (interrupt_at = 1; interrupt_at < 3000; interrupt_at = interrupt_at + 1) {
         fltea::Edges fresh;
         edges = &fresh;
@@ -57,7 +58,7 @@ TEST_CASE(
         }
         REQUIRE(seen.last_us == seen.count * 10000);
         ++(seen.count == 5 ? before : after);
-        if (before > 50) break;  // well past the end of the read
+        if (before > 50) break;  // far beyond the end of the reading
     }
     CHECK(after > 10);
     CHECK(before > 50);

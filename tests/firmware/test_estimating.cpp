@@ -1,4 +1,5 @@
-// The device while it estimates: what it sends and when, and the effect on samples if it is too slow.
+// Tests of the device while it computes estimates: what it sends and when, and what happens to samples if
+// estimating is too slow.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -10,7 +11,7 @@ namespace settings = fltea::settings;
 
 namespace {
 
-// Called before every step of an axis, unless null.
+// This function, unless it is null, is called before every step of an axis.
 std::function<void()> before_axis;
 
 }  // namespace
@@ -24,7 +25,7 @@ extern "C" void __wrap__ZN5fltea13AxisEstimator4stepEPKs(fltea::AxisEstimator* a
 
 namespace {
 
-// A rig at rest: a few counts of noise on each axis; each step of an axis takes `axis_us`.
+// A simulated device at rest, with a few counts of noise on each axis. Each step of an axis takes `axis_us`.
 struct Estimating : Rig {
     uint64_t axis_us = 1800;
 
@@ -41,7 +42,7 @@ struct Estimating : Rig {
     }
     ~Estimating() { before_axis = nullptr; }
 
-    // Simulates work of this duration.
+    // Simulates work of this duration, during which edges may come.
     void pass(uint64_t us) {
         const uint64_t end = clock.us() + us;
         while (clock.us() < end) {
@@ -60,7 +61,7 @@ struct Estimating : Rig {
 
 Estimate estimate_of(const Frame& frame) { return message_of<Estimate>(frame); }
 
-// Checks that the numbers have no gap and that samples were read on time.
+// Checks that the samples' numbers have no gap and that samples were read on time.
 void check_every_sample(const Rig& rig, size_t from = 0) {
     const std::vector<Frame> samples = rig.samples();
     for (size_t i = from; i < samples.size(); ++i) {
@@ -117,8 +118,8 @@ TEST_CASE("estimating: ESTIMATOR follows each HELLO, and comes when the window i
     for (const Frame& frame : rig.sink.receiver.frames) {
         if (frame.type == fltea::Sample::type()) {
             newest = frame.sequence;
-            // A ring buffer of 127 bytes does not hold both: within the first second an ESTIMATE may have to
-            // wait.
+            // A ring buffer of 127 bytes does not hold HELLO and ESTIMATOR at once, so the latter may have to
+            // wait during the first second.
             if (newest > 100 && newest % 100 == 60) CHECK(hellos <= estimators);
         }
         if (frame.type == fltea::Hello::type()) ++hellos;
@@ -155,7 +156,8 @@ TEST_CASE(
             const Estimate estimate = estimate_of(rig.estimates().back());
             CHECK((estimate.flags & fltea::estimate_flags::skipped) != 0);
             CHECK(estimate.age < estimate.sample - settings::kStartup + 1u);
-            // Skipping limits the lag to the queue and the samples between two ESTIMATEs.
+            // As samples are skipped, an estimate is behind by no more than the queue and the samples between
+            // two ESTIMATEs.
             const int behind = int(rig.samples().back().sequence) - int(estimate.sample);
             CHECK(behind <= 3 * 32 + 3 * settings::kEstimateEvery);
             CHECK(int(rig.status().cpu_share) > 5000);
@@ -211,7 +213,8 @@ TEST_CASE("estimating: STATUS says how much of the time is worked, and its longe
         const fltea::Status window = rig.status();
         rig.run(4 * kS);
         const fltea::Status status = rig.status();
-        // Before, only the burst: 17 bytes at 22.5 us in 10 ms; then also three steps of an axis.
+        // In the start-up window, only the bursts take time: 17 bytes of 22.5 us in every 10 ms. After it,
+        // three steps of an axis are added.
         CHECK(static_cast<double>(window.cpu_share) == doctest::Approx(383 + 30).epsilon(0.3));
         CHECK(static_cast<double>(status.cpu_share - window.cpu_share) ==
               doctest::Approx(static_cast<double>(3 * axis_us)).epsilon(0.05));

@@ -1,4 +1,4 @@
-"""The committed image for the Due: its content, that the sources reproduce it, and that its checker works."""
+"""Test the committed image for the Due, whether the sources reproduce it, and its checker."""
 
 import hashlib
 import json
@@ -121,7 +121,7 @@ def test_each_interrupt_has_its_own_handler(built: Path, mode: str, handlers: di
 
 def test_image_knows_no_paths() -> None:
     texts = re.findall(rb"[ -~]{6,}", image())
-    # Machine code has slashes, too, but not between words.
+    # Machine code contains slashes, too, but not between words as paths do.
     path = re.compile(rb"[a-z_]{3,}/[a-z_]{3,}|\.cpp$|\.hp*$")
     assert not [text for text in texts if path.search(text)]
     assert all(map(path.search, (b"firmware/core", b"noise_fit.cpp")))
@@ -155,7 +155,7 @@ def test_unique_id_is_read_from_ram_alone(built: Path) -> None:
     assert int(lines[0].split(":")[0], 16) in RAM
     branches = [line for line in lines if re.search(r"\tb\w*(\.[nw])?\t|\tcbn?z\t", line)]
     assert branches
-    for line in branches:  # a veneer of the linker's would be in RAM too, and lead to flash
+    for line in branches:  # the linker could insert a jump in RAM that leads to code in flash
         assert "read_unique_words" in line.partition("\t")[2], f"leaves the function: {line}"
 
 
@@ -238,7 +238,7 @@ def test_build_id_follows_the_sources(tmp_path: Path, change: str) -> None:
     if change == "content":
         source.write_text(source.read_text().replace("27", "26"))
     elif change == "name":
-        source.rename(source.with_name("lcd.cpp"))  # the sorting order stays the same
+        source.rename(source.with_name("lcd.cpp"))  # the order of the file names stays the same
     else:
         source.with_name("empty.h").touch()
     assert run_tool("generated", root, "build_id").returncode == 0

@@ -1,4 +1,4 @@
-// Sending frames, with and without room for them.
+// Tests of sending frames, with and without room for them in the ring buffer.
 #include <doctest/doctest.h>
 
 #include "faults.h"
@@ -15,7 +15,7 @@ struct Line {
     fltea::Link link{sink};
 };
 
-// A HELLO that the receiver accepts.
+// Returns a HELLO that the tests' receiver accepts.
 fltea::Hello hello() {
     fltea::Hello message = {};
     message.protocol_major = fltea::kProtocolMajor;

@@ -1,4 +1,4 @@
-// Set-up and reading of every chip of the family, register by register.
+// Tests of the set-up and the reading of every chip of the family, register by register.
 #include <doctest/doctest.h>
 
 #include <map>
@@ -28,7 +28,7 @@ TEST_CASE(
             rig.chip.power_up();
             const int16_t life = rig.chip.life;
             rig.start_and_settle();
-            CHECK(rig.chip.life == life + 1);  // reset once
+            CHECK(rig.chip.life == life + 1);  // the set-up resets the chip once
             CHECK(rig.chip.as_wanted());
             CHECK(rig.chip.reg(0x37) == 0x00);
             CHECK(rig.chip.reg(0x38) == (mode == SamplingMode::data_ready ? 1 : 0));
@@ -102,7 +102,7 @@ TEST_CASE("mpu9250: a register that takes no value is named, with what was writt
         CAPTURE(int(reg));
         Rig rig;
         rig.chip.stuck = {reg};
-        if (reg == 0x6B) rig.chip.who_am_i = 0x68;  // it sleeps after its reset
+        if (reg == 0x6B) rig.chip.who_am_i = 0x68;  // only this chip sleeps after its reset
         rig.start();
         rig.run(1500 * kMs);
         CHECK(rig.samples().empty());
@@ -139,7 +139,7 @@ TEST_CASE("mpu9250: a chip whose bits without a meaning read 1 runs") {
 }
 
 TEST_CASE("mpu9250: every bit that has a meaning counts, and no other") {
-    // RM-MPU-9250A-00, the tables of each register.
+    // Bits that have a meaning, by the tables of each register in RM-MPU-9250A-00.
     const std::map<uint8_t, int> defined = {{0x19, 0xFF}, {0x1A, 0x7F}, {0x1B, 0xFB}, {0x1C, 0xF8},
                                             {0x1D, 0x0F}, {0x37, 0xFE}, {0x38, 0x59}, {0x6B, 0x7F}};
     FakeClock clock;
@@ -199,7 +199,8 @@ TEST_CASE(
     "mpu9250: a NACK, a time-out or a short read at any point of the set-up costs nothing if the next "
     "works") {
     for (I2cResult result : {I2cResult::nack, I2cResult::timeout, I2cResult::short_read}) {
-        // WHO_AM_I, reset, then a write and a read for each of eight registers.
+        // The set-up has 18 transfers: WHO_AM_I, the reset, then a write and a read for each of eight
+        // registers.
         for (size_t at = 0; at < 18; ++at) {
             CAPTURE(at);
             Rig rig;
@@ -256,12 +257,12 @@ TEST_CASE("mpu9250: a sensor is missing from the second probe in a row on that n
     rig.run(20 * kMs);
     CHECK(rig.fault_count(FaultCode::sensor_missing) == 1);
     CHECK(rig.fault_detail(FaultCode::sensor_missing) == 0x68);
-    // An answer in between restarts the count.
+    // If the chip answers in between, the count of unanswered probes restarts.
     rig.bus.plugged = true;
     rig.run(1200 * kMs);
     REQUIRE(rig.hello().sensor_starts == 1);
     rig.bus.plugged = false;
-    rig.run(100 * kMs);  // a probe soon after three lost instants
+    rig.run(100 * kMs);  // includes a probe soon after three lost instants
     CHECK(rig.fault_count(FaultCode::sensor_lost) == 1);
     CHECK(rig.fault_count(FaultCode::sensor_missing) == 1);
     rig.run(100 * kMs);

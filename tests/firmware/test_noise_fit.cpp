@@ -1,12 +1,12 @@
-// The device's fits: compared with the same spectrum and fit without slices, with lost samples, and that no
-// sample waits for a fit.
+// Tests of the device's fits, which run in small slices. They are compared with the same spectrum and fit
+// without slices, also with lost samples.
 #include "engine/sensor_motion.hpp"
 #include "engine/sliced_fit.hpp"
 #include "noise_fit_rig.h"
 
 namespace {
 
-// Three axes, and the same axes without slices.
+// Fits of three axes in slices, and the spectra of the same axes for fits without slices.
 struct Fitting {
     std::unique_ptr<NoiseFit> fit{new NoiseFit};
     std::vector<std::unique_ptr<Octaves>> alone;
@@ -36,7 +36,7 @@ struct Fitting {
         fit->skip(lost);
         for (auto& one : alone) one->skip(lost);
     }
-    // Runs at most this many slices, while there is work.
+    // Runs at most `most` slices, as long as there is work.
     void work(int most = 1000000) {
         for (int n = 0; n < most && fit->busy(); ++n) {
             Fit message = {};
@@ -53,7 +53,7 @@ struct Fitting {
             }
         }
     }
-    // Fits one axis at once, without slices; its bins are in `bins`.
+    // Fits one axis without slices. The bins of its spectrum are in `bins` afterwards.
     Bins bins;
     whittle::FitFigures at_once(size_t axis) {
         bins.begin();
@@ -102,7 +102,7 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
             CHECK(said.used == f.alone[axis]->counts().used);
         }
     }
-    // After the first fit, one round every kFitEvery samples.
+    // After the first fit, a round of fits follows every kFitEvery samples.
     REQUIRE(f.fits.size() >= 3 * 27);
     CHECK(first_fit(f) == 1000);
     for (size_t i = 3; i < f.fits.size(); ++i) {
@@ -110,14 +110,15 @@ TEST_CASE("noise fit: what it says is what the spectrum and the fit say without 
         CHECK(apart >= settings::kFitEvery);
         CHECK(apart <= settings::kFitEvery + 703u);
     }
-    // Noise of this kind is not white.
+    // The noise of this test is not white.
     CHECK(f.fits.back().verdict != fltea::FitVerdict::white);
 }
 
 TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
     Fitting f;
     for (int k = 0; k < 1000; ++k) f.add();
-    // So few slices a sample that 128 more samples come while the bins are made: the bins are started again.
+    // With only three slices per sample, 128 more samples come while the bins are made, so the bins are
+    // started again.
     int k = 1000;
     for (; f.fits.empty(); ++k) {
         REQUIRE(k < 200000);
@@ -125,7 +126,7 @@ TEST_CASE("noise fit: a spectrum that goes on while it is read is read again") {
         f.work(3);
     }
     CHECK(f.fits[0].age > 1000);
-    // The answer belongs to the spectrum at that time.
+    // The result is that of the spectrum at the age that the fit states.
     Fitting again;
     for (uint32_t n = 0; n < f.fits[0].age; ++n) again.add();
     const whittle::FitFigures expected = again.at_once(0);
@@ -254,7 +255,7 @@ TEST_CASE("noise fit: begun again without an axis it leaves that axis out") {
 }
 
 TEST_CASE("noise fit: bins carry the number of their own axis's fit") {
-    // The third axis has none at first, since it starts later.
+    // The third axis has no fits at first, because it starts later.
     std::unique_ptr<NoiseFit> fit(new NoiseFit);
     fit->begin();
     std::vector<Counts> noise;
@@ -274,7 +275,7 @@ TEST_CASE("noise fit: bins carry the number of their own axis's fit") {
             const NoiseFit::Told what = fit->work(message, spectrum);
             if (what == NoiseFit::Told::fit) {
                 CHECK(message.number == ++newest[static_cast<size_t>(message.axis)]);
-                // Each model is evaluated at least once.
+                // A fit evaluates each of the four models at least once.
                 const bool any = message.verdict != fltea::FitVerdict::none;
                 CHECK((any ? message.evaluations >= 4 : message.evaluations == 0));
             }
@@ -326,7 +327,7 @@ TEST_CASE("noise fit: an axis is tracked by its newest fit, lost samples predict
         }
     }
     CHECK(set >= 3 * 9);
-    // An axis that starts over has no known fit.
+    // After begin(), an axis has no fit.
     f.fit->begin();
     f.fit->start(0);
     fltea::Estimate message = {};

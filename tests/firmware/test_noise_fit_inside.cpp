@@ -1,4 +1,4 @@
-// Fits within the device: lost samples, motion, and slices that never make a sample wait.
+// Tests of the fits within the device: lost samples, motion, and that no sample waits for a slice of a fit.
 #include "noise_fit_rig.h"
 
 TEST_CASE("noise fit: a board that was moved in its start-up window fits as one that rested") {
@@ -72,7 +72,8 @@ TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum
         }
     };
     both(700);
-    // 32 samples wait; seven more are skipped; the next one is not.
+    // The queue fills with 32 samples, and the next seven are skipped. After that, samples are processed
+    // again.
     for (int k = 0; k < 32; ++k, ++taken) {
         add();
         alone[0].add(counts.back());
@@ -81,7 +82,7 @@ TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum
     work();
     alone[0].skip(7);
     both(900);
-    // Five lost on the bus.
+    // Five samples are lost on the bus.
     instant += 5;
     alone[0].skip(5);
     both(400);
@@ -105,7 +106,7 @@ TEST_CASE("noise fit: samples that found the queue full are lost to the spectrum
 
 namespace {
 
-// Called before every slice of a fit, unless null.
+// This function, unless it is null, is called before every slice of a fit.
 std::function<void()> before_slice;
 
 }  // namespace
@@ -137,7 +138,8 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                 before_slice = nullptr;
                 check_every_sample(rig);
                 REQUIRE(begun_us.size() > 100);
-                // In any four seconds, including time saved before them and the excess of the last slice.
+                // In any four seconds, the fits take no more than their share of five seconds (the allowance
+                // of one second may have been saved before) and the excess of the last slice.
                 for (size_t first = 0, last = 0; last < begun_us.size(); ++last) {
                     while (begun_us[last] - begun_us[first] > 4 * kS) ++first;
                     const double took = static_cast<double>((last - first + 1) * slice_us);
@@ -156,7 +158,7 @@ TEST_CASE("noise fit: slices stay within their share of the time, and no sample 
                     CHECK(fits[i].sequence == i);
                     CHECK(static_cast<size_t>(message_of<Fit>(fits[i]).axis) == i % 3);
                 }
-                // The bins of the fit follow, each at its index.
+                // The messages with the bins follow a fit; each states the index of its first bin.
                 const std::vector<Frame> spectra = rig.sink.of<Spectrum>();
                 REQUIRE(!spectra.empty());
                 CHECK(message_of<Spectrum>(spectra[0]).first == 0);

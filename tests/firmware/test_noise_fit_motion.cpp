@@ -1,9 +1,9 @@
-// Motion of the sensor within the device: motion of one axis stops all axes from learning.
+// Tests of motion of the sensor: motion of one axis stops all axes of the device from learning.
 #include "noise_fit_rig.h"
 
 namespace {
 
-// Three axes, one of which can be turned.
+// Three axes, one of which can rotate.
 struct Turning {
     std::unique_ptr<NoiseFit> fit{new NoiseFit};
     std::vector<Counts> noise;
@@ -15,7 +15,8 @@ struct Turning {
             fit->start(i);
         }
     }
-    // Adds samples, with fits or without time for them. Rates in counts.
+    // Adds n samples; without `fits`, there is no time for fits. `leaks` is a rate on all axes and `turn` one
+    // on `axis`, in counts.
     void add(int n, bool fits, int leaks = 0, size_t axis = 0, int turn = 0) {
         for (int k = 0; k < n; ++k) {
             for (size_t i = 0; i < 3; ++i) {
@@ -49,7 +50,7 @@ TEST_CASE("noise fit: while one axis turns none learns, whether fits go on or no
                 CAPTURE(axis);
                 CAPTURE(i);
                 const fltea::Estimate held = turning.tracked(i), known = resting.tracked(i);
-                // A leak of three counts is not in the bias.
+                // The rate of three counts on all axes has not entered the bias.
                 CHECK(std::fabs(held.tracker_bias) * kCountsPerDps < 1.0f);
                 CHECK(held.tracker_bias_std > known.tracker_bias_std);
             }

@@ -1,4 +1,4 @@
-// Thousands of random disturbances from fixed seeds; the same rules have to hold for all of them.
+// Tests with thousands of random disturbances from fixed seeds. The same rules have to hold for all of them.
 #include <doctest/doctest.h>
 
 #include <random>
@@ -11,7 +11,7 @@ using fltea::SamplingMode;
 
 namespace {
 
-// Causes a fault every half second on average, until end().
+// Causes a fault every half second on average, until end() is called.
 class Trouble {
   public:
     Trouble(Rig& rig, uint32_t seed) : rig_(rig), random_(seed), next_us_(rig.clock.us()) {}
@@ -95,7 +95,7 @@ class Trouble {
     bool over_ = false;
 };
 
-// Checks all that was sent, in order.
+// Checks all frames that were sent, in their order.
 void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     std::map<int, uint16_t> next;
     std::map<int, uint64_t> last_fault_us;
@@ -108,7 +108,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     uint64_t us = rig.clock.us() - rig.clock.run_us();
     uint32_t stamp = static_cast<uint32_t>(us);
     for (const Frame& frame : rig.sink.receiver.frames) {
-        // Edges have their own times; all other frames were made when they were sent.
+        // In timer mode, each frame has the time at which it was sent, so times never go back. In data-ready
+        // mode, a sample has the time of its edge.
         if (mode == SamplingMode::timer) REQUIRE(frame.device_us - stamp < 0x80000000u);
         stamp = frame.device_us;
         if (frame.type != fltea::Sample::type()) REQUIRE(frame.sequence == next[frame.type]++);
@@ -125,7 +126,7 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
         us += static_cast<uint32_t>(frame.device_us - static_cast<uint32_t>(us));
         REQUIRE(sample.gyro_x != kWrong);
         REQUIRE(starts > 0);
-        // For a new life of the chip, a new number of starts was announced before.
+        // If the chip was reset, a HELLO with another number of starts must have come before the sample.
         if (sample.accel_x != life) REQUIRE(starts != starts_of_life);
         life = sample.accel_x;
         starts_of_life = starts;
@@ -135,8 +136,8 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
         if (sampled) REQUIRE(step > 0);
         number = sampled ? number + step : frame.sequence;
         sampled = true;
-        // The number tells the time: a late read is late by less than a period and one failed chain. The
-        // first read may itself have been late.
+        // The sequence number tells the time of a sample. A late sample is late by less than a period and one
+        // chain of failed transfers. The first sample, too, may have been late.
         const double late_us = static_cast<double>(us - first_us) - static_cast<double>(number) * 10000.0;
         const double bound_us = mode == SamplingMode::timer ? 20000 : 30000;
         REQUIRE(late_us < bound_us);
@@ -146,7 +147,7 @@ void check_all_that_was_sent(const Rig& rig, SamplingMode mode) {
     const fltea::Status status = rig.status();
     const std::vector<Frame> samples = rig.samples();
     REQUIRE(number + 1 == samples.size() + status.overruns + status.dropped_frames);
-    // A wrong answer counts as an error if the second one is right.
+    // A wrong answer counts as an error if the second answer is right.
     REQUIRE(status.i2c_errors >= static_cast<uint32_t>(rig.bus.failures));
     REQUIRE(status.i2c_errors <= static_cast<uint32_t>(rig.bus.failures + rig.bus.wrong_reads));
 }
@@ -166,12 +167,12 @@ TEST_CASE("random trouble: nothing is sent that must not be, and delivered + ove
             rig.start();
             rig.run(20 * kS);
             trouble.end();
-            rig.calls = Rig::Calls::every_tick;  // no overrun after the last STATUS
+            rig.calls = Rig::Calls::every_tick;  // so that no overrun comes after the last STATUS
             rig.run(4 * kS);
             check_all_that_was_sent(rig, mode);
             sent += rig.samples().size();
             REQUIRE(rig.sink.receiver.judged() == rig.sink.receiver.counts["frames"]);
         }
     }
-    CHECK(sent > 40000);  // of 144000 instants, so the run has more than faults
+    CHECK(sent > 40000);  // of 144000 instants: enough samples come between the faults
 }

@@ -1,5 +1,5 @@
-// The tests' own receiver, checked with the vectors, so that its verdict on the firmware's bytes can be
-// trusted.
+// Tests of the receiver that the other tests use (receiver.h), with the test vectors, so that its verdict on
+// the firmware's bytes can be trusted.
 #include <doctest/doctest.h>
 
 #include "receiver.h"

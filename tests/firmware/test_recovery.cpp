@@ -1,4 +1,5 @@
-// All faults of the bus: their cost, the counts, and the reports. Faults of the chip: test_guard.
+// Tests of all faults of the I2C bus: the samples that they cost, the counts, and the reports. Faults of the
+// chip are tested in test_guard.cpp.
 #include <doctest/doctest.h>
 
 #include "rig.h"
@@ -10,7 +11,7 @@ using fltea::SamplingMode;
 
 TEST_CASE("recovery: one failed transfer costs no sample; it is flagged and counted") {
     for (I2cResult result : {I2cResult::nack, I2cResult::timeout, I2cResult::short_read}) {
-        for (size_t at : {0, 1}) {  // the burst, the guard
+        for (size_t at : {0, 1}) {  // the failure hits the burst, or the guard registers
             Rig rig;
             rig.start_and_settle();
             rig.bus.fail(I2cResult::ok, at);
@@ -146,7 +147,8 @@ TEST_CASE("recovery: lines held for good: said once a second, and all goes on wh
             CHECK(rig.fault_detail(FaultCode::bus_held) == static_cast<uint32_t>(held));
             CHECK(rig.fault_count(FaultCode::sensor_missing) == 0);
             CHECK(rig.status().bus_recoveries == 0);
-            // One transfer per instant: while a line is held, a second one is useless.
+            // Only one transfer is tried per sampling instant, because a second one is useless while a line
+            // is held.
             CHECK(rig.fault_detail(FaultCode::sensor_lost) == (at_boot ? 0 : 3));
             rig.bus.held = HeldLines::none;
             rig.run(3 * kS);
@@ -202,7 +204,7 @@ TEST_CASE("recovery: unplugged and plugged in again: a new start, said by HELLO 
         rig.run(20 * kS);
         CHECK(rig.fault_count(FaultCode::sensor_missing) >= 18);
         CHECK(rig.samples().size() == samples);
-        CHECK(rig.status().overruns > 1900);  // the instants pass, and are counted
+        CHECK(rig.status().overruns > 1900);  // sampling instants are counted all the same
         rig.bus.plugged = true;
         rig.chip.quiet = false;
         rig.chip.power_up();
@@ -215,7 +217,7 @@ TEST_CASE("recovery: unplugged and plugged in again: a new start, said by HELLO 
             announced = message_of<fltea::Hello>(frame).sensor_starts == 2;
         }
         CHECK(announced);
-        // Every instant of the absence has its number.
+        // Every sampling instant while the sensor was absent has its number.
         const std::vector<Frame> all = rig.samples();
         const double instants = static_cast<double>(all.back().device_us - all[0].device_us) / 10000.0;
         CHECK(static_cast<double>(all.back().sequence) == doctest::Approx(instants).epsilon(0.001));
@@ -253,7 +255,7 @@ TEST_CASE(
     const size_t faults = rig.faults().size();
     rig.run(2 * kS);
     REQUIRE(rig.samples().size() > n);
-    // Absence, a probe, reset and settling.
+    // The limits are for the absence, a probe, the reset and the settling of the chip.
     CHECK(rig.samples()[n].device_us - before.device_us < (1350 + 100 + 160 + 30) * kMs);
     CHECK(rig.faults().size() == faults);
     check_balance(rig);
@@ -299,7 +301,7 @@ TEST_CASE("recovery: in data-ready mode an edge during a failed read gives its o
     Rig rig(SamplingMode::data_ready);
     rig.calls = Rig::Calls::every_tick;
     rig.start_and_settle();
-    // 8 ms after an edge the read begins and fails for 3 ms: the next edge comes before the second read.
+    // The reading begins 8 ms after an edge and fails for 3 ms, so the next edge comes before the second try.
     const Frame before = rig.samples().back();
     rig.clock.pass(before.device_us + 18 * kMs - rig.clock.us());
     rig.edges();

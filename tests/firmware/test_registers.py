@@ -1,4 +1,4 @@
-"""The registers that firmware and emulator use, compared with facts typed by hand and with their source.
+"""Compare the registers that firmware and emulator use with facts typed by hand and with their source.
 
 The facts are those that programmers of the chip know from the register mapping tables and reset values in the
 SAM3X/SAM3A datasheet: chapters EEFC, PIO, PMC, RSTC, TC, TRNG, TWI, UART, WDT, and 9.1 Peripheral

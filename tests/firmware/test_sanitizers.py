@@ -18,7 +18,7 @@ int main(int arguments, char**) {
     return static_cast<int>(word(bytes + (arguments - 1)));
 }
 """
-"""With an argument, it reads a word that begins one byte after a multiple of 4."""
+"""A program that, with an argument, reads a word that begins one byte after a multiple of 4."""
 
 
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)

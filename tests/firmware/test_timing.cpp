@@ -1,4 +1,4 @@
-// Waits, due times and the numbers of sampling instants, at every phase of the clock's wrap.
+// Tests of waits, due times and the numbers of sampling instants, also around the wrap of the clock.
 #include <doctest/doctest.h>
 
 #include <initializer_list>
@@ -15,7 +15,7 @@ constexpr uint64_t kPeriod = fltea::settings::kSamplePeriodUs;
 
 uint32_t at(uint64_t us) { return static_cast<uint32_t>(us); }
 
-// A sampler in data-ready mode whose sensor has run since `start_us`, and the instants that it announced.
+// A sampler in data-ready mode whose sensor has run since `start_us`.
 struct Edged {
     Sampler sampler{SamplingMode::data_ready};
     explicit Edged(uint64_t start_us) {
@@ -240,7 +240,8 @@ TEST_CASE("edges: while the sensor stands still instants pass by time, none twic
     for (uint64_t start : {UINT64_C(0), kWrap - 600 * kPeriod}) {
         for (uint64_t phase = 0; phase < 4 * kPeriod; phase += 500) {
             CAPTURE(phase);
-            const uint64_t step = phase < kPeriod ? 700 : 22000;  // polled often and seldom
+            // time between calls of poll(): short or long
+            const uint64_t step = phase < kPeriod ? 700 : 22000;
             Edged edged(start);
             CHECK(edged.edge(start + kPeriod));
             edged.sampler.sensor_stops();

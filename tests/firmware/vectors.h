@@ -1,4 +1,4 @@
-// Reads the files of protocol/vectors; protocol/README.md, "Vectors", describes them.
+// Reads the files with test vectors in protocol/vectors, which protocol/README.md describes under "Vectors".
 #pragma once
 
 #include <cstdint>
@@ -12,8 +12,8 @@
 typedef std::vector<uint8_t> Bytes;
 typedef std::vector<std::pair<std::string, std::string>> Record;  // key and value of each line
 
-// Returns the lines of a file without comments; throws if there are none, so that a wrong path cannot pass a
-// test.
+// Returns the lines of a file except comments. Throws if there are no lines, so that a test with a wrong path
+// cannot pass.
 inline std::vector<std::string> vector_lines(const std::string& name) {
     std::ifstream file(std::string(VECTORS) + "/" + name);
     std::vector<std::string> lines;
@@ -24,7 +24,7 @@ inline std::vector<std::string> vector_lines(const std::string& name) {
     return lines;
 }
 
-// "a0b1" without blanks.
+// Reads hexadecimal bytes without blanks, such as "a0b1".
 inline Bytes from_hex(const std::string& text) {
     Bytes bytes;
     for (size_t i = 0; i + 1 < text.size(); i += 2) {
@@ -33,7 +33,7 @@ inline Bytes from_hex(const std::string& text) {
     return bytes;
 }
 
-// "A0 01..FE", or "-" for no bytes.
+// Reads bytes and ranges of bytes, such as "A0 01..FE"; "-" stands for no bytes.
 inline Bytes from_runs(const std::string& text) {
     std::istringstream words(text);
     Bytes bytes;
@@ -46,7 +46,7 @@ inline Bytes from_runs(const std::string& text) {
     return bytes;
 }
 
-// Rows "left | right".
+// Reads a file of rows "left | right".
 inline std::vector<std::pair<std::string, std::string>> table(const std::string& name) {
     std::vector<std::pair<std::string, std::string>> rows;
     for (const std::string& line : vector_lines(name)) {
@@ -56,7 +56,7 @@ inline std::vector<std::pair<std::string, std::string>> table(const std::string&
     return rows;
 }
 
-// Blocks of lines "key value" between blank lines.
+// Reads a file of records: blocks of lines "key value", separated by blank lines.
 inline std::vector<Record> records(const std::string& name) {
     std::vector<Record> found(1);
     for (const std::string& line : vector_lines(name)) {

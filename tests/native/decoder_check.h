@@ -1,4 +1,5 @@
-// Compares the host's decoder with the tests' own receiver, which was written from protocol/README.md alone.
+// Compares the host's decoder with the receiver that the tests use, which was written from protocol/README.md
+// alone.
 #pragma once
 
 #include <cstring>
@@ -22,12 +23,12 @@ inline bool same_sample(const fltea::SampleRow& row, const Frame& frame) {
            sample.temperature == row.sample.temperature && sample.flags == row.sample.flags;
 }
 
-// Checks the results of one or more calls; its state covers all of them.
+// Checks the results of one or more calls of the decoder together.
 class Comparison {
   public:
     explicit Comparison(const Bytes& stream) : stream_(stream) {}
 
-    // What was decoded from the bytes `from` to `to` of the stream.
+    // Checks what was decoded from the bytes `from` to `to` of the stream.
     void add(const fltea::Decoded& found, size_t from, size_t to) {
         size_t row = 0;
         for (const fltea::OtherRow& other : found.others) {
@@ -45,7 +46,7 @@ class Comparison {
         note(last_end_ <= to, "end within its call");
     }
 
-    // Returns the difference from the receiver, or nothing.
+    // Returns the first difference from the receiver, or an empty text.
     std::string fault(const Receiver& receiver) {
         note(counts_ == receiver.counts, "counts");
         note(refused_ == receiver.refused, "refused");
@@ -122,8 +123,8 @@ class Comparison {
 
 }  // namespace decoder_check
 
-// Feeds the stream in chunks of the sizes that `next_size()` gives, each in memory of its own so that a read
-// beyond it is detected. Returns the difference from the receiver, or nothing.
+// Feeds the stream in chunks of the sizes that `next_size()` gives. Each chunk is in separate memory, so that
+// a read beyond it is detected. Returns the first difference from the receiver, or an empty text.
 template <typename NextSize>
 std::string compare_with_receiver(const std::vector<uint8_t>& stream, NextSize next_size) {
     Receiver receiver;

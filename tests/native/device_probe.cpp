@@ -1,5 +1,6 @@
-// The device's estimator of one axis behind a C interface, for tests and benchmarks in Python: a shared
-// library for each variant. It is one translation unit, so that its dependencies are known.
+// The device's estimator of one axis behind a C interface, for tests and benchmarks in Python. A shared
+// library is built for each variant. Its code is a single translation unit, so that its dependencies are
+// known.
 #include <cstddef>
 
 #include "axis_estimator.cpp"
@@ -13,7 +14,8 @@ class Device {
   public:
     Device() { axis.begin(); }
 
-    // Processes one sample, or a lost one, and fills a row; false while the start-up window fills.
+    // Processes one sample, or a lost one if `count` is null, and fills a row. Returns false until the
+    // start-up window is full.
     bool take(const int16_t* count, double* row) {
         if (collected_ < fltea::settings::kStartup) {
             if (count == nullptr) return false;
@@ -32,7 +34,7 @@ class Device {
     AxisEstimator axis;
 
   private:
-    // Every field of ESTIMATE, in its order.
+    // Writes every field of an ESTIMATE to a row, in the order of the message.
     struct Row {
         double* next;
         template <class Field>
@@ -51,8 +53,8 @@ int device_startup() { return fltea::settings::kStartup; }
 double device_lsb_per_dps() { return 0.1 * fltea::kGyroLsbTenths; }
 Device* device_make() { return new Device(); }
 void device_free(Device* device) { delete device; }
-// n samples, oldest first; `missing` marks lost ones. Writes rows of 19 numbers for those after the start-up
-// window; returns their number.
+// Processes n samples, oldest first; `missing` marks lost samples. Writes a row of 19 numbers for each sample
+// after the start-up window, and returns the number of rows.
 std::size_t device_run(Device* device, std::size_t n, const int16_t* counts, const unsigned char* missing,
                        double* rows) {
     std::size_t made = 0;
@@ -61,7 +63,7 @@ std::size_t device_run(Device* device, std::size_t n, const int16_t* counts, con
     }
     return made;
 }
-// Bias, R and restarts.
+// Writes bias, R and the number of restarts.
 void device_baseline(const Device* device, double* out) {
     out[0] = static_cast<double>(device->axis.bias_dps());
     out[1] = static_cast<double>(device->axis.r_dps2());

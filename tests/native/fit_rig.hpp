@@ -1,4 +1,5 @@
-// Shared by the tests of the device's spectrum and fit: counts of noise, and the bins of their spectrum.
+// What the tests of the device's spectrum and fit share: simulated counts of noise, and the bins of their
+// spectrum.
 #pragma once
 
 #include <cmath>
@@ -12,7 +13,7 @@ namespace {
 typedef fltea::engine::CountOctaves<> Octaves;
 typedef fltea::engine::FitBins<Octaves> Gathered;
 
-// Counts of white noise plus sums of relaxations whose corners differ by a factor of 4.
+// Makes counts of white noise plus a sum of relaxations whose corner frequencies differ by factors of 4.
 class Counts {
   public:
     Counts(int parts, double share, double deviation, unsigned long long seed)

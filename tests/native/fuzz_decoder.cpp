@@ -1,5 +1,6 @@
-// libFuzzer on the host's decoder. The first byte of an input seeds the sizes of the chunks, the rest is the
-// stream; the tests' own receiver is the oracle. `fuzz_decoder --seeds DIR` makes a corpus from the vectors.
+// A libFuzzer test of the host's decoder. The first byte of an input is the seed for the sizes of the chunks,
+// and the rest is the stream of bytes. The results must be those of the receiver that the tests use.
+// `fuzz_decoder --seeds DIR` makes a corpus from the test vectors.
 #include <cstdio>
 #include <cstdlib>
 

@@ -1,7 +1,8 @@
-// libFuzzer on loading saved states: running spectra, trackers, lanes of every kind with their supervisors.
-// The first byte of an input selects the kind; each further four bytes change one number of a saved state
-// (two bytes: position; two: change). A state that is accepted has to continue, also over lost samples, and
-// be saved again.
+// A libFuzzer test of loading saved states: those of running spectra, of trackers, and of lanes of every kind
+// with their supervisors. The first byte of an input selects the kind of state. Each group of four bytes
+// after it changes one number of a saved state: two bytes are the position, and two the change. With a state
+// that is accepted, processing has to continue, also over lost samples, and it must be possible to save it
+// again.
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -26,7 +27,7 @@ typedef std::vector<double> Numbers;
 typedef std::vector<unsigned char> Bytes;
 
 constexpr std::uint64_t kLost[] = {1, 700, std::uint64_t(1) << 31,
-                                   1000000000000000ull};  // up to the largest accepted
+                                   1000000000000000ull};  // the last one is the largest that is accepted
 
 void require(bool condition, const char* what) {
     if (condition) return;
@@ -41,7 +42,7 @@ Numbers noise(std::size_t n) {
     return y;
 }
 
-// An input's changes to the numbers in `size` bytes.
+// Applies the changes of an input to the numbers in `bytes`.
 void change(unsigned char* bytes, std::size_t size, const std::uint8_t* data, std::size_t n) {
     static const double kOdd[] = {0,
                                   1,
@@ -90,7 +91,8 @@ bool load(Lane& lane, const Numbers& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Loads a changed state, if it is accepted; `go_on` gives samples to it and reads all its results.
+// Loads a changed state. If it is accepted, calls `go_on`, which gives samples to it and reads all its
+// results.
 template <typename Lane, typename GoOn>
 void numbers_of(const Lane& fresh, Numbers numbers, const std::uint8_t* data, std::size_t n, GoOn go_on) {
     change(reinterpret_cast<unsigned char*>(numbers.data()), numbers.size() * sizeof(double), data, n);
@@ -127,7 +129,8 @@ void octaves(double memory, const std::uint8_t* data, std::size_t n) {
     });
 }
 
-// A tracker's state after all of y, the second time by a system of two states.
+// Returns a tracker's state after all samples `y`. With `with_system`, the tracker uses a noise system with
+// two states after that, and gets `y` once more.
 Numbers tracked(const Numbers& y, bool with_system) {
     track::OneAxis fed;
     for (const double one : y) fed.next(one);

@@ -1,4 +1,4 @@
-// Repeatable noise of about unit size, white enough only for tests.
+// Repeatable noise with a variance of about 1. It is white enough for tests, but not for anything else.
 #pragma once
 
 #include <cstddef>

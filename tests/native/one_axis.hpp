@@ -1,4 +1,4 @@
-// A sensor of one axis, for the tests of the tracker.
+// A sensor with one axis, for the tests of the tracker.
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// A wire decoder for tests, with the bytes and reads that it gets.
+// What the tests of WireLine share: a decoder, and the bytes and reads that it gets.
 #pragma once
 
 #include <cstdint>
@@ -54,7 +54,7 @@ inline Bytes operator+(Bytes one, const Bytes& other) {
     return one;
 }
 
-// The offset is one more than the time, or as large as possible.
+// Returns a time stamp whose Unix time offset is one more than the time, or as large as possible.
 inline Stamp stamp(std::int64_t host_ns) {
     return {host_ns, host_ns == std::numeric_limits<std::int64_t>::max() ? host_ns : host_ns + 1};
 }
@@ -70,8 +70,8 @@ struct Reads {
     }
 };
 
-// A wire decoder that was opened at 0. Returns its items as words with times or counts; HELLOs of boot 13 are
-// refused.
+// A wire decoder whose port was opened at the time 0. Its functions return the items as words with times or
+// counts. HELLOs with the boot id 13 are refused.
 struct Line {
     PortDecoder line{kTimes};
 
@@ -97,7 +97,7 @@ struct Line {
         line.silent(now_ns);
         return all();
     }
-    // Returns the troubles of a silence until now.
+    // Returns the troubles that a silence until `now_ns` causes.
     Words troubles(std::int64_t now_ns) {
         Words found;
         for (const std::string& one : silent(now_ns)) {

@@ -1,5 +1,5 @@
-// The device's running spectrum, fit and tracked state of one axis behind a C interface, for tests in Python:
-// a shared library.
+// The device's running spectrum, fit and tracker of one axis behind a C interface: a shared library for tests
+// in Python.
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
@@ -35,7 +35,7 @@ void design(Axis* axis, const fltea::whittle::FitFigures& figures) {
 }  // namespace
 
 extern "C" {
-// ahead: number of future samples over which the bias is averaged; 0: the present bias.
+// `ahead`: number of future samples over which the bias is averaged; 0: the present bias.
 Axis* spectrum_make(int ahead) {
     Axis* axis = new Axis;
     axis->ahead = ahead;
@@ -46,8 +46,8 @@ void spectrum_add(Axis* axis, std::size_t n, const std::int16_t* counts) {
     for (std::size_t k = 0; k < n; ++k) axis->octaves.add(counts[k]);
 }
 void spectrum_skip(Axis* axis, std::size_t lost) { axis->octaves.skip(lost); }
-// verdict, α, its standard deviation, g, s2, R, 2 log L above white noise, and above AR(1), ordinates,
-// whether α is defined, evaluations: eleven numbers.
+// Writes eleven numbers: verdict, α, its standard deviation, g, s2, R, 2 log L minus that of white noise, 2
+// log L minus that of AR(1), number of ordinates, whether α is defined, number of evaluations.
 void spectrum_fit(Axis* axis, double* out) {
     axis->bins.begin();
     while (!axis->bins.step(axis->octaves)) {
@@ -69,9 +69,10 @@ void spectrum_fit(Axis* axis, double* out) {
                              static_cast<float>(axis->fit.evaluations())};
     for (float one : numbers) *out++ = static_cast<double>(one);
 }
-// From the next tracked sample on, the filter is that of the last fit.
+// Sets the tracker's filter to that of the last fit, from the next sample on.
 void spectrum_retrack(Axis* axis) { design(axis, axis->memory.figures()); }
-// The same for a given fit: verdict; α, g, s2, R, or 1 - φ, variance, R.
+// Sets the tracker's filter to that of a given fit. `given` has the verdict, followed by α, g, s2 and R, or
+// by 1 - φ, variance and R.
 void spectrum_design(Axis* axis, const double* given) {
     fltea::whittle::FitFigures figures = fltea::whittle::FitFigures();
     figures.verdict = static_cast<fltea::whittle::Verdict>(static_cast<int>(given[0]));
@@ -81,8 +82,9 @@ void spectrum_design(Axis* axis, const double* given) {
     figures.R = static_cast<float>(given[4]);
     design(axis, figures);
 }
-// Writes bias, its deviation, state and its deviation after each sample of `axes`, those of one sensor: four
-// numbers each, 0 without a filter, and whether the sensor moves. counts: of each axis in turn.
+// Processes n samples of `axes`, the axes of one sensor. For each sample and axis, writes bias, its standard
+// deviation, state, and its standard deviation, or 0 without a filter; then for each sample whether the
+// sensor moves. `counts` has the counts of all axes for the first sample, then for the second, and so on.
 void spectrum_track(Axis* const* axes, int n_axes, std::size_t n, const std::int16_t* counts, double* out) {
     const fltea::whittle::SensorMotion::Limits limits = {32.8f, 31, 1875};
     fltea::whittle::SensorMotion& motion = axes[0]->motion;

@@ -1,4 +1,5 @@
-// Only compiled, with the device's flags, never run: the filters compile for every number type and memory.
+// This file is only compiled, with the device's flags, and never run. It shows that the filters compile for
+// every number type and memory.
 #include "baseline.hpp"
 #include "count_spectrum.hpp"
 #include "fit_bins.hpp"

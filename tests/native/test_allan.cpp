@@ -1,5 +1,5 @@
-// Sums of the Allan variance, compared with their definition for any division of the rows; breaks, snapshots,
-// forgetting.
+// Tests of the sums for the Allan variance. They are compared with the definition for any division of the
+// samples into calls, also with breaks, snapshots and forgetting.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -26,7 +26,8 @@ std::vector<double> noise(std::size_t n, unsigned long long state = 42) {
     return y;
 }
 
-// The definition: blocks of m, m/8 (at least 1) apart, counted from the beginning of the stretch.
+// The sums by their definition: blocks of m samples begin every m/8 samples (at least 1), counted from the
+// beginning of the stretch.
 struct Expected {
     double squares, terms;
 };
@@ -139,11 +140,12 @@ TEST_CASE("allan: what is older than three time constants is forgotten") {
     CHECK(points.back().factor == 1024);
     CHECK(sums.span() == 3000);
     const std::vector<double> saved = sums.save();
-    // Weights: the newest term has 1, and all together have as many as samples in a time constant.
+    // The newest term has the weight 1, and the sum of all weights is the number of samples in a time
+    // constant.
     CHECK(points[0].terms == doctest::Approx(2 * memory).epsilon(0.01));
     AllanSums restored(memory);
     CHECK(restored.load(saved.data(), saved.size()));
-    // A gap longer than the memory leaves nothing.
+    // After a gap that is longer than the memory, nothing is left.
     sums.cut(1e6);
     CHECK(sums.points().empty());
     AllanSums forgetful(50), fresh(50);
@@ -155,7 +157,7 @@ TEST_CASE("allan: what is older than three time constants is forgotten") {
     for (std::size_t i = 0; i < fresh.points().size(); ++i) {
         CHECK(forgetful.points()[i].avar == fresh.points()[i].avar);
     }
-    // Merging with an empty record repeatedly ends at zero, not at 0 / 0.
+    // If an empty record is merged repeatedly, the sums reach 0, and the result is not 0 / 0.
     const AllanSums other(forgetful);
     for (int i = 0; i < 40; ++i) {
         forgetful.cut(1e4);
@@ -183,7 +185,8 @@ TEST_CASE("allan: a snapshot that cannot be one is refused") {
         for (double number : bad) {
             std::vector<double> other = good;
             other[at] = number;
-            // Some of these states are possible; an accepted one must stay finite and within its memory.
+            // Some of these states are valid. With a state that is accepted, results must stay finite, and no
+            // access may go beyond the memory.
             AllanSums taken;
             if (!taken.load(other.data(), other.size())) continue;
             CHECK(std::isfinite(number));

@@ -1,6 +1,6 @@
-// The code that runs the lanes of a sensor on the host. tests/estimator compares its numbers with an oracle
-// in Python. These tests check memory, undefined behaviour, and that neither cuts nor snapshots change
-// anything.
+// Tests of the code that runs the filters of a sensor's axes on the host. tests/estimator compares its
+// numbers with a plain computation in Python. The tests here check memory, undefined behaviour, and that
+// neither the division into calls nor snapshots change the results.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ std::unique_ptr<LaneRunner> lanes_of(std::size_t lanes, int guard, double R = 0.
     return std::unique_ptr<LaneRunner>(new LaneRunner(engine::engine_baseline, shape, settings.data()));
 }
 
-// Room for a block of estimates.
+// Memory for a block of estimates.
 struct Room {
     Room(std::size_t rows, std::size_t lanes)
         : numbers(kLaneColumns * rows * lanes, -1),
@@ -44,9 +44,9 @@ struct Room {
         block.valid = flags.data();
         block.white = whites.data();
     }
-    Room(const Room&) = delete;  // a copy's pointers would be those of the original
+    Room(const Room&) = delete;  // the pointers of a copy would point into the original
     Room(Room&&) = default;
-    // All rows from row `from` on.
+    // The part of the block from row `from` on.
     BankBlock at(std::size_t from, std::size_t lanes) const {
         BankBlock result = block;
         for (double*& column : result.columns) column += from * lanes;
@@ -80,7 +80,8 @@ TEST_CASE("baseline in double: mean and variance of a window far from zero, or b
             for (double one : y) squares += (one - mean) * (one - mean);
             CHECK(window.samples() == 500);
             CHECK(!window.constant());
-            // After a wild first sample all digits are kept, except those lost to the number of samples.
+            // With a first sample far from all others, no more digits are lost than a factor as large as the
+            // number of samples.
             const double digits = first == 0 ? 1e-14 : 1e-12;
             CHECK(window.bias() == doctest::Approx(static_cast<double>(mean)).epsilon(digits));
             CHECK(window.variance(0) ==

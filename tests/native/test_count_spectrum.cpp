@@ -1,4 +1,5 @@
-// The running spectrum in integers (count_spectrum.hpp), compared with the same templates in floating point.
+// Tests of the running spectrum in integers (count_spectrum.hpp), which is compared with the same templates
+// in floating point.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -19,7 +20,7 @@ namespace {
 typedef CountSpectrum<> Counts;
 typedef RealSpectrum<double, Counts::kLevels, Counts::kCapacity> Reals;
 
-// Both spectra, from the same samples.
+// The spectra in integers and in floating point, of the same samples.
 struct Pair {
     void add(std::int16_t y) {
         const double same = y;
@@ -46,9 +47,10 @@ double mean_of(const double* x, int n) {
     return sum / n;
 }
 
-// The largest relative differences: of bins of three lines, of levels of eight blocks and more, and of single
-// lines (relative to that line or to a tenth of the level's mean). Differences of values of the whole level
-// are in deviations of noise of the given variance there. Both have the same blocks and stretches.
+// The largest differences between the two spectra. `bins`: relative, of bins of three lines in levels with
+// eight blocks or more. `lines`: of single lines, relative to the line or to a tenth of its level's mean.
+// `whole`: of the samples that are still kept, in standard deviations of noise of the given variance at their
+// level. The numbers of blocks and the stretches have to be equal.
 struct Difference {
     double bins, lines, whole;
 };
@@ -131,8 +133,8 @@ TEST_CASE("count spectrum: a block's power is that in double, to 17 bits of the 
 }
 
 TEST_CASE("count spectrum: its lines are those of the same samples in double, to a thousandth") {
-    // Of white noise, a random walk that pulls back, both, and white noise upon a drift that goes far beyond
-    // 16 bits of the deepest level.
+    // The samples are white noise, a random walk that is pulled back to 0, both together, or white noise on a
+    // drift that exceeds by far the 16 bits of the deepest level.
     for (int kind = 0; kind < 5; ++kind) {
         for (double deviation : {0.7, 1.6, 40.0}) {
             Noise random(static_cast<unsigned long long>(kind + 1));
@@ -154,7 +156,7 @@ TEST_CASE("count spectrum: its lines are those of the same samples in double, to
             CAPTURE(kind);
             CAPTURE(deviation);
             CHECK(pair->counted.ladder().depth() >= 7);
-            // The values that replace lost samples are whole counts here.
+            // In the integer spectrum, the values that replace lost samples are whole counts.
             CHECK(worst.bins < (kind == 3 ? 4e-3 : 1e-3));
             CHECK(worst.lines < 0.02);
             CHECK(worst.whole < 0.05);
@@ -174,7 +176,7 @@ TEST_CASE("count spectrum: a block with values that nobody measured is left out"
         }
         float power[83], blocks, effective;
         octaves->ladder().sums(0, 0, power, &blocks, &effective);
-        // Of 312 chunks; the lost samples are in two blocks.
+        // There are 312 chunks, and the lost samples are in two of their blocks.
         CHECK(blocks == 311 - (lost > 0 ? 2 : 0));
     }
 }
@@ -230,14 +232,14 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
     CountSums<2> sums;
     const std::int64_t largest = (INT64_C(1) << 58) - 1;
     const std::int64_t power[2] = {largest, largest / 1000};
-    // A century at 1 kHz has 2^35 blocks; here each block counts for a thousand.
+    // A century at 1 kHz has 2^35 blocks. Here each block stands for a thousand blocks.
     for (int k = 0; k < 20000; ++k) sums.add(power, 6, 0);
     float read[2], blocks, effective;
     sums.read(0, read, &blocks, &effective);
     CHECK(blocks == 20000);
     CHECK(static_cast<double>(read[0]) == doctest::Approx(20000 * std::ldexp(1.0, 58 - 12)).epsilon(1e-6));
     CHECK(static_cast<double>(read[1]) == doctest::Approx(20 * std::ldexp(1.0, 58 - 12)).epsilon(1e-4));
-    // Small powers after large ones still count.
+    // Small powers still count if they come after large ones.
     CountSums<1> small;
     const std::int64_t one[1] = {INT64_C(1) << 20};
     for (int k = 0; k < 1000; ++k) small.add(one, 14, 0);
@@ -247,7 +249,8 @@ TEST_CASE("count spectrum: sums of the largest powers do not overflow in a centu
 }
 
 TEST_CASE("count spectrum: what a block has of a unit is not lost when sums are large") {
-    // A line of 0.3 units of the sums next to one that has filled the sums.
+    // The power of one line is 0.3 units of the sums, because the power of another line has made this unit
+    // large.
     CountSums<2> sums;
     const std::int64_t first[2] = {INT64_C(1) << 57, 0},
                        rest[2] = {0, 3 * (INT64_C(1) << 57) / 10 / (INT64_C(1) << 29)};
@@ -269,7 +272,8 @@ TEST_CASE("count spectrum: values are the counts, to the ends of what a sensor s
 }
 
 TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit behind") {
-    // So slowly that the gate detects neither knock nor step; then the sensor rests.
+    // The rate changes so slowly that the gate detects neither a knock nor a step. After that the sensor
+    // rests.
     Noise random(11);
     std::unique_ptr<Pair> pair(new Pair);
     const int turned = 40000;
@@ -280,7 +284,7 @@ TEST_CASE("count spectrum: a board that was turned far leaves no coarse unit beh
     CHECK(pair->counted.counts().knocks + pair->counted.counts().steps == 0);
     std::unique_ptr<Pair> before(new Pair(*pair));
     for (int k = 0; k < 110000; ++k) pair->add(counts_of(1.6 * random()));
-    // Lines of what came while it rested.
+    // The lines of the samples that came while the sensor rested are compared.
     for (int l = 0; l < 4; ++l) {
         float power[2][83], blocks[2], effective;
         double expected[2][83], real_blocks, real_effective;

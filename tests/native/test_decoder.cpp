@@ -1,5 +1,6 @@
-// The host's decoder under sanitizers: the vectors in any chunks, hostile bytes compared with the tests' own
-// receiver, its CRC compared with the device's. tests/protocol compares it with the host's Python.
+// Tests of the host's decoder under sanitizers: test vectors in any chunks; hostile bytes, compared with the
+// receiver that the tests use; and its CRC, compared with the device's. tests/protocol compares it with the
+// host's Python code.
 #include <doctest/doctest.h>
 
 #include <random>
@@ -22,7 +23,8 @@ Bytes stream_of(const Record& record) {
     return stream;
 }
 
-// Streams of frames of every kind: whole, cut and damaged, with idle time and endless runs.
+// Returns a random stream of frames of every kind: whole, cut and damaged, with idle time and with very long
+// blocks.
 Bytes random_stream(std::mt19937& random) {
     Bytes stream;
     const auto below = [&random](unsigned n) { return static_cast<unsigned>(random()) % n; };

@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000, kUnixNs = 1'700'000'000'000'000'000;
 
-// Samples at 100 Hz, whose counts are their numbers.
+// Samples at 100 Hz. The counts of a sample are its number.
 struct Samples {
     std::vector<std::int64_t> sequence, device_us, host_ns;
     std::vector<std::int16_t> gyro;
@@ -60,7 +60,7 @@ struct Run {
         }
         return found;
     }
-    // Returns all stops until the end; begins each epoch.
+    // Processes all samples, begins each epoch, and returns all stops.
     std::vector<Stop> all(const SampleColumns& from) {
         std::vector<Stop> found;
         for (std::size_t at = 0;;) {
@@ -114,11 +114,12 @@ TEST_CASE("device: what does not follow is not believed") {
         bool follows;
     } const others[] = {
         {0, 655'360'000, 655'360 * kMs, true},
-        {65'535, 655'350'000, 655'350 * kMs, false},                 // the same sample again
-        {1, 655'370'000, 655'370 * kMs, false},                      // one sample is missing
-        {0, 655'350'000 + 20'200, 655'360 * kMs, true},              // late by the device's clock
+        {65'535, 655'350'000, 655'350 * kMs, false},  // the same sample again
+        {1, 655'370'000, 655'370 * kMs, false},       // one sample is missing
+        // as late as allowed by the device's clock
+        {0, 655'350'000 + 20'200, 655'360 * kMs, true},
         {0, 655'350'000 + 20'201, 655'360 * kMs, false},             // one microsecond later
-        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},       // late by the host's clock
+        {0, 655'360'000, 655'360 * kMs + 300'000 * kMs, true},       // as late as allowed by the host's clock
         {0, 655'360'000, 655'360 * kMs + 300'000 * kMs + 1, false},  // one nanosecond later
     };
     for (const auto& other : others)
@@ -153,9 +154,11 @@ TEST_CASE("device: statistics stop before a sample, fits behind one, and each st
 TEST_CASE("timebase: time learns the earliest arrival, and never runs backwards") {
     Timebase clock(kUnixNs);
     CHECK(clock.add(0, 0, 1000) == kUnixNs + 1000);
-    CHECK(clock.add(1, 10'000, 15 * kMs) == kUnixNs + 10 * kMs + 1000);  // late
-    CHECK(clock.add(2, 20'000, 19 * kMs) == kUnixNs + 19 * kMs);      // a million ns earlier than any other
-    CHECK(clock.add(3, 20'500, 18 * kMs) == kUnixNs + 19 * kMs + 1);  // time would run backwards
+    CHECK(clock.add(1, 10'000, 15 * kMs) == kUnixNs + 10 * kMs + 1000);  // an arrival that is late
+    // its delay is a million ns shorter than any before
+    CHECK(clock.add(2, 20'000, 19 * kMs) == kUnixNs + 19 * kMs);
+    // without the limit, time would run backwards
+    CHECK(clock.add(3, 20'500, 18 * kMs) == kUnixNs + 19 * kMs + 1);
     CHECK(clock.rate_hz() == doctest::Approx(3 / 0.0205));
     CHECK(std::isnan(clock.clock_ppm()));
 }

@@ -1,6 +1,6 @@
-// The engine in C++: as a device would run it (float, double, one lane), and through the table of functions
-// that the binding uses. tests/estimator checks its numbers. These tests check memory, undefined behaviour,
-// and that the source gives one answer for every number type.
+// Tests of the engine in C++: as a device would run it (float or double, one lane), and through the table of
+// functions that the binding uses. tests/estimator checks its numbers. The tests here check memory, undefined
+// behaviour, and that the results are the same for every number type.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -17,10 +17,10 @@ using namespace fltea::engine;
 
 namespace {
 
-// Section 7.1.
+// The settings of the paper's section 7.1.
 const LaneSettings kGyroscope = {std::log(0.01), 0,   0.01, 0.15, 0.0235, 1,      0.01, 0.1,
                                  0.0235,         0.5, 0,    0.01, 0.1,    0.0235, 0.5,  4};
-// The joint filter's own defaults.
+// The default settings of the joint filter.
 const LaneSettings kJoint = {std::log(0.01), 0, 0.01, 0.15, 0.0235, 0.5,    0.06, 0,
                              0.1735,         0, -0.1, 0.06, 0,      0.1735, 0,    4};
 
@@ -53,7 +53,7 @@ Sample<T> sample_of(double y, double u, bool missing) {
     return sample;
 }
 
-// All estimates of one lane, sample after sample.
+// Returns all estimates of one lane, sample after sample.
 template <class T, template <class> class Variant, template <class> class Kind>
 std::vector<double> run(Guard guard, const LaneSettings& settings, const std::vector<double>& y) {
     std::vector<T> storage(Kind<T>::storage());
@@ -78,7 +78,7 @@ std::vector<double> quiet(std::size_t n) {
     return y;
 }
 
-// Values that no sensor should give, up to `largest`.
+// Samples of which some are values that no sensor should give, up to `largest`.
 std::vector<double> wild(std::size_t n, double largest) {
     Noise noise;
     std::vector<double> y = quiet(n);
@@ -122,7 +122,7 @@ void survives(const LaneSettings& settings, double largest) {
         }
         CHECK(good);
     }
-    run<T, Variant, Kind>(Guard::off, settings, y);  // may diverge, must not fail
+    run<T, Variant, Kind>(Guard::off, settings, y);  // this may diverge, but must not fail
 }
 
 }  // namespace
@@ -175,7 +175,8 @@ TEST_CASE("the table runs any number of lanes, and what is loaded goes on like w
             struct alignas(64) Line {
                 unsigned char bytes[64];
             };
-            std::vector<Line> raw_a(words), raw_b(words);  // C++11 aligns vectors by 16 only: see below
+            // C++11 aligns vectors by 16 only, so the address is rounded up below
+            std::vector<Line> raw_a(words), raw_b(words);
             const auto aligned = [](std::vector<Line>& raw) {
                 const std::uintptr_t address = reinterpret_cast<std::uintptr_t>(raw.data());
                 return reinterpret_cast<void*>((address + 63) / 64 * 64);

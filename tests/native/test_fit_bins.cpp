@@ -1,4 +1,4 @@
-// The bins that the device fits, compared with the spectrum in double.
+// Tests of the bins that the device fits, which are compared with the spectrum in double.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -14,7 +14,7 @@ namespace {
 
 using fltea::whittle::excess;
 
-// The remainder of y without its projection on one.
+// Subtracts from y its projection on `one`.
 void remove(const std::vector<double>& one, std::vector<double>& y) {
     double along = 0, square = 0;
     for (std::size_t i = 0; i < y.size(); ++i) {
@@ -56,7 +56,8 @@ TEST_CASE("fit bins: ordinates of a whole stretch are those of their definition,
             }
             fltea::engine::WholeLines<512> lines;
             lines.take(x.data(), n, slow);
-            // In double: without the polynomials up to the mean or the cubic, removed one after the other.
+            // The expected result in double: the polynomials up to the mean or to the cubic are subtracted
+            // one after the other.
             std::vector<double> y(x.begin(), x.end()), expected;
             std::vector<std::vector<double>> basis;
             for (int power = 0; power <= (slow ? 3 : 0); ++power) {
@@ -94,13 +95,14 @@ TEST_CASE("fit bins: bins of white noise have its variance, all its ordinates, a
         std::unique_ptr<Gathered> bins(new Gathered);
         make_bins(*octaves, *bins);
         CAPTURE(n);
-        // The error of 9 digits and of rounding.
+        // The mean power is the variance of the noise, 9, plus that of rounding, 1/12.
         CHECK(bins->mean_power() ==
               doctest::Approx(9 + 1.0 / 12).epsilon(4 / std::sqrt(static_cast<double>(n) / 2)));
         CHECK(static_cast<double>(bins->ordinates()) > 0.38 * n);
         CHECK(static_cast<double>(bins->ordinates()) < 0.55 * n);
         CHECK(bins->left_out() == 0);
-        // Octave by octave from the highest down, then the whole level; frequencies rise within each.
+        // The bins come octave by octave from the highest down, then those of the level that keeps its
+        // samples. Within each of these, the frequencies rise.
         int falls = 0;
         for (int i = 1; i < bins->size(); ++i) falls += bins->lam(i) < bins->lam(i - 1);
         CHECK(falls == octaves->ladder().depth());
@@ -114,7 +116,7 @@ TEST_CASE("fit bins: bins of white noise have its variance, all its ordinates, a
 TEST_CASE("fit bins: bins stand at their lines' frequencies, cleared of what the filters left of them") {
     typedef fltea::engine::HalfBand<fltea::RealSpectrum<double>> Filter;
     const double turn = 2 * 3.14159265358979323846;
-    // |H|² of a half-band filter.
+    // Squared gain of the half-band filter.
     const auto gain = [](double w) {
         double h = Filter::middle();
         for (int k = 0; k < Filter::kTaps; ++k) h += 2 * Filter::tap(k) * std::cos((15 - 2 * k) * w);

@@ -17,7 +17,7 @@ LONG = ",".join(
         *("tracker: snapshots*", "tracker: what was saved*"),
     ]
 )
-"""Test cases that take four fifths of the total time."""
+"""Test cases that take four fifths of the total time; they run in the second tier of tests."""
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
-// The octaves of a spectrum. tests/spectrum compares their numbers with an oracle in numpy. These tests check
-// memory, undefined behaviour, size, and that neither cuts nor snapshots change anything.
+// Tests of the octaves of a running spectrum. tests/spectrum compares their numbers with a computation in
+// numpy. The tests here check memory, undefined behaviour, size, and that neither the division into calls nor
+// snapshots change the results.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -48,7 +49,7 @@ bool load(Lane& lane, const std::vector<double>& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Returns all results that can be read.
+// Reads all results that can be read.
 void look(const Lane& lane) {
     std::unique_ptr<Lane> finished(new Lane(lane.finished()));
     const Ladder& ladder = finished->ladder();
@@ -202,7 +203,8 @@ TEST_CASE("octaves: snapshots of strangers are refused or harmless") {
             for (int k = 0; k < 150; ++k) {
                 std::vector<double> bad = good;
                 for (std::size_t i = 0; i <= random.below(3); ++i) {
-                    // Most values that are not samples are at the beginning and at the end.
+                    // In a snapshot, most numbers that are not samples are at the beginning and at the end,
+                    // so these are changed more often.
                     const std::size_t at =
                         k % 3 == 0   ? random.below(bad.size())
                         : k % 3 == 1 ? random.below(std::min<std::size_t>(60, bad.size()))
@@ -253,14 +255,15 @@ TEST_CASE("octaves: when the last level is full its oldest samples go") {
         REQUIRE(whole.size() <= Ladder::Whole::kCapacity);
         REQUIRE(whole.stretches() > 0);
         const Stretch& last = whole.stretch(whole.stretches() - 1);
-        // Every fourth sample; only the reach of the filters is missing at the end.
+        // The kept level has every fourth sample. At the end, only as many samples are missing as the filters
+        // need in advance.
         if (k > 160) CHECK(last.first + 4 * static_cast<std::uint64_t>(last.length) + 128 > now);
     }
     CHECK(ladder->depth() == 2);
     CHECK(ladder->whole().size() > WholeStream::kCapacity - 64);
     double power[Ladder::kTopLines], blocks, effective;
     ladder->sums(0, now, power, &blocks, &effective);
-    CHECK(blocks == 150 + 248);  // the sums lose nothing
+    CHECK(blocks == 150 + 248);  // the Welch sums still contain all blocks
     std::unique_ptr<Ladder> other(new Ladder(*ladder));
     other->cut();
     ladder->cut();

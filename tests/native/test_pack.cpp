@@ -1,4 +1,4 @@
-// SIMD packs, compared lane by lane with plain numbers.
+// Tests of SIMD packs, which are compared lane by lane with plain numbers.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -19,7 +19,8 @@ bool same(double a, double b) {
     return std::memcmp(&a, &b, sizeof a) == 0 || (std::isnan(a) && std::isnan(b));
 }
 
-// The first lane holds one pair, the others another, since no lane may use its neighbour's values.
+// A pack with one number in its first lane and another number in all other lanes, because no lane may use its
+// neighbour's number.
 Wide wide(double first, double others) {
     Wide pack(others);
     pack.set(0, first);

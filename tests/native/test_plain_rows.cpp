@@ -1,4 +1,5 @@
-// Parsing of plain rows of text under sanitizers; tests/recording/test_plain_rows.py tests the values.
+// Tests the parsing of plain rows of text under sanitizers. tests/recording/test_plain_rows.py tests the
+// values.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -30,7 +31,7 @@ TEST_CASE("plain rows: of any bytes each line is passed once or stopped at") {
     const std::string marks = "0123456789..,,;; \t\r\n\n+-eE\"#/%naif\x01\x80\xff";
     Noise noise(7);
     for (int run = 0; run < 4000; ++run) {
-        // A buffer of the exact size, so that a read beyond it is detected.
+        // The text is in a buffer of its exact size, so that a read beyond it is detected.
         std::vector<char> bytes(noise.below(60));
         for (char& one : bytes) one = marks[noise.below(marks.size())];
         const std::string_view text(bytes.data(), bytes.size());

@@ -1,4 +1,4 @@
-// A wire's items and counts, from bytes that the device's encoder makes.
+// Tests of the items and counts that WireLine gives for bytes from the device's encoder.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -15,7 +15,7 @@ TEST_CASE("wire line: samples have the time of the read in which they ended") {
     reads.add(sample(1) + Bytes(two.begin(), two.begin() + 5), 10).add(Bytes(two.begin() + 5, two.end()), 20);
     reads.add(sample(3), 30);
     line.line.feed(reads.bytes.data(), reads.reads.data(), 3, 10);
-    // No HELLO was received, so reads are taken one by one, since a trouble might be due between them.
+    // As no HELLO was received, a trouble might be due between the reads, so they are processed one by one.
     for (std::int64_t k = 1; k < 4; ++k) {
         const PortItem item = line.line.next();
         REQUIRE(item.kind == PortItem::kSamples);
@@ -106,7 +106,7 @@ TEST_CASE("wire line: only a HELLO that differs from the accepted one has to be 
     Line line;
     CHECK(line.one(hello() + hello() + hello(6) + hello(5), 1) ==
           Words{"frame 1", "same hello", "frame 1", "frame 1"});
-    // The refused HELLO is not the last accepted one.
+    // A refused HELLO does not count as the last accepted one.
     CHECK(line.one(hello(13) + hello(13) + hello(5), 2) ==
           Words{"frame 1", "bad_hello", "frame 1", "same hello"});
     CHECK(line.line.counts().refused == 0);
@@ -139,7 +139,7 @@ TEST_CASE("wire line: columns of a later second, and of later samples of a run")
     CHECK(item.samples.host_ns[1] == kSecondNs + 1);
     CHECK(line.line.counts().frames == 3);
     item = line.line.next();
-    CHECK(line.line.counts().frames == 3);  // a run counts as a whole
+    CHECK(line.line.counts().frames == 3);  // consecutive samples are counted together
     REQUIRE(item.samples.n == 2);
     CHECK(item.samples.host_ns[1] == kSecondNs + 2);
     CHECK(item.samples.gyro[3] == 8.0);
@@ -158,16 +158,16 @@ TEST_CASE("wire line: what was not taken is left out") {
     line.line.silent(2);
     CHECK(line.line.counts().frames == 1);
     CHECK(line.all() == Words{"tick 0"});
-    line.line.accept_hello();  // no HELLO is pending
+    line.line.accept_hello();  // there is no HELLO that could be accepted
     CHECK(line.one(hello(), 3) == Words{"frame 1"});
     line.line.silent(5 * kSecondNs + 3);
     for (int k = 0; k < 9; ++k) CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    CHECK(line.line.next().kind == PortItem::kDone);  // nine of ten ticks
+    CHECK(line.line.next().kind == PortItem::kDone);  // nine of ten ticks were given; the last one is dropped
     line.line.silent(5 * kSecondNs + 3);
     CHECK(line.line.next().kind == PortItem::kTick);
     line.line.pass_time(0);
-    CHECK(line.line.next().kind == PortItem::kDone);  // the tick before the trouble
+    CHECK(line.line.next().kind == PortItem::kDone);  // the tick was given; the trouble after it is dropped
 }
 
 TEST_CASE("wire line: times at the ends of their range") {

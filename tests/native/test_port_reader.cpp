@@ -1,4 +1,5 @@
-// The reader of ports under sanitizers: pipes, sockets and pseudo-terminals take the place of boards.
+// Tests of the reader of serial ports under sanitizers. Pipes, sockets and pseudo-terminals take the place of
+// boards.
 #include <doctest/doctest.h>
 #include <fcntl.h>
 #include <pty.h>
@@ -28,7 +29,7 @@ namespace {
 constexpr double kPatience_s = 20.0;
 constexpr std::int64_t kMs = 1'000'000;
 
-// Both ends of a readable connection; tests write to `far`.
+// Both ends of a connection: the reader reads from `near`, and tests write to `far`.
 struct Ends {
     int near = -1, far = -1;
     bool closes = false;
@@ -41,7 +42,7 @@ struct Ends {
         if (far >= 0) ::close(far);
         far = -1;
     }
-    // For a pipe or socket; a terminal may deliver it later.
+    // Waits until all bytes were read from a pipe or socket. With a terminal, bytes may arrive later.
     void wait_until_read() const {
         for (int left = 1; left > 0;) REQUIRE(ioctl(near, FIONREAD, &left) == 0);
     }
@@ -82,7 +83,7 @@ Made terminal_ends() {
     return made(near, far, false);
 }
 
-// All bytes that came from each port.
+// Collects all bytes that came from each port.
 struct Heard {
     PortReader& reader;
     std::map<int, std::string> bytes = {};
@@ -91,7 +92,7 @@ struct Heard {
     std::size_t reads = 0;
     std::int64_t last_ns = 0;
 
-    // Calls `take` once, and checks that its results are consistent.
+    // Calls take() once, and checks that its results are consistent.
     std::vector<PortNews> take(double timeout_s = kPatience_s) {
         std::vector<PortNews> news;
         const std::int64_t now_ns = reader.take(timeout_s, news);
@@ -100,7 +101,8 @@ struct Heard {
             for (const fltea::PortRead& read : one.reads) {
                 CHECK(read.end > end);
                 CHECK(read.stamp.host_ns >= before_ns);
-                CHECK(read.stamp.host_ns > last_ns);  // otherwise an earlier tick would have been wrong
+                // if it were earlier, a tick before it would have been wrong
+                CHECK(read.stamp.host_ns > last_ns);
                 CHECK(read.stamp.host_ns <= now_ns);
                 end = read.end;
                 before_ns = read.stamp.host_ns;
@@ -139,7 +141,7 @@ TEST_CASE("port reader: the last bytes come before the loss, of every kind of po
         ends.send("first");
         heard.until([&] { return heard.bytes[5] == "first"; });
         ends.send("last words");
-        if (k != 2) ends.hang_up();  // a terminal may discard what was not yet read
+        if (k != 2) ends.hang_up();  // a terminal may discard bytes that were not read yet
         heard.until([&] { return heard.bytes[5] == "firstlast words"; });
         ends.hang_up();
         heard.until([&] { return heard.errors.count(5) == 1; });
@@ -189,7 +191,7 @@ TEST_CASE("port reader: what does not fit is counted, and what came before it st
     Heard heard{reader};
     Made ends = pipe_ends();
     reader.add(0, ends->near, false, 3600'000 * kMs);
-    for (const std::size_t size : {900, 700, 700}) {  // the second is discarded before the third is read
+    for (const std::size_t size : {900, 700, 700}) {  // the second text is discarded before the third is read
         ends->send(std::string(size, size == 900 ? 'a' : 'b'));
         ends->wait_until_read();
     }
@@ -255,7 +257,7 @@ TEST_CASE("port reader: many ports that many threads write to lose nothing") {
             for (int round = 0; round < kRounds; ++round) {
                 for (std::size_t k = static_cast<std::size_t>(writer); k < kPorts; k += kWriters) {
                     const std::string text = std::to_string(round) + ",";
-                    // doctest's assertions in other threads would cost more than the code under test
+                    // assertions of doctest in several threads would take longer than the code under test
                     if (::write(ports[k]->far, text.data(), text.size()) < 0) std::abort();
                 }
             }
@@ -289,7 +291,8 @@ TEST_CASE("port reader: a forked process can end without the thread, which it do
 TEST_CASE(
     "port reader: a port that was ready and yet empty, as another program took its bytes, is not lost") {
     int both[2];
-    REQUIRE(socketpair(AF_UNIX, SOCK_DGRAM, 0, both) == 0);  // can deliver empty datagrams
+    // this kind of socket can deliver empty datagrams
+    REQUIRE(socketpair(AF_UNIX, SOCK_DGRAM, 0, both) == 0);
     Made ends = made(both[0], both[1], false);
     PortReader reader(1 << 20);
     Heard heard{reader};

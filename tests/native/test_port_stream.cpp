@@ -1,5 +1,5 @@
-// The stream of a port under sanitizers: for any cuts, and however long rows wait to be joined, consumers of
-// blocks and consumers of JSON lines get everything once and in order.
+// Tests of PortStream under sanitizers. However the bytes are divided into reads, and however long rows wait
+// for more rows, callers that want blocks and callers that want JSON lines get everything once and in order.
 #include <doctest/doctest.h>
 
 #include <cstdlib>
@@ -20,7 +20,8 @@ using Random = std::mt19937;
 
 unsigned below(Random& random, unsigned end) { return static_cast<unsigned>(random() % end); }
 
-// A tracker that reports a step at each sample with 0 on the first axis; its estimates have no meaning.
+// A tracker for tests, which reports a step at each sample whose first axis is 0. Its estimates have no
+// meaning.
 struct Parts : TrackerPart, BankPart {
     void run(const double* y, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>& events) override {
@@ -43,7 +44,8 @@ struct Parts : TrackerPart, BankPart {
     void skip_rows(std::uint64_t, std::vector<Lost>&) override {}
 };
 
-// Bytes with their times: samples at 100 Hz with gaps, repeats and jumps, HELLOs, faults, and invalid bytes.
+// Returns random bytes with their arrival times: samples at 100 Hz with gaps, repeats and jumps, HELLOs,
+// faults, and invalid bytes.
 Reads story(Random& random) {
     Reads found;
     std::uint32_t boot = 5, sequence = below(random, 65'536), us = static_cast<std::uint32_t>(random());
@@ -80,7 +82,7 @@ std::string word(const char* what, double number) {
     return text;
 }
 
-// A consumer of a port's samples, in blocks and as JSON lines, and of all other events.
+// A caller that receives the samples of a port in blocks and as JSON lines, and all other events.
 class Taker {
   public:
     Words blocks, lines;
@@ -165,7 +167,7 @@ class Taker {
         if (item.kind != PortItem::kFrame || item.type != Hello::type()) return;
         if (stream_.wants_reads) CHECK(bytes.size() == given_);
         const std::uint8_t boot = item.bytes[6];
-        if (boot == 13) {  // a device that cannot be used
+        if (boot == 13) {  // a device whose HELLO is refused
             wire_.refuse_hello();
             device_.place.forget_hello();
             return;
@@ -182,7 +184,7 @@ class Taker {
         if (found.stop == Stop::kFitDue) device_.fit_counts = device_.place.newest().seq + 7;
         if (found.stop == Stop::kFitCounts) device_.fit_due = device_.place.newest().seq + 11;
         if (found.stop == Stop::kEpoch) begin();
-        // the constant text of the lines changes
+        // the fixed text of the lines changes, so the printers have to be replaced
         if (found.stop == Stop::kEpoch || found.stop == Stop::kFitCounts) printers_.clear();
     }
     void begin() {
@@ -206,7 +208,7 @@ class Taker {
     std::size_t given_ = 0;
 };
 
-// Takes reads one by one, or up to `most` together, like a caller that is never blocked for long.
+// Passes on reads one by one or up to `most` together, as for a caller that is never blocked for long.
 void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     for (std::size_t begin = 0; begin < all.reads.size();) {
         std::size_t end = std::min(all.reads.size(), begin + 1 + below(random, most));
@@ -217,7 +219,7 @@ void give_all(Taker& to, const Reads& all, Random& random, unsigned most) {
     }
 }
 
-// Returns nothing, or the position of the first difference.
+// Returns the position of the first difference with both words, or an empty text.
 std::string difference(const Words& one, const Words& other) {
     std::size_t k = 0;
     while (k < one.size() && k < other.size() && one[k] == other[k]) ++k;

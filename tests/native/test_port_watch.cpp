@@ -1,4 +1,4 @@
-// When a wire is silent, unreadable or without a HELLO, and when that is reported.
+// Tests when a serial port counts as silent, unreadable or without a HELLO, and when that is reported.
 #include <doctest/doctest.h>
 
 #include <cstdint>
@@ -45,7 +45,7 @@ TEST_CASE("wire line: bytes without frames for five seconds are no device of our
     for (std::int64_t k = 1; k < 12; ++k) reads.add(Bytes(100, 0x55), k * kSecondNs / 2);
     const Words found = line.feed(reads);
     CHECK(found == Words{"partial", "no_valid_frame 5500"});
-    // The same trouble is not reported again, another one is.
+    // The same trouble is not reported again, but another one is.
     CHECK(line.one(Bytes{0} + sample(0), 6 * kSecondNs) == Words{"1 samples", "no_hello 6000"});
 }
 
@@ -76,7 +76,8 @@ TEST_CASE("wire line: a stall of the program proves nothing") {
     for (const std::int64_t stall : {2 * kSecondNs, 2 * kSecondNs + 1}) {
         Line line;
         line.line.resume(4 * kSecondNs);
-        // Twelve ticks over the whole silence, and the trouble; or only the moment at which bytes come again.
+        // There are twelve ticks during the silence, and the trouble. If the program was stalled, there is
+        // only one tick, at the moment at which it continues.
         CHECK(line.silent(4 * kSecondNs + stall).size() == (stall > 2 * kSecondNs ? 1 : 13));
         line.line.resume(7 * kSecondNs);
         Reads reads;
@@ -102,18 +103,19 @@ TEST_CASE("wire line: on a port that was opened again all begins anew") {
     line.one(hello() + sample(0), 1);
     line.line.opened({100 * kSecondNs, 0});
     CHECK(line.troubles(105 * kSecondNs - 1) == Words{});
-    // The old HELLO may be another device's.
+    // After the port was opened again, a HELLO is missing: the earlier HELLO may have come from another
+    // device.
     Line waits;
     waits.one(hello(), 1);
     waits.line.opened({100 * kSecondNs, 0});
     for (std::int64_t k = 200; k < 210; ++k) waits.one(sample(0), k * kSecondNs / 2);
     CHECK(waits.one(sample(1), 105 * kSecondNs) == Words{"1 samples", "no_hello 105000"});
-    // The same holds for the old refusal.
+    // An earlier HELLO that was refused does not matter either.
     Line refused;
     refused.one(hello(13), 1);
     refused.line.opened({2, 0});
     CHECK(refused.one(sample(0), 3) == Words{"1 samples"});
-    // Unread bytes from earlier do not count.
+    // Bytes from before the port was opened again do not count as unreadable.
     Line unread;
     unread.one(Bytes(9, 1), 1);
     unread.line.opened({4 * kSecondNs, 0});
@@ -137,7 +139,8 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
     Reads healed;
     CHECK(refused.feed(healed.add(hello() + sample(1), 3).add(sample(2), 4)) ==
           Words{"same hello", "1 samples", "1 samples"});
-    for (const std::int64_t left : {0, 1}) {  // four seconds after the first unread byte, and just before
+    // exactly four seconds after the first unread byte, and just before that
+    for (const std::int64_t left : {0, 1}) {
         Line unread;
         unread.one(hello(), 1);
         unread.one(Bytes{9}, kSecondNs);
@@ -145,7 +148,7 @@ TEST_CASE("wire line: reads between which a trouble may be due are taken one by 
         const std::int64_t at = 5 * kSecondNs - left;
         Reads reads;
         reads.add(Bytes{0} + sample(1), at).add(sample(2), at);
-        // the bad block, and all samples together or each one
+        // items: the bad block, and both samples together or one by one
         CHECK(unread.feed(reads).size() == (left == 1 ? 2 : 3));
     }
 }

@@ -1,5 +1,6 @@
-// Printing of a device's runs under sanitizers. tests/sinks checks that it prints the same as for its blocks,
-// and the format of numbers. These tests check the ends of columns and of buffers.
+// Tests the printing of a device's runs under sanitizers. tests/sinks checks that the text is the same as
+// that for its blocks, and the format of numbers. The tests here check accesses at the ends of columns and of
+// buffers.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -18,7 +19,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 using Texts = std::vector<std::string>;
 using Holes = std::vector<LinePrinter::Hole>;
 
-// Columns whose numbers encode their row and column.
+// A tracker and a bank for tests. The numbers in their columns encode row and column.
 struct Numbered : TrackerPart, BankPart {
     void run(const double*, const double*, std::size_t, std::size_t rows, double* out, std::uint8_t* moving,
              std::vector<track::TrackerEvent>&) override {
@@ -47,7 +48,7 @@ struct Walk {
     std::vector<std::int16_t> gyro;
     std::size_t window = 0;
 
-    // Takes samples first, first + 1, … below end, of three axes: 10 k + axis.
+    // Processes the samples with numbers k from `first` to below `end`. The value on an axis is 10 k + axis.
     Advanced take(std::int64_t first, std::int64_t end) {
         sequence.clear();
         device_us.clear();
@@ -147,7 +148,7 @@ TEST_CASE("run printer: every n-th sample by its number, whatever the runs and w
             one.append(walk.device, row, std::min(row + 3, walk.device.run().n));
         first += static_cast<std::int64_t>(walk.device.run().n);
     }
-    CHECK(first == 2048 + 16);  // of the 3000 only as many as fit into a run
+    CHECK(first == 2048 + 16);  // of the 3000 samples, a run takes only as many as fit into it
     for (std::int64_t k = 0; k < first; k += 4)
         all += std::to_string(k) + " " + std::to_string(static_cast<std::int16_t>(10 * k + 2) - 3) + ".5\n";
     all.replace(0, 6, "0 -0.5");

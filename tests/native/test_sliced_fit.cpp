@@ -1,4 +1,4 @@
-// The device's fit: its answers compared with the host's fit of the same bins.
+// Tests of the device's fit. Its results are compared with those of the host's fit of the same bins.
 #include <doctest/doctest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace {
 using namespace fltea::whittle;
 namespace whittle = fltea::whittle;
 
-// The bins in the host's form.
+// Converts the device's bins to those of the host.
 template <class Any>
 whittle::Bins on_host(const Any& bins) {
     whittle::Numbers lam, counts, power;
@@ -33,12 +33,12 @@ whittle::Bins on_host(const Any& bins) {
     return whittle::Bins(whittle::kernel_baseline, lam, counts, power, none, none, 1);
 }
 
-// The host's answer from many starting points: white noise and one part.
+// The result of the host's fit from many starting points. The model is white noise and one more part.
 struct HostFit {
     std::vector<double> eta;
     double nll;
 };
-// order: a fixed order of the part, if it has one; -1: the order is free.
+// `order`: the fixed order of the part, if it has an order; -1: the order is fitted.
 HostFit host_fit(whittle::Bins bins, whittle::Part part, double highest_order, double order = -1) {
     const whittle::Terms terms = {whittle::Term{whittle::kWhite, 0}, whittle::Term{part, 0}};
     bins.highest_order = highest_order;
@@ -62,13 +62,13 @@ HostFit host_fit(whittle::Bins bins, whittle::Part part, double highest_order, d
     return best;
 }
 
-// -log L of white noise.
+// Returns -log L of white noise.
 double white_fit(const whittle::Bins& bins) {
     double eta = std::log(bins.mean);
     return whittle::score(bins, {whittle::Term{whittle::kWhite, 0}}, &eta, -1, whittle::Patience());
 }
 
-// The deviation of α by the curvature in double, at the device's answer.
+// Returns the standard deviation of α from the curvature in double, at the result of the device.
 template <class Any>
 double order_std_in_double(const Any& bins, const FitFigures& found) {
     const whittle::Bins on = on_host(bins);
@@ -86,7 +86,7 @@ double order_std_in_double(const Any& bins, const FitFigures& found) {
     return std::sqrt(column[1]);
 }
 
-// Difference in 2 log L between the best fit of this order and the best of all, in double.
+// Returns the difference in 2 log L between the best fit with this order and the best fit of all, in double.
 template <class Any>
 double below_best(const Any& bins, double order) {
     const whittle::Bins on = on_host(bins);
@@ -102,7 +102,7 @@ int fit(const Any& bins, SlicedFit<Any>& sliced, FitMemory& memory) {
     return slices;
 }
 
-// An axis: its spectrum, and its fit, which starts at the last answer.
+// The spectrum of an axis and its fit, which starts from the result of the last fit.
 struct Axis {
     void fit_now() {
         make_bins(octaves, bins);
@@ -139,10 +139,11 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
             CAPTURE(full.eta[1]);
             CAPTURE(cold.alpha_std);
             const double ratio = 2 * (white_fit(host) - up_to_one.nll);
-            // In white noise many maxima are nearly equally high.
+            // In white noise, the likelihood has many maxima of nearly the same height.
             CHECK(static_cast<double>(cold.ratio_white) <= ratio + 0.05 + 2e-3 * ratio);
             CHECK(static_cast<double>(cold.ratio_white) >= ratio - (ratio < 6 ? 0.5 : 0.05 + 2e-3 * ratio));
-            // In white noise orders above 1 have many maxima, and none of them is required.
+            // In white noise, the likelihood has many maxima at orders above 1, and the fit need not find any
+            // particular one.
             if (cold.verdict != Verdict::white) {
                 CHECK(static_cast<double>(cold.ratio_ar1) ==
                       doctest::Approx(2 * (relaxation.nll - full.nll)).epsilon(2e-3).scale(20));
@@ -154,14 +155,14 @@ TEST_CASE("sliced fit: answers are the host's of the same bins") {
                 CHECK(std::fabs(static_cast<double>(cold.alpha) - full.eta[1]) <
                       0.1 * 1.96 * static_cast<double>(cold.alpha_std));
             }
-            // Again from the last answers, with a fraction of the work.
+            // A second fit starts from the results of the first one, and needs only a fraction of the work.
             const int evaluations = axis->sliced.evaluations();
             axis->fit_now();
             CHECK(axis->sliced.evaluations() * 5 < evaluations);
             CHECK(axis->memory.figures().ratio_white >= cold.ratio_white - 0.02f);
             CHECK(axis->memory.figures().verdict == cold.verdict);
             if (n > 3000) continue;
-            // With much more data the fit searches the grid again.
+            // When there are much more data, the fit searches on the grid again.
             for (int k = 0; k < 4 * n; ++k) axis->octaves.add(next());
             axis->fit_now();
             CHECK(axis->sliced.evaluations() * 2 > evaluations);
@@ -176,7 +177,8 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
     int compared = 0, worse = 0, apart = 0, orders = 0;
     for (int kind = 0; kind < 4; ++kind) {
         for (unsigned long long seed = 1; seed <= 4; ++seed) {
-            // White noise; weak and strong sums of relaxations; one relaxation, which has order 1.
+            // Kinds of noise: white noise, a weak and a strong sum of relaxations, and a single relaxation,
+            // which has order 1.
             const int parts[] = {0, 4, 4, 1};
             const double shares[] = {0, 0.1, 0.5, 0.3};
             Counts next(parts[kind], shares[kind], 3.0, seed);
@@ -186,7 +188,7 @@ TEST_CASE("sliced fit: from the last answer it finds what a search of the whole 
                 if (k < 1000 || k % 300 != 0) continue;
                 axis->fit_now();
                 const FitFigures found = axis->memory.figures();
-                // Each model is contained in the next one.
+                // AR(1) is a special case of the fractional model, so the latter is never worse.
                 CHECK((found.verdict == Verdict::white || found.ratio_ar1 > -0.01f));
                 if (k % 1500 != 0 || k < 6000) continue;
                 FitMemory fresh;
@@ -232,7 +234,8 @@ TEST_CASE("sliced fit: the interval is that of double, however small the share o
                     if (!found.alpha_defined) continue;
                     ++defined;
                     small += found.R < 0.05f * bins.mean_power();
-                    // The interval is that of the curvature, or as wide as the likelihood in double requires.
+                    // The interval is at least that from the curvature, and as wide as the likelihood in
+                    // double requires.
                     const double curvature = order_std_in_double(bins, found);
                     const double half = 1.96 * static_cast<double>(found.alpha_std);
                     const double alpha = static_cast<double>(found.alpha);
@@ -278,7 +281,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
         std::unique_ptr<Axis> axis(new Axis);
         Counts next(0, 0, 3.0, 1);
         for (int k = 0; k < 20000; ++k) {
-            // So many gaps that no stretch is long enough.
+            // There are so many gaps that no stretch is long enough for a spectrum.
             if (!constant && k % 50 == 0) axis->octaves.skip(90);
             axis->octaves.add(constant ? std::int16_t(-32768) : next());
         }
@@ -292,7 +295,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
                           found.ratio_ar1, found.ordinates}) {
             CHECK(one == 0);
         }
-        // As soon as there is something, it is axis->
+        // As soon as there is something to fit, it is fitted.
         axis->octaves.skip(1000);
         for (int k = 0; k < 2000; ++k) axis->octaves.add(next());
         axis->fit_now();
@@ -303,7 +306,7 @@ TEST_CASE("sliced fit: without ordinates, or without power in them, there is no 
 
 namespace {
 
-// Powers close to a spectrum, with as many ordinates as years of samples have.
+// Bins whose powers are close to a given spectrum, with as many ordinates as years of samples give.
 struct YearBins {
     enum { kSize = 170 };
     float lam_[kSize], counts_[kSize], power_[kSize];
@@ -320,7 +323,8 @@ struct YearBins {
             const double S = weight / (r * r - 2 * g * r * std::cos(turn) + g * g) + 1 - weight;
             lam_[i] = static_cast<float>(l);
             counts_[i] = static_cast<float>(count);
-            // Wilson and Hilferty's approximation to the mean of exponential ordinates.
+            // The mean of exponentially distributed ordinates is drawn by Wilson and Hilferty's
+            // approximation.
             const double cube = 1 - 1 / (9 * count) + normal(random) / (3 * std::sqrt(count));
             power_[i] = static_cast<float>(5 * S * cube * cube * cube);
             ordinates_ += counts_[i];

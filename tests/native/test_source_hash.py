@@ -1,5 +1,4 @@
-"""The native module states the sources it was built from, and a test run refuses a module of other
-sources."""
+"""Test that a test run refuses a native module that was built from other sources."""
 
 import re
 import runpy
@@ -18,7 +17,7 @@ INCLUDE = re.compile(r'^#include "(.*)"', re.M)
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
-    """Return a folder with copies of the sources."""
+    """Return a folder with copies of the native module's sources."""
     for path in SOURCES:
         place = tmp_path / path.relative_to(ROOT)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -70,7 +69,7 @@ def test_make_builds_anew_after_a_change_of_any() -> None:
 def test_a_module_of_other_sources_is_refused(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    # loaded by its path, since several folders have a module named conftest
+    # it is found by its path, because several folders have a module named conftest
     conftest = request.config.pluginmanager.get_plugin(str(ROOT / "tests/conftest.py"))
     assert conftest is not None
     conftest.pytest_configure()

@@ -1,4 +1,5 @@
-// How much figures change over 1, 2, 4 … of their neighbours: running sums compared with the definition.
+// Tests of TimeScales: the variances of changes over 1, 2, 4 … values, from running sums, are compared with
+// their definition.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -13,7 +14,7 @@ namespace {
 
 typedef TimeScales<6> Scales;
 
-// Means of neighbouring runs of 2^s figures, in pairs.
+// Compares with the definition: pairs of means over neighbouring groups of 2^s figures.
 void check(const Scales& scales, const std::vector<float>& figures) {
     for (int s = 0; s < Scales::size(); ++s) {
         const std::size_t run = std::size_t(1) << s, pairs = figures.size() / (2 * run);

@@ -1,5 +1,6 @@
-// The tracker's parts. tests/estimator compares its numbers with a filter in numpy. These tests check memory,
-// undefined behaviour, hostile snapshots, and parts with rules of their own.
+// Tests of the classes of which the tracker consists. tests/estimator compares its numbers with a filter in
+// numpy. The tests here check memory, undefined behaviour, hostile snapshots, and the rules of single
+// classes.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -20,7 +21,7 @@ typedef System<kMost> Any;
 
 const double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// A pair of poles, relaxations and an offset: n states in all, more than 3.
+// Returns a system with a pair of poles, relaxations and an offset. It has n states, more than 3.
 Any system_of(int n, unsigned long long seed) {
     Noise random(seed);
     Any s = Any();
@@ -53,7 +54,7 @@ bool load(OneAxis& one, const std::vector<double>& numbers) {
     return loader.sound() && loader.at_end();
 }
 
-// Rest, knocks, motion and a step of the offset.
+// Returns sample i of a series with rest, knocks, motion and a step of the offset.
 double sample(Noise& random, int i) {
     double y = random();
     if (i % 400 == 50) y += 1e4;
@@ -74,7 +75,7 @@ std::unique_ptr<OneAxis> made(bool modelled, const double* offset = nullptr) {
     rules.largest_step = 60;
     std::unique_ptr<OneAxis> one(new OneAxis(offset, rules));
     if (modelled) {
-        // One axis whose offset walks, and one whose offset does not.
+        // Two candidate systems: in one the offset does a random walk, in the other it does not.
         const Any stays = system_of(6, 1);
         Any walks = stays;
         walks.Q[35] = 1e-3;
@@ -146,7 +147,7 @@ TEST_CASE("tracker: the past keeps means, and what is not known is not in them")
         const Newest<Past::kMeans>& means = past->means(level);
         kept += means.count() * size;
         for (int i = 2; i < means.count(); ++i) {
-            // A group of which more than half is unknown gives no answer.
+            // The mean of a group of which more than half is unknown is unknown, too.
             if (level == 0 && std::isnan(means[i])) CHECK(std::isnan(means[i - 2]));
             if (level == 0 && !std::isnan(means[i])) CHECK(means[i] == means[i - 2] + 2);
             if (level > 0) CHECK(means[i] > means[i - 1]);
@@ -198,7 +199,7 @@ TEST_CASE("tracker: the accelerometer shows a tilt, and rest where it ends") {
         }
         return moving = gate.end_chunk(0.1, moving);
     };
-    for (int k = 0; k < 300; ++k) REQUIRE(!chunk(1e-4 * k));  // a drifting bias
+    for (int k = 0; k < 300; ++k) REQUIRE(!chunk(1e-4 * k));  // the bias drifts
     CHECK(chunk(0.5));
     CHECK(chunk(0.7));
     CHECK(!chunk(0.7));
@@ -240,7 +241,7 @@ TEST_CASE("tracker: the mean of what comes is a sum of single steps") {
                 }
                 CHECK(found.row[i] == doctest::Approx(sum / double(m)).epsilon(1e-9));
             }
-            // The same for the noise: the covariance of states and of their sum.
+            // The variance that the noise adds to the mean is compared, too.
             std::vector<double> weight(s->bias, s->bias + n), all(weight);
             double variance = 0;
             for (long long k = 0; k < m; ++k) {
@@ -345,7 +346,7 @@ TEST_CASE("tracker: another system is no jump of what does not depend on it") {
 TEST_CASE("tracker: gaps of every length") {
     for (bool modelled : {false, true}) {
         std::unique_ptr<OneAxis> one = made(modelled);
-        one->skip(100);  // before the first sample
+        one->skip(100);  // a gap before the first sample
         Noise random(13);
         for (std::uint64_t lost : {0, 1, 31, 32, 33, 500, 3000, 100001}) {
             for (int i = 0; i < 100; ++i) CHECK(sane(one->next(random())));

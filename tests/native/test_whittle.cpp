@@ -1,5 +1,5 @@
-// Noise models: derivatives compared with differences, fits that end inside their bounds, and the model
-// search.
+// Tests of noise models: derivatives are compared with differences, fits have to end inside their bounds, and
+// the model search has to find the models.
 #include <doctest/doctest.h>
 
 #include <cmath>
@@ -15,7 +15,8 @@ namespace {
 
 using namespace fltea::whittle;
 
-// Bins whose width is proportional to the frequency, like those of the live spectrum; powers are 1.
+// Returns bins whose width is proportional to the frequency, like those of the live spectrum. Their powers
+// are 1.
 Bins bins_of(std::size_t size, double samples = 60000) {
     Numbers lam, counts, walk;
     const double lowest = 25 / samples, ratio = std::pow(kPi / lowest, 1 / static_cast<double>(size));
@@ -28,7 +29,7 @@ Bins bins_of(std::size_t size, double samples = 60000) {
     return Bins(kernel_baseline, lam, counts, Numbers(size, 1.0), walk, Numbers(size), 0.01);
 }
 
-// The same bins with these powers.
+// Returns the same bins with other powers.
 Bins with_power(const Bins& bins, const Numbers& power) {
     return Bins(kernel_baseline, bins.lam, bins.counts, power, bins.walk, Numbers(bins.size()), 0.01);
 }
@@ -39,7 +40,7 @@ Numbers spectrum(const Bins& bins, const Terms& terms, const std::vector<double>
     return at.total();
 }
 
-// Exponentially distributed powers with these means.
+// Draws random powers with these means, as the means of exponentially distributed ordinates.
 Numbers drawn(const Bins& bins, Numbers power, unsigned seed) {
     std::mt19937 random(seed);
     for (std::size_t i = 0; i < power.size(); ++i)
@@ -51,7 +52,8 @@ const Part kAll[] = {kRelaxation, kWalk,     kOrder,  kResonance, kQuantised,   
                      kLowPass,    kSharp,    kNotch,  kMean,      kAlternating, kFloor,
                      kOrderByF,   kOrderByf, kArfima, kHighPass};
 
-// Coordinates of a part well inside their bounds, from three numbers between 0.3 and 0.9.
+// Returns free parameters of a part well inside their bounds, computed from three numbers between 0.3 and
+// 0.9.
 std::vector<double> inside(Part part, double a, double b, double c) {
     switch (part) {
         case kWhite:
@@ -92,7 +94,7 @@ std::vector<double> inside(Part part, double a, double b, double c) {
     return {};
 }
 
-// White noise, a relaxation, and one more part, at a place well inside.
+// A model of white noise, a relaxation and one more part, with parameters well inside their bounds.
 struct Example {
     Terms terms;
     std::vector<double> eta;
@@ -301,7 +303,7 @@ TEST_CASE("noise models: on exact spectra the search finds what they are made of
         for (std::size_t i = 0; i < one.eta.size(); ++i)
             CHECK(found.plain.eta[i] == doctest::Approx(one.eta[i]).epsilon(0.02).scale(1));
         CHECK(found.plain.nll <= found.white.nll);
-        // Fitted again from there, the answer stays.
+        // A second fit from these parameters gives the same result.
         const Frontier again = Search(bins).again(found);
         CHECK(again.plain.nll == doctest::Approx(found.plain.nll).epsilon(1e-9));
     }
@@ -326,14 +328,14 @@ TEST_CASE("noise models: an order is found beside none, and its interval holds i
             };
             ends[side > 0] = end();
             CHECK(away[1] == ends[side > 0] - found.ordered.eta[1]);
-            // From there it is found at once.
+            // A second call that starts at this end finds the same end.
             CHECK(end() == ends[side > 0]);
         }
         CHECK(ends[0] < found.ordered.eta[1]);
         CHECK(found.ordered.eta[1] < ends[1]);
-        // 3.3 of its deviations.
+        // The limit is 3.3 standard deviations.
         CHECK(std::fabs(found.ordered.eta[1] - alpha) < 1.7 * (ends[1] - ends[0]) / 2);
-        // The likelihood has fallen by the required amount.
+        // At each end, the likelihood has fallen by the required amount.
         for (double end : ends) {
             std::vector<double> eta = found.ordered.eta;
             eta[1] = end;

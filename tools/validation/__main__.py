@@ -1,4 +1,4 @@
-"""`make validate`: what verdicts, fits and filters are worth, on noises whose truth is known.
+"""`make validate`: measure verdicts, fits and filters on noises whose true parameters are known.
 
   make validate ARGS='gallery --quick'                     half a minute
   make validate ARGS='gallery --only 1/f --seeds 5'        some noises, five records of each
@@ -6,8 +6,8 @@
   make validate ARGS='evaluate --seeds 100'
   make validate ARGS='all --resume'                        goes on where a run was stopped: hours
 
-The same arguments give the same files. Of each part DIR gets PART.ndjson (all figures, a line a task, as they
-are made), PART.md (its tables) and pictures.
+The same arguments give the same files. For each part, the output folder gets PART.ndjson (all figures, one
+line for each task as soon as it is done), PART.md (the tables) and pictures.
 """
 
 import argparse
@@ -45,15 +45,16 @@ PARTS = {
     "device": ("device", "how far the board's estimates and fits are from the host's"),
     "fleet": ("fleet", "how often `fltea fleet` calls healthy sensors odd"),
 }
-"""Modules of this folder, and what they are.
+"""The parts that can be run: modules of this folder, with a short description of each.
 
-Each has SEEDS and QUICK_SEEDS, `tasks` of options and `tables` of rows, and may have `pictures` of rows and
-`compared`, tables of the rows of two runs.
+Each module defines SEEDS and QUICK_SEEDS, `tasks` (the tasks for some options) and `tables` (the tables made
+of the result rows). It may define `pictures` of the rows, and `compared`, which makes tables of the rows of
+two runs.
 """
 
 
 def main() -> int:
-    """Run the parts that are named; an expected failure is one line on stderr and an exit code."""
+    """Run the named parts. An expected failure prints one line on stderr and returns an exit code."""
     given = _arguments()
     try:
         if not given.no_figures:

@@ -1,7 +1,8 @@
-"""What `fltea identify` says of a model's Allan deviation without a simulation, beside simulations of it.
+"""Compare the Allan deviation that `fltea identify` computes for a model with simulations of the model.
 
-Of each noise of the gallery a record is identified. The Allan deviation of the model, and how many degrees of
-freedom that of a record as long has, are computed from its spectrum, and counted in records drawn from it.
+One record of each noise of the gallery is identified. The Allan deviation of the fitted model, and the
+degrees of freedom of the Allan deviation of a record of the same length, are computed from the model's
+spectrum. The same two quantities are then estimated from many records that are drawn from the model.
 """
 
 import itertools
@@ -22,7 +23,7 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
 SEEDS = QUICK_SEEDS = 200
-"""Records that are drawn of each model."""
+"""Number of records drawn from each model."""
 COLUMNS = {
     "lines": "d",
     "mean_off": ".1f",
@@ -41,7 +42,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
-    """Return a row of the model of one noise: computed over simulated; nothing if it is not identified."""
+    """Return one row for a noise: the ratios of computed to simulated figures.
+
+    No row if the noise is not identified.
+    """
     n, h = round(duration_s * RATE_HZ), 1 / RATE_HZ
     y = NOISES[name].draw(n, RATE_HZ, np.random.default_rng([zlib.crc32(name.encode()), n]))
     try:
@@ -74,7 +78,7 @@ def compare(name: str, duration_s: float, simulations: int) -> list[Row]:
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the models one below the other, and what they say together."""
+    """Return a table with one row for each model, and a summary over all models."""
     cells = [
         [row["noise"], row["model"], *(format(row[key], form) for key, form in COLUMNS.items())]
         for row in rows

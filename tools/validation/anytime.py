@@ -1,10 +1,12 @@
-"""How often white sensors are ever called anything else in 24 hours, for `evidence.ANYTIME_LEVEL`.
+"""Measure how often white noise gets another verdict within 24 hours.
 
-Axis-days at 100 Hz are looked at when a live sensor is (fltea.stream.fit_times): two thousand looks, of which
-a hundred search for everything again.
-For each rule and level: the share of axes for which it ever speaks; of the verdict, at its own level, the
-share of axes that it ever calls anything but white. Noises that relax are not white, and of
-no order: of these it is counted how often they are ever called fractional.
+`evidence.ANYTIME_LEVEL` is chosen by it.
+
+Days of one axis at 100 Hz are fitted as often as those of a live sensor (fltea.stream.fit_times): two
+thousand refits, a hundred of them with a new model search. For each rule and level, the tables give the share
+of axes for which the rule ever rejects white noise; for the verdict, at its own level, the share of axes that
+ever get a verdict other than white. Noises with relaxations are not white and have no order. For them, the
+tables give the share of axes that are ever called fractional.
 """
 
 import math
@@ -30,7 +32,7 @@ from tools.validation.tables import Table, grouped, share
 Draw = Callable[[int], Array]
 
 SEEDS, QUICK_SEEDS = 200, 4
-"""Axes of each noise; those of a quick run last half an hour."""
+"""Number of axes of each noise; the axes of a quick run last half an hour."""
 H = 0.01
 DAY, SHORT = 8_640_000, 180_000
 PERIOD = round(1 / H)
@@ -39,7 +41,10 @@ LEVELS = (0.05, 0.01, 3e-3, 1e-3, 3e-4, 1e-4, 5e-5, 3e-5, 1e-5)
 
 
 def _relaxations(poles: tuple[float, ...], rng: np.random.Generator) -> Draw:
-    """AR(1) processes of unit variance in white noise; they go on from call to call."""
+    """Return a generator of AR(1) processes of unit variance in white noise.
+
+    Each call continues the same processes.
+    """
     sizes = [math.sqrt(1 - pole * pole) for pole in poles]
     streams = [Stream([size], [1.0, -pole]) for pole, size in zip(poles, sizes, strict=True)]
 
@@ -66,7 +71,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def axis(noise: str, samples: int, seed: int) -> list[Row]:
-    """Return the highest level at which each rule is silent all the time."""
+    """Return the highest significance level at which each rule never rejects white noise."""
     rng = np.random.default_rng((seed, samples))
     draw: Draw = (lambda n: WHITE[noise](n, rng)) if noise in WHITE else _relaxations(POLES[noise], rng)
     sums, last_refit, taken, of = Octaves(1), LastRefit(), 0, _levels if noise in WHITE else _claim
@@ -98,7 +103,10 @@ def _evidence(sums: Octaves, last_refit: LastRefit, taken: int) -> Evidence:
 
 
 def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """The levels from which on the rules speak now; some do only where everything is searched for."""
+    """Return the lowest level at which each rule rejects now.
+
+    Some rules are applied only in a model search.
+    """
     e = _evidence(sums, last_refit, taken)
     f = e.candidates
     bic = min(f.bic(one) for one in (f.plain, f.ordered) if one is not None)
@@ -124,12 +132,12 @@ def _levels(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool
 
 
 def _claim(sums: Octaves, last_refit: LastRefit, taken: int, *, is_search: bool) -> dict[str, float]:
-    """Whether the noise is called fractional now: below every level, or below none."""
+    """Return 0 as the lowest level if the noise is called fractional now, otherwise 1."""
     return {"fractional": 0.0 if decide(_evidence(sums, last_refit, taken)).kind == "fractional" else 1.0}
 
 
 def tables(rows: list[Row]) -> list[Table | str]:
-    """Return the share of axes for which each rule ever speaks, by level."""
+    """Return the share of axes for which each rule ever rejects white noise, by significance level."""
     found: list[Table | str] = []
     for name, axes in grouped(rows, lambda row: row["noise"]).items():
         shares = [

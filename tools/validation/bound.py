@@ -1,10 +1,10 @@
-"""Critical values where there is no white noise.
+"""Critical values of likelihood ratios for noises without white noise.
 
-First table: two normal estimates with the correlation ρ, of which the second, R, cannot be below 0, and has
-its best value there while the first is held at its truth. The 95 % point of the ratio of likelihoods then
-depends on ρ alone. `spectrum.intervals.AT_BOUND` was chosen by it, with the correlations that the information
-gives for 35 noises without white noise (second table). How often intervals then hold the truth, `evaluate`
-counts.
+The first table is about two normal estimates with the correlation ρ. The second estimate, R, cannot be
+negative, and its best value is 0 while the first estimate is fixed at its true value. The 95 % point of the
+likelihood ratio then depends only on ρ. `spectrum.intervals.AT_BOUND` was chosen by this table and by the
+correlations that the Fisher information gives for 35 noises without white noise (second table). The part
+`evaluate` counts how often the intervals then hold the true value.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS = QUICK_SEEDS = 1
-"""Nothing depends on chance but the first table, whose draws are always the same."""
+"""Only the first table uses random numbers, and they are always the same."""
 H = 0.01
 LENGTHS = (3_000, 20_000, 60_000)
 ORDERS = (0.25, 0.3, 0.35, 0.45, 0.5, 0.65, 0.9)
@@ -31,17 +31,18 @@ DRAWN = 1_000_000
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for the first table, and one for the noises of each length."""
+    """Return one task for the first table, and one for the noises of each record length."""
     lengths = LENGTHS[:1] if options.quick else LENGTHS
     related = [Task(f"{n:,} samples", correlated, (n,)) for n in lengths]
     return [Task("critical values", critical_values, ()), *related]
 
 
 def critical_values() -> list[Row]:
-    """Return the 95 % points for two normal estimates, given that R is 0 while the other is held."""
+    """Return the 95 % points for two normal estimates, given that R is 0 if the other is fixed."""
     rng = np.random.default_rng(0)
     other, below = rng.standard_normal(DRAWN), np.abs(rng.standard_normal(DRAWN))
-    # below: what R would be below 0, in its deviation while the other is held; free: the same, nothing held
+    # `below`: how far below 0 R would be without its bound while the other estimate is fixed, in standard
+    # deviations; `free`: the same with no estimate fixed
     rows: list[Row] = []
     for rho in CORRELATIONS:
         free = np.minimum(rho * other - np.sqrt(max(1 - rho**2, 1e-12)) * below, 0.0)
@@ -60,7 +61,7 @@ def correlated(n: int) -> list[Row]:
 
 
 def correlations(alpha: float, g: float, n: int) -> dict[str, float]:
-    """Return those of α, f, F and s2 with R, where R is 0, by the information of n samples."""
+    """Return the correlations of α, f, F and s2 with R at R = 0, by the Fisher information of n samples."""
     lam = 2 * np.pi * used_ordinates(n, 1.0) / n
     slopes = log_slopes(lam, alpha, g, 1.0, 1e-4)
     spread = np.linalg.inv(slopes @ slopes.T)

@@ -1,4 +1,4 @@
-"""Noises of the grammar by closed forms in numpy, which share nothing with the native fits (pure)."""
+"""Noises of the grammar by closed forms in numpy, which share no code with the native fits."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,11 +8,11 @@ from fltea.noise import parts as p
 from fltea.records.arrays import Array
 
 AROUND = 4
-"""The circle on which samples are drawn, over the record."""
+"""Length of the circle on which samples are drawn, divided by the length of the record."""
 
 
 def closed_form(parts: Iterable[p.Part], lam: Array, h: float) -> Array:
-    """Return the spectrum at λ in rad a sample, (len(lam),); h: sampling period in s."""
+    """Return the spectrum at λ [rad a sample], (len(lam),). `h`: sampling period [s]."""
     total, gain, floor = np.zeros_like(lam), np.ones_like(lam), 0.0
     for part in parts:
         if isinstance(part, p.FILTERS):
@@ -34,7 +34,7 @@ def samples(parts: Sequence[p.Part], n: int, h: float, rng: np.random.Generator)
     y = np.fft.irfft(waves, circle)[:n]
     is_high_passed = any(isinstance(part, p.HighPass) for part in parts)
     walks = [part.K for part in parts if isinstance(part, p.Walk) and not is_high_passed]
-    # The mean of a walk's steps is the one wave that a circle does not have.
+    # A circle cannot hold the mean of a random walk's steps, so the mean is drawn separately.
     return np.asarray(
         y + sum(K * math.sqrt(h / circle) * rng.standard_normal() for K in walks) * np.arange(n)
     )

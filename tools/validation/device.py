@@ -1,9 +1,11 @@
-"""How far the board's own estimates and fits are from the host's, by its code compiled for this machine.
+"""Compare the board's estimates and fits with the host's.
 
-Estimates: float over integers against the host's engine in double, with the same settings over a memory of
-nine digits without an end, on recordings of real sensors where they are at hand, and on noise of known kinds.
-Fits: of twenty fractional noises in white noise, against the host's fit of the same to the same counts, of
-which it keeps more.
+The board's code is compiled for this machine.
+
+Estimates: the board computes in float and integers. It is compared with the host's engine in double, which
+has the same settings and a memory that is accurate to nine digits without a limit in time. The samples are
+recordings of real sensors, if there are any, and simulated noise. Fits: twenty fractional noises in white
+noise, fitted by the board and by the host to the same counts.
 """
 
 from collections.abc import Callable
@@ -29,28 +31,28 @@ from tools.validation.tables import Table, grouped
 Counts = NDArray[np.int16]
 
 SEEDS, QUICK_SEEDS = 2, 1
-"""Records of each noise that is fitted."""
+"""Number of records of each fitted noise."""
 H = 0.01
 RECORDINGS = Path(__file__).resolve().parents[3] / "shared/recordings"
 AGES = (3_000, 100_000, 1_000_000)
 CHUNK = 50_000
 SIMULATED = {"white": None, "α 0.3, f -1": (0.3, -1.0), "α 0.6, f -3": (0.6, -3.0)}
 SIGMA_DPS, FULL_SCALE_DPS = 0.15, 2_000.0
-"""Of the simulated noise, whose offset is 1 deg/s."""
+"""α and f of the simulated noises, whose offset is 1 deg/s; None for white noise."""
 
 LEVEL = 0.05
 SIGMA = 3.0
-"""Counts of the white part of what is fitted."""
+"""Standard deviation of the white noise in the fitted records [counts of the sensor]."""
 NOISES = (
     *((0.3, -0.01, 0.05), (0.5, -0.02, 0.02), (0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5)),
     *((0.9, -0.01, 0.01), (0.7, -0.03, 0.1), (0.2, -0.02, 0.3), (1.0, -0.01, 0.05), (0.5, -0.005, 0.2)),
 )
-"""α, g = h^α f, share of the state's innovations."""
+"""α, g = h^α f, and the share of the state's innovations in the noise."""
 FITTED = (60_000, 1_000_000)
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each variant and series, and for the fits of each length."""
+    """Return one task for each estimator variant and series, and one for the fits of each record length."""
     samples, lengths = (AGES[1], FITTED[:1]) if options.quick else (AGES[2], FITTED)
     axes = [f"{file.stem} {axis}" for file in sorted(RECORDINGS.glob("*.npz")) for axis in "xyz"]
     return [
@@ -64,7 +66,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def series(name: str, samples: int) -> Counts:
-    """Return an axis of a recording, or simulated noise, in counts of the device's sensitivity."""
+    """Return an axis of a recording, or simulated noise, in counts of the board's sensor."""
     if name not in SIMULATED:
         stem, _, axis = name.rpartition(" ")
         with np.load(RECORDINGS / f"{stem}.npz") as d:
@@ -79,7 +81,7 @@ def series(name: str, samples: int) -> Counts:
 
 
 def differences(variant: str, name: str, samples: int) -> list[Row]:
-    """Return the largest |Δα| and |Δf| up to each age and at the end, and how often the guard acted."""
+    """Return the largest |Δα| and |Δf| up to each age and at the end, and the guard's interventions."""
     counts = series(name, samples)
     bias, R = host_baseline(counts[:STARTUP])
     device, host = Device(variant), host_engine(variant, R)
@@ -106,14 +108,17 @@ def differences(variant: str, name: str, samples: int) -> list[Row]:
 
 
 def agreement(samples: int, records: int) -> list[Row]:
-    """Return how near board and host are on each noise, so many records of each."""
+    """Return how much the fits of board and host differ on each noise.
+
+    `records`: number of records of each noise.
+    """
     rng = np.random.default_rng(20261101)
     found = [compare(drawn(samples, *noise, rng)) for noise in NOISES * records]
     return [{"fitted": samples, **one} for one in found]
 
 
 def drawn(n: int, alpha: float, g: float, weight: float, rng: np.random.Generator) -> Counts:
-    """Return counts of a fractional state in white noise, by its spectrum."""
+    """Return sensor counts of a fractional state in white noise, drawn by its spectrum."""
     lam = np.maximum(np.arange(n + 1), 1) * np.pi / n
     turn = np.exp(-1j * lam)
     density = weight / np.abs((1 - turn) ** alpha - g * turn) ** 2 + 1 - weight
@@ -123,7 +128,7 @@ def drawn(n: int, alpha: float, g: float, weight: float, rng: np.random.Generato
 
 
 def compare(counts: Counts) -> dict[str, Any]:
-    """Return how near the board's fit is to the host's of the same counts."""
+    """Return the differences between the board's fit and the host's fit of the same counts."""
     board = BoardSpectrum()
     board.add(counts)
     found = board.fit()

@@ -1,4 +1,4 @@
-// fltea's device on an Arduino Due (firmware/README.md: wiring, settings, how to flash).
+// fltea's device on an Arduino Due. firmware/README.md describes wiring, settings and how to flash it.
 #include <Wire.h>
 #include <application.h>
 
@@ -14,7 +14,7 @@ fltea::WireBus bus(Wire);
 fltea::SerialSink sink(Serial);
 fltea::MicrosClock board_clock;
 
-// Created when setup() first calls this: before main() the identity of the board cannot be read.
+// Created at the first call, in setup(), because the board's identity cannot be read before main().
 fltea::Application& device() {
     static fltea::Application application(bus, sink, board_clock, fltea::read_identity());
     return application;
@@ -22,14 +22,14 @@ fltea::Application& device() {
 
 void on_data_ready() { device().on_data_ready(micros()); }
 
-// The core calls this before setup(). Without it the core disables the watchdog permanently.
+// The Arduino core calls this before setup(). Without this function it disables the watchdog permanently.
 void watchdogSetup() { watchdogEnable(kWatchdogMs); }
 
 void setup() {
     Serial.begin(fltea::settings::kLineBaud);
     bus.recover();
     device().start();
-    pinMode(kDataReadyPin, INPUT_PULLUP);  // a disconnected wire must not float; the core disables pull-ups
+    pinMode(kDataReadyPin, INPUT_PULLUP);  // an open pin must not float
     if (fltea::settings::kSamplingMode == fltea::SamplingMode::data_ready)
         attachInterrupt(kDataReadyPin, on_data_ready, RISING);
 }

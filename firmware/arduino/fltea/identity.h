@@ -8,10 +8,11 @@
 
 namespace fltea {
 
-// More than enough: the random word is ready after 84 cycles, the identifier after some microseconds.
+// Limit for waiting loops. It is more than enough: the random word is ready after 84 cycles, the identifier
+// after some microseconds.
 constexpr uint32_t kIdentityTries = 100000;
 
-// A number that differs from boot to boot; 0 if the generator does not answer.
+// Returns a random number, which differs from boot to boot, or 0 if the generator does not answer.
 inline uint32_t random_word() {
     pmc_enable_periph_clk(ID_TRNG);
     TRNG->TRNG_CR = TRNG_CR_KEY(0x524E47) | TRNG_CR_ENABLE;
@@ -27,7 +28,8 @@ inline uint32_t random_word() {
     return word;
 }
 
-// Returns true if FRDY took the wanted value in time. Runs from RAM, like its caller.
+// Waits until the flag FRDY is `wanted`. Returns false if that takes too long. This runs from RAM, like its
+// caller.
 __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool wanted) {
     for (uint32_t i = 0; i < kIdentityTries; ++i) {
         if (((EFC0->EEFC_FSR & EEFC_FSR_FRDY) != 0) == wanted) return true;
@@ -35,12 +37,13 @@ __attribute__((section(".ramfunc"), noinline)) static bool flash_ready_is(bool w
     return false;
 }
 
-// The chip's 128 bits; zeros if the controller does not answer. Runs from RAM with interrupts disabled,
-// because the first flash bank shows the identifier instead of the program meanwhile.
+// Reads the chip's identifier of 128 bits; it is all zeros if the flash controller does not answer. This runs
+// from RAM with interrupts disabled, because the first flash bank shows the identifier instead of the program
+// meanwhile.
 __attribute__((section(".ramfunc"), noinline)) static void read_unique_identifier(uint32_t (&id)[4]) {
     constexpr uint32_t kKey = 0x5A000000, kStart = 0x0E, kStop = 0x0F;
     const uint32_t mode = EFC0->EEFC_FMR;
-    EFC0->EEFC_FMR = mode | EEFC_FMR_SCOD;  // erratum: otherwise the identifier may be read wrongly
+    EFC0->EEFC_FMR = mode | EEFC_FMR_SCOD;  // erratum: without SCOD the identifier may be read wrongly
     EFC0->EEFC_FCR = kKey | kStart;
     if (flash_ready_is(false)) {
         const volatile uint32_t* flash = reinterpret_cast<const volatile uint32_t*>(IFLASH0_ADDR);

@@ -1,6 +1,6 @@
 // The sensor's bus through Arduino's Wire. This class makes up for four weaknesses of Wire: it never frees a
-// held bus, its time-outs last tens of milliseconds, it does not distinguish a time-out from a NACK, and it
-// takes a byte left in the controller for the first byte of a read.
+// held bus, its time-outs last tens of milliseconds, it does not distinguish a time-out from a NACK, and if a
+// byte is left in the I2C controller, it takes that byte for the first byte of the next read.
 #pragma once
 
 #include <Arduino.h>
@@ -17,11 +17,11 @@ class WireBus final : public I2cBus {
     I2cResult read(uint8_t address, uint8_t reg, uint8_t* data, size_t n) override {
         if (!idle()) return I2cResult::timeout;
         const uint32_t began_us = micros();
-        // The controller may hold a byte although the last read was complete (due/twi.cpp). Wire would take
-        // it for this read's first byte.
+        // The controller may still hold a byte although the last read was complete (due/twi.cpp). Wire would
+        // take that byte for the first byte of this read, so it is read and dropped here.
         const uint32_t stale = WIRE_INTERFACE->TWI_RHR;
         static_cast<void>(stale);
-        // Only the overload with an internal address sends a repeated start.
+        // Of the overloads of requestFrom(), only the one with an internal address sends a repeated start.
         const size_t got = wire_.requestFrom(address, static_cast<uint8_t>(n), static_cast<uint32_t>(reg),
                                              static_cast<uint8_t>(1), static_cast<uint8_t>(true));
         for (size_t i = 0; i < got && i < n; ++i) data[i] = static_cast<uint8_t>(wire_.read());
@@ -44,7 +44,7 @@ class WireBus final : public I2cBus {
         return late ? I2cResult::timeout : I2cResult::nack;
     }
 
-    // Takes about 0.15 ms.
+    // Frees the bus, which takes about 0.15 ms.
     HeldLines recover() override {
         release(PIN_WIRE_SDA);
         release(PIN_WIRE_SCL);
@@ -52,14 +52,15 @@ class WireBus final : public I2cBus {
             pull(PIN_WIRE_SCL);
             release(PIN_WIRE_SCL);
         }
-        // STOP: SDA rises while SCL is high.
+        // A STOP condition: SDA rises while SCL is high.
         pull(PIN_WIRE_SCL);
         pull(PIN_WIRE_SDA);
         release(PIN_WIRE_SCL);
         release(PIN_WIRE_SDA);
         const unsigned held = (low(PIN_WIRE_SDA) ? 1u : 0u) | (low(PIN_WIRE_SCL) ? 2u : 0u);
-        // Wire changes the pins without pinMode, and pinMode does nothing if it believes that the pin already
-        // has the requested mode. The pins must therefore not be left in the mode that release() requests.
+        // Wire changes the pins without calling pinMode(), and pinMode() does nothing if it remembers that it
+        // has already set the requested mode. The pins must therefore not be left in the mode that release()
+        // requests.
         pinMode(PIN_WIRE_SDA, INPUT);
         pinMode(PIN_WIRE_SCL, INPUT);
         start();
@@ -79,7 +80,7 @@ class WireBus final : public I2cBus {
 
     static bool low(uint32_t pin) { return digitalRead(pin) == LOW; }
 
-    // Open drain: a line is pulled low or released, never driven high.
+    // The lines are driven as open drain: a line is pulled low or released, but never driven high.
     static void release(uint32_t pin) {
         pinMode(pin, INPUT_PULLUP);
         delayMicroseconds(kHalfClockUs);
@@ -90,8 +91,8 @@ class WireBus final : public I2cBus {
         delayMicroseconds(kHalfClockUs);
     }
 
-    // Whether both lines are high. Checked before a transfer, so that a held bus does not cost Wire's
-    // time-out.
+    // Whether both lines are high. This is checked before a transfer, because Wire would wait for its long
+    // time-out on a held bus.
     static bool idle() {
         if (!low(PIN_WIRE_SDA) && !low(PIN_WIRE_SCL)) return true;
         delayMicroseconds(kHalfClockUs);

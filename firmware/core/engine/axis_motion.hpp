@@ -1,11 +1,12 @@
 // Decides whether the newest chunk of an axis's innovations is noise or motion of the sensor. The rules are
-// those of the host's tracker (host/native/rest_gate.hpp), in float, and without a division per sample.
+// those of the host's tracker (host/native/rest_gate.hpp), here in float and without a division per sample.
 //
-// A chunk of 32 is a knock in any of three cases: the power of its innovations, without the largest one, is
-// sixteen times that of the noise; one innovation exceeds a hundred deviations; or the mean exceeds eight of
-// its deviations. Spectral lines and other effects that the filter does not follow make the innovations
-// larger than the filter predicts. They are therefore compared with their usual power and mean at rest, where
-// these are larger.
+// An innovation is a sample minus its prediction. A chunk of 32 innovations is a knock in any of three cases:
+// their power, without the largest one, exceeds sixteen times that of the noise; one innovation exceeds a
+// hundred standard deviations; or their mean exceeds eight standard deviations of such a mean. Spectral lines
+// and other effects that the filter does not follow make the innovations larger than the filter predicts.
+// Where the usual power and mean at rest are larger than predicted, the innovations are therefore compared
+// with these usual values.
 #ifndef FLTEA_AXIS_MOTION_HPP
 #define FLTEA_AXIS_MOTION_HPP
 
@@ -23,19 +24,20 @@ class AxisMotion {
     static constexpr float kKnock = 16, kSpike = 100, kMean = 8;
 
     struct Verdict {
-        bool knock;      // the chunk is not noise about the prediction
-        float mean;      // mean of its innovations
-        float variance;  // variance of that mean at rest
-        // number of consecutive chunks that were knocks and still, at the level of the previous chunk
+        bool knock;      // the chunk is more than noise around the prediction
+        float mean;      // mean of the chunk's innovations
+        float variance;  // variance of such a mean at rest
+        // number of consecutive chunks that were knocks without much power about their mean, and whose mean
+        // was that of the chunk before
         std::uint16_t stood;
     };
 
-    // Without a filter: the usual power is learned from the first chunks, in squared counts.
+    // Begins without a filter: the usual power is learned from the first chunks, in squared counts.
     AxisMotion() { begin(kOfRounding, 0); }
-    // With a filter: its S is the least variance of the innovations.
+    // Begins with a filter: the variance S of its innovations is the least variance that judge() assumes.
     void begin_with_filter() { begin(1, kLearned); }
 
-    // Adds an innovation, without clipping.
+    // Adds an innovation, which must not have been clipped.
     void add(float e) {
         const float power = e * e;
         sum_ += e;
@@ -43,11 +45,12 @@ class AxisMotion {
         if (power > largest_) largest_ = power;
     }
 
-    // Mean of the newest chunk.
+    // Mean of the innovations of the newest chunk.
     float mean() const { return last_mean_; }
 
-    // Judges kChunk samples. `S`: variance of the innovations, or 1 without a filter. `grown`: how much the
-    // variance of the predictions exceeds its normal value during this chunk, because samples were left out.
+    // Judges a chunk of kChunk innovations. `S`: variance of the innovations, or 1 without a filter. `grown`:
+    // how much the variance of the predictions exceeds its normal value during this chunk, because samples
+    // were left out.
     Verdict judge(float S, float grown, bool moving) {
         const float n = static_cast<float>(+kChunk), square = sum_ * sum_ / n;
         const float variance = S * math::fmax(usual_mean_, least_), apart = kGrown * n * grown;
@@ -68,7 +71,7 @@ class AxisMotion {
     }
 
   private:
-    // Squared deviations by which a prediction may be wrong.
+    // A prediction may be wrong by three standard deviations; this is their square.
     static constexpr float kGrown = 9;
     enum { kLearned = 8, kRemembered = 64 };
     static constexpr float kOfRounding = 1.0f / 12;
@@ -90,7 +93,7 @@ class AxisMotion {
         usual_mean_ += (mean - usual_mean_) / n;
     }
 
-    float least_, usual_power_, usual_mean_;  // as ratios to S
+    float least_, usual_power_, usual_mean_;  // variances of the innovations, as ratios to S
     float sum_, powers_, largest_, last_mean_;
     std::uint16_t chunks_, stood_;
 };

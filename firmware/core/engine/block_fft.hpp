@@ -1,4 +1,5 @@
-// |FFT|^2 of a block of 256 real numbers under Hann's window, computed as one complex transform of 128.
+// |FFT|^2 of a block of 256 real numbers that are multiplied by Hann's window. It is computed as one complex
+// transform of 128 numbers.
 #pragma once
 
 #include "instruction_set.hpp"
@@ -17,23 +18,24 @@ class BlockFft {
     typedef typename Kind::Power Power;
     enum { kBlock = 256, kHalf = kBlock / 2 };
 
-    // Sum of the squares of the window. White noise of variance R has this times R in every spectral line.
+    // Sum of the squares of the window. White noise of variance R has the power R, multiplied by this sum, in
+    // every spectral line.
     static constexpr double scale() { return 0.375 * double(kBlock); }
 
-    // Working memory for the steps of the transform, and finally for the powers.
+    // Working memory of the transform. At the end it holds the powers.
     class Work {
         friend class BlockFft;
         union Half {
-            Value part[2][kHalf];  // real, imaginary
+            Value part[2][kHalf];  // real parts, then imaginary parts
             Power power[kHalf];
         } half_[2];
     };
 
-    // power[i] belongs to spectral line low + i, i < lines; 1 <= low, low + lines <= 128. The mean is
-    // subtracted first, to avoid rounding errors; behind the window, only lines 0 and 1 would contain any of
-    // it. `places` = n: the powers are in units of 2^-2n of the squared unit of x.
+    // Computes power[i], the power of spectral line low + i, for i < lines, where 1 <= low and low + lines <=
+    // 128. The mean is subtracted first to avoid rounding errors; after the window, only lines 0 and 1 could
+    // contain a part of it. `places` = n: the powers are in units of 2^-2n of the squared unit of x.
     struct Powers {
-        const Power* power;  // in `work`
+        const Power* power;  // points into `work`
         int places;
     };
     template <typename Stored>
@@ -61,14 +63,14 @@ class BlockFft {
     }
 
   private:
-    // Stockham's algorithm: every step reads one half of the memory and writes the other, in an order that
-    // leaves the result sorted. Returns the half that holds the result.
+    // Stockham's algorithm: every step reads one half of the working memory and writes the other half, in
+    // such an order that the result is sorted. Returns the half that holds the result.
     static int transform(const Tables& tables, Work& work) {
         int from = 0;
         for (int stride = 1; stride < kHalf; stride *= 2, from = 1 - from) {
             const int pairs = kHalf / 2 / stride;
             for (int p = 0; p < pairs; ++p) {
-                // e^{-2 pi i p / (2 pairs)}
+                // the factor e^{-2 pi i p / (2 pairs)}
                 const Coefficient c = tables.cosine(2 * p * stride), s = tables.sine(2 * p * stride);
                 const Value* const ar = work.half_[from].part[0] + stride * p;
                 const Value* const ai = work.half_[from].part[1] + stride * p;

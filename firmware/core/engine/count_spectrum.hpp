@@ -1,11 +1,13 @@
-// The board's running spectrum in integers, for a processor without floating point: takes counts of an axis,
-// and returns sums of powers.
+// The board's running spectrum in integers, for a processor without floating point: it takes the counts of an
+// axis and returns sums of powers per frequency. It consists of levels: level 0 is the stream of samples, and
+// each further level is the one before at half its rate (octave_ladder.hpp).
 //
 // Values are kept in 1,024ths of a count, so rounding adds far less noise than the rounding of the counts
-// themselves. Down to the sixth octave, every second octave has half the unit of the octave above, because
-// its noise is smaller. A level keeps 16 bits of each value, relative to a base that follows the stream, and
-// fewer bits where the stream moves farther than 16 bits within a block. A bin of white noise made of at
-// least eight blocks agrees with a computation in double to 0.1 %.
+// themselves. Down to the sixth octave, the unit of every second octave is half that of the octave above,
+// because its noise is smaller. A level stores 16 bits of each value, relative to a base that follows the
+// stream. Where the stream moves farther than 16 bits within a block, the unit of the stored bits is larger.
+// In a bin of white noise that is averaged over at least eight blocks, the power agrees to 0.1 % with a
+// computation in double.
 #ifndef FLTEA_COUNT_SPECTRUM_HPP
 #define FLTEA_COUNT_SPECTRUM_HPP
 
@@ -22,15 +24,16 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// kMostLevels: 12 levels with a capacity of 496 are nearly three hours at 100 Hz. After that, the last level
-// drops its oldest samples; the sums lose nothing.
+// The number types of the running spectrum in integers. 12 levels (kMostLevels) with a capacity of 496
+// samples each cover nearly three hours at 100 Hz. After that, the last level drops its oldest samples, while
+// the sums of the other levels still contain all samples.
 template <int kMostLevels = 12, int kMostKept = 496>
 struct CountSpectrum {
     typedef std::int16_t Input;
     typedef float Real;
     typedef std::int32_t Value;
     typedef std::int64_t Sum;
-    typedef std::int32_t Coefficient;  // in 2^-30
+    typedef std::int32_t Coefficient;  // filter coefficient in units of 2^-30
     typedef std::int64_t Power;
     typedef std::int16_t Stored;
     typedef std::int32_t Kept;
@@ -52,18 +55,20 @@ struct CountSpectrum {
     static Value products(Value x, Coefficient c, Value y, Coefficient d) {
         return rounded(Sum(x) * c + Sum(y) * d, kOne);
     }
-    // Converts a filter's output from values of `level` to the unit of the next level.
+    // Converts an output of the half-band filter, computed from values of `level`, to the unit of the next
+    // level.
     static Value filtered(Sum sum, int level) { return rounded(sum, kOne - finer(level)); }
     static Tables tables() { return Tables(); }
 
-    // 1 if the unit of level + 1 is half that of `level`, 0 if it is the same.
+    // 1 if the unit of level + 1 is half the unit of `level`, 0 if both units are equal.
     static constexpr int finer(int level) { return level % 2 == 0 && level < 2 * kMostHalvings ? 1 : 0; }
-    // n, where the unit of a level is 2^-n of that of level 0.
+    // The n for which the unit of `level` is 2^-n of the unit of level 0.
     static constexpr int halvings(int level) {
         return (level + 1) / 2 < kMostHalvings ? (level + 1) / 2 : int(kMostHalvings);
     }
 
-    // Of samples: their mean, the power about the mean, and the power of the sample farthest from the mean.
+    // Of n samples: the mean, the power about the mean, and the squared distance of the sample that is
+    // farthest from the mean.
     class Moments {
       public:
         Moments(const Input* x, int n) {
@@ -76,12 +81,12 @@ struct CountSpectrum {
                 if (one < low) low = one;
                 if (one > high) high = one;
             }
-            // n times the power, exactly.
+            // The exact power, multiplied by n.
             const std::int64_t power = squares * n - static_cast<std::int64_t>(sum) * sum;
             const float size = static_cast<float>(n);
             mean_ = static_cast<float>(sum) / size;
             power_ = fixed::to_float(power, 0) / size;
-            // n times the distance, exactly.
+            // The exact distance of the largest sample from the mean, multiplied by n, before the division.
             const float up = static_cast<float>(high * n - sum) / size;
             const float down = static_cast<float>(sum - low * n) / size;
             largest_ = up > down ? up * up : down * down;
@@ -103,7 +108,7 @@ struct CountSpectrum {
         return static_cast<float>(least);
     }
 
-    // A memory that forgets nothing.
+    // Weights of the past for a spectrum that forgets nothing: all samples count the same.
     struct Memory {
         static constexpr bool fades() { return false; }
         static constexpr int generation(std::uint64_t) { return 0; }
@@ -111,12 +116,13 @@ struct CountSpectrum {
         static constexpr std::uint64_t oldest(std::uint64_t) { return 0; }
     };
 
-    // The unit of level 0 is 2^-kPlaces of a count. All values that a sensor can deliver fit, at every level.
+    // The unit of level 0 is 2^-kPlaces of a count. Even the largest values of a sensor fit into a Value at
+    // every level.
     enum { kPlaces = 10 };
     static Value value(Input y, Input origin) { return (Value(y) - Value(origin)) * (1 << kPlaces); }
 
-    // Base and unit (2^shift of the level's unit) of the stored 16-bit values. Both are chosen anew from all
-    // stored values, when a value would not fit, and when a finer unit would be enough again.
+    // Base and unit of the stored 16-bit values; the unit is 2^shift of the level's unit. Both are chosen
+    // anew from all stored values when a new value would not fit, and when a smaller unit is possible again.
     class Base {
       public:
         Base() : base_(0), shift_(0) {}
@@ -127,13 +133,13 @@ struct CountSpectrum {
                 x[fill + i] = stored(in[i]);
             }
         }
-        // Converts a filter's output from stored values to level values.
+        // Converts an output of the half-band filter, computed from stored values, to the unit of the levels.
         void lift(Value* out, int n, int level) const {
             const Value base = base_ * (1 << finer(level));
             for (int i = 0; i < n; ++i) out[i] = out[i] * (1 << shift_) + base;
         }
         int shift() const { return shift_; }
-        // Call this when fewer values are stored: a finer unit may be possible.
+        // Call this when values were dropped: a smaller unit may be possible.
         void renew(Stored* x, int fill) {
             if (shift_ > 0) choose(value(x[0]), x, fill, shift_ - 1);
         }
@@ -148,7 +154,7 @@ struct CountSpectrum {
         }
         Value value(Stored x) const { return Value(x) * (1 << shift_) + base_; }
 
-        // Chooses base and unit; the unit is at most 2^most.
+        // Chooses base and unit for all values; keeps the old ones if the unit would exceed 2^most.
         void choose(Value newest, Stored* x, int fill, int most) {
             Value low = newest, high = newest;
             for (int i = 0; i < fill; ++i) {
@@ -168,8 +174,8 @@ struct CountSpectrum {
         int shift_;
     };
 
-    // A block minus its mean, in units of 2^-places. The largest value has about 22 bits, because the
-    // transform multiplies values by up to 128.
+    // A block of values minus their mean, in units of 2^-places. The largest value has about 22 bits, because
+    // the Fourier transform makes values up to 128 times as large.
     template <typename From>
     class Centred {
       public:
@@ -189,7 +195,7 @@ struct CountSpectrum {
         int places() const { return kFine + lift_; }
 
       private:
-        enum { kFine = 8 };  // the mean of 256 values is then exact
+        enum { kFine = 8 };  // in units of 2^-8, the mean of 256 values is exact
 
         Value fine(int i) const { return Value(x_[i]) * (1 << kFine) - sum_; }
 
@@ -198,7 +204,7 @@ struct CountSpectrum {
         int lift_;
     };
 
-    // No record over time on the board.
+    // The board keeps no spectrum over time, so this does nothing.
     template <int kLines>
     struct Cells {
         Cells(Memory, std::uint64_t) {}
@@ -206,7 +212,7 @@ struct CountSpectrum {
     };
 
   private:
-    // sum 2^-places, rounded to the nearest; places > 0.
+    // `sum`, multiplied by 2^-places and rounded to the nearest integer; places > 0.
     static Value rounded(Sum sum, int places) {
         return static_cast<Value>((sum + (Sum(1) << (places - 1))) >> places);
     }
@@ -225,8 +231,8 @@ class CountOctaves {
         while (!pass(passage)) {
         }
     }
-    // Adds a count one level at a time: call pass() until it returns true before anything else. Axes may
-    // share a passage.
+    // Begins to add a count. Then call pass(), which handles one level, until it returns true, before
+    // anything else is called. Several axes may share a `passage`, one after the other.
     void add(std::int16_t count, Passage& passage) {
         Entrance entrance = {ladder_, passage};
         gate_.add(&count, 1, 1, entrance);
@@ -237,10 +243,10 @@ class CountOctaves {
 
     const GateCounts& counts() const { return gate_.counts(); }
     bool constant() const { return gate_.constant(); }
-    // Number of the next sample. Up to 127 samples before it still wait for their chunk to be complete.
+    // Number of the next sample. Up to 127 samples before that one still wait until their chunk is complete.
     std::uint64_t now() const { return gate_.number(); }
     const Ladder& ladder() const { return ladder_; }
-    // Exponent of 2 of the unit of a level's powers, in squared counts.
+    // The powers of `level` are in units of 2^exponent squared counts.
     int exponent(int level) const { return -2 * (int(Kind::kPlaces) + Kind::halvings(level)); }
 
   private:

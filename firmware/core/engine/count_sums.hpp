@@ -1,5 +1,5 @@
-// Welch sums of one octave in integers. They cannot overflow: when a sum comes near its limit, all of them
-// change to a unit twice as large.
+// Sums of the powers of Welch blocks in one octave, in integers. They cannot overflow: when a sum comes near
+// its limit, all sums change to a unit twice as large.
 #ifndef FLTEA_COUNT_SUMS_HPP
 #define FLTEA_COUNT_SUMS_HPP
 
@@ -12,13 +12,14 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// 32 bits per sum, because the board has three axes with many octaves. After a year, a block of the highest
-// octave adds only a few units. Fractions of a unit are rounded up or down at random, so that the mean stays
-// right.
+// 32 bits per sum, because the board has three axes with many octaves. After a year, the unit is so large
+// that a block of the highest octave adds only a few units. Fractions of a unit are rounded up or down at
+// random, so that the mean stays right.
 template <int kLines>
 class CountSums {
   public:
-    // Adds the powers of a block, each below 2^58, in units of 2^-2 places of the squared unit.
+    // Adds the powers of a block. Each power is below 2^58, in units of 2^-(2 places) of the squared unit of
+    // the values.
     void add(const std::int64_t* power, int places, int) {
         std::uint64_t largest = 0;
         for (int i = 0; i < kLines; ++i) {
@@ -43,7 +44,7 @@ class CountSums {
         ++blocks_;
     }
 
-    // Returns the sums in the squared unit. All blocks have the same weight.
+    // Writes the sums in the squared unit of the values. All blocks have the same weight.
     void read(int, float* power, float* blocks, float* effective) const {
         for (int i = 0; i < kLines; ++i) {
             power[i] = fixed::to_float(static_cast<std::int64_t>(power_[i]), coarse_);
@@ -52,9 +53,10 @@ class CountSums {
     }
 
   private:
-    enum { kFirst = 30 };  // bits of the largest power of the first block
+    enum { kFirst = 30 };  // bits that the largest power of the first block gets
 
-    // Makes the unit 2^places times larger. Sums are in units of 2^coarse of the squared unit.
+    // Makes the unit of the sums larger, by the factor 2^places. The sums are in units of 2^coarse of the
+    // squared unit of the values.
     void coarsen(int places) {
         coarse_ += places;
         most_ = 0;
@@ -68,8 +70,8 @@ class CountSums {
         return places > 63 ? 0 : (x >> places) + (places > 0 ? 1 : 0);
     }
 
-    // x 2^-places with random rounding: rounds up with a probability equal to the fraction, of which 24 bits
-    // are used.
+    // x 2^-places, rounded at random: it is rounded up with a probability equal to its fraction, of which 24
+    // bits are used.
     std::uint64_t dithered(std::uint64_t x, int places) {
         if (places == 0) return x;
         if (places > 63) return 0;
@@ -82,7 +84,7 @@ class CountSums {
     }
 
     std::uint32_t power_[kLines] = {};
-    std::uint32_t most_ = 0;  // largest of power_
+    std::uint32_t most_ = 0;  // largest sum in power_
     std::uint32_t blocks_ = 0;
     std::uint32_t chance_ = 1;
     std::int32_t coarse_ = 0;

@@ -4,10 +4,11 @@
 //     x_k = h^alpha (f x_{k-1} + u_{k-1}) - sum_{j=1}^{L(k)} c_j(alpha) x_{k-j} + noise of variance Q
 //     y_k = x_k + noise of variance R
 //
-// T is float, double or a pack of lanes. Every lane takes the same path, so lanes cannot influence each
-// other. The order of operations is that of host/fltea/lab/reference/filters.py, so that results agree to
-// rounding. Compile with -ffp-contract=off: otherwise a multiply-add may be fused in one place and not in
-// another, and guarded and printed results would differ.
+// T is float, double, or a pack of several lanes; a lane is one axis. All lanes run through the same
+// operations without branches, so one lane cannot influence another. The order of operations is that of
+// host/fltea/lab/reference/filters.py, so that results agree to rounding. Compile with -ffp-contract=off:
+// otherwise a multiply-add may be fused in one place and not in another, and the filters with a guard and
+// without it would differ in their last digits.
 #pragma once
 
 #include "guard.hpp"
@@ -17,7 +18,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// One sample of every lane. `missing` lanes have no measurement, and their y is ignored.
+// One sample of every lane. A lane that is marked in `missing` has no measurement, and its y is ignored.
 template <class T>
 struct Sample {
     T y;  // y_k, deg/s
@@ -26,20 +27,22 @@ struct Sample {
 };
 
 // All settings of a lane's filters. Units: y in deg/s, h in s, f in s^-alpha; variances in the squares of
-// these.
+// these units. KFx filters the state, KFo the order alpha, KFw the parameter f.
 template <class T>
 struct Tuning {
     T log_h;
-    T x0, P0, Q, R;                // KFx; Q is the variance of a whole step, including h^2alpha
-    T alpha0, order_P0, order_Q0;  // KFo
+    T x0, P0, Q, R;                // of KFx; Q is the variance of a whole step, including the factor h^2alpha
+    T alpha0, order_P0, order_Q0;  // of KFo
     T order_R, order_delta;
-    T f0, parameter_P0, parameter_Q0;  // KFw; for the joint filter g0 = h^alpha0 f0 and its variances
+    // of KFw; the joint filter has g0 = h^alpha0 f0 here, and its variances
+    T f0, parameter_P0, parameter_Q0;
     T parameter_R, parameter_delta;
-    T gate;  // of the guard [standard deviations]
+    T gate;  // limit of the guard for innovations [standard deviations]
 };
 
-// x and P are those of the last sample, V is its sum of weighted past variances. `reach` limits predictions:
-// it includes the largest |y|, the inputs during gaps, and the uncertainty of x at the start.
+// The state x, its variance P and V, the weighted sum of past variances, all at the last sample. `reach`
+// limits predictions: it is the largest |y| so far, plus the inputs during gaps and the uncertainty of x at
+// the start.
 template <class T>
 struct StateBelief {
     T x, P, V, reach;
@@ -57,17 +60,18 @@ struct Estimate {
 };
 
 // The next estimate of a random walk after one measurement (sections 5.1 and 5.3). `Y`: the outputs that the
-// model predicts at the sigma points; `R`: the measurement noise; `delta`: the forgetting factor with which Q
-// follows the corrections (Robbins-Monro); `cause`: the cause that is counted if a gate softens the update.
+// model predicts at the sigma points; `R`: the variance of the measurement noise; `delta`: the forgetting
+// factor with which Q follows the corrections (Robbins-Monro); `cause`: the cause that the guard counts if
+// its limit for large innovations weakens the update.
 template <class T>
 struct Update {
     T correction;  // K e
     T P;
 };
 
-// Returns point - mean, where the point was computed as mean + step and perhaps clipped. The difference
-// itself would contain the rounding of that sum, and would make the variances drift, in float by a third
-// within a million samples.
+// Returns point - mean, where the point was computed as mean + step and perhaps clipped. A subtraction would
+// contain the rounding error of that sum. The variances would then drift, in float by a third within a
+// million samples.
 template <class T>
 T deviation(T point, T mean, T step) {
     return select(point == mean + step, step, point - mean);
@@ -86,7 +90,7 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     const T spread = dy0 * wy0 + dy1 * wy1 + dy2 * wy2;
     R = guards.gated_noise(R, spread + R, e, gate, cause);
     const T K = (dx1 * wy1 + dx2 * wy2) / (spread + R);
-    // Equal to the printed P - K Pyy K, except that rounding cannot make it negative.
+    // Equal to the paper's P - K Pyy K, except that rounding cannot make this form negative.
     const T left0 = -(dy0 * K), left1 = dx1 - dy1 * K, left2 = dx2 - dy2 * K;
     Update<T> update;
     update.correction = K * e;
@@ -94,7 +98,7 @@ Update<T> unscented_update(T mean, T step, const T (&points)[3], const T (&Y)[3]
     return update;
 }
 
-// Sets the sigma points of one dimension (n + lambda = 3): mean and mean -+ sqrt(3 P). Returns the root.
+// Sets the sigma points of one dimension (n + lambda = 3): mean and mean -+ sqrt(3 P). Returns sqrt(3 P).
 template <class T>
 T sigma_points(T mean, T P, T (&points)[3]) {
     const T root = sqrt(P) * T(1.7320508075688772);
@@ -104,14 +108,15 @@ T sigma_points(T mean, T P, T (&points)[3]) {
     return root;
 }
 
-// Q of the random walk after a correction.
+// The random walk's variance Q, adapted to the correction that was just made.
 template <class T>
 T adapted(T Q, T delta, T correction) {
     return (T(1) - delta) * Q + delta * (correction * correction);
 }
 
-// Whether a memory notes orders that it does not support. Most memories need not: they support all orders, or
-// all within the guard's bounds (memory_fixed.hpp). memory_compressed.hpp clips orders.
+// Whether a memory computes every order that the filters ask for. Most memories do: they support all orders,
+// or all orders within the guard's bounds (memory_fixed.hpp). memory_compressed.hpp replaces orders beyond
+// its range, which is counted.
 template <class T>
 class CompressedMemory;
 template <class Memory>
@@ -123,8 +128,8 @@ struct AnyOrder<CompressedMemory<T>> {
     static constexpr bool value = false;
 };
 
-// Notes that the memory uses another order instead of `order`. `lowest`: the lowest order of the requested
-// sums.
+// Counts the lanes in which the memory replaces `order`, because it is out of the memory's range. `lowest`:
+// the lowest order for which the requested sums can be computed.
 template <class Memory, class T>
 void note_order(T order, T lowest, Guards<T>& guards) {
     typedef Real<T> R;
@@ -147,8 +152,8 @@ Prediction<T> predict_state(const StateBelief<T>& state, T alpha, T beta, T rate
     return prediction;
 }
 
-// Measurement update of KFx (section 5.2), and its report. With a missing sample, the prediction stays.
-// `drive`: h^alpha u, by which a prediction may exceed what was measured.
+// Measurement update of KFx (section 5.2), which also returns the results. If the sample is missing, the
+// state is the prediction. `drive`: h^alpha u, the input, by which a prediction may exceed what was measured.
 template <class T>
 void update_state(StateBelief<T>& state, Prediction<T> at, T V, T drive, const Sample<T>& sample,
                   const Tuning<T>& p, Guards<T>& guards, Estimate<T>& out) {
@@ -193,8 +198,8 @@ struct Triple {
         guards.consider(!missing);
         const T order_P = guards.order_variance(order.P + order.Q);
         const Walk<T> moved = order_filter(memory, sample, p, guards, order_P);
-        // Q is the change of the order by a measurement, so a missing sample leaves the random walk
-        // unchanged.
+        // Q is the change of the order from one measurement to the next, so a missing sample leaves the
+        // random walk unchanged.
         order.mean = select(missing, order.mean, moved.mean);
         order.P = select(missing, order.P, moved.P);
         order.Q = select(missing, order.Q, moved.Q);
@@ -206,8 +211,8 @@ struct Triple {
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
-        V = max(V, T(0));  // rounding can make a compressed sum slightly negative
-        // KFx uses the parameter estimate from before this sample.
+        V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
+        // KFx uses the estimate of the parameter as it was before this sample.
         const T f = guards.parameter(parameter.mean, alpha, scale);
         const T rate = gain * (f * state.x + sample.u);
         const Prediction<T> at = predict_state(state, alpha, gain * f, rate, past, V, p.Q);
@@ -252,8 +257,8 @@ struct Triple {
             const T f = guards.parameter(parameter.mean, points[i], scale);
             Y[i] = gain * (f * state.x + sample.u) - past[i];
             if (i == 0 && guards.consistent()) {
-                // The variance of what the filter treats as exact: the previous state, its noise and its
-                // past.
+                // Variance of the quantities that the paper's filter treats as exact: the previous state, the
+                // noise of its step and its past.
                 const T F = gain * f + order.mean;
                 R = R + (F * state.P * F + p.Q + state.V);
             }
@@ -269,8 +274,7 @@ struct Triple {
         return moved;
     }
 
-    // The correction from which Q is adapted: the one that was made, not the part that the guard's bounds
-    // undid.
+    // Q is adapted from the correction that remained after the guard's bounds.
     static T learnt(T correction, T proposed, T made, T before) {
         return select(made == proposed, correction, made - before);
     }

@@ -1,5 +1,5 @@
-// The bins of an integer running spectrum, for a fit on the device. They are made step by step, so that
-// nothing has to wait for them.
+// The bins of the board's running spectrum (count_spectrum.hpp), for a fit on the device. A bin is an average
+// of neighbouring spectral lines. Bins are made in small steps, so that sampling never has to wait.
 #ifndef FLTEA_FIT_BINS_HPP
 #define FLTEA_FIT_BINS_HPP
 
@@ -15,8 +15,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Bins are averages of neighbouring spectral lines, at least two in Welch levels, about 8 % wide, in squared
-// counts.
+// Bins in squared counts, each about 8 % wide in frequency. In an octave with Welch sums, a bin contains at
+// least two spectral lines.
 template <class Spectrum, int kMost = 176>
 class FitBins {
     typedef typename Spectrum::Ladder Ladder;
@@ -27,18 +27,18 @@ class FitBins {
     FitBins() : size_(0), ordinates_(0), stage_(kDone), stretch_(0), line_(0) {}
 
     int size() const { return size_; }
-    // Effective number of ordinates in all bins.
+    // Effective number of independent periodogram ordinates in all bins.
     float ordinates() const { return ordinates_; }
-    // Mean power per ordinate.
+    // Mean power of an ordinate.
     float mean_power() const { return sum_ / ordinates_; }
     float lam(int i) const { return lam_[i]; }
     float counts(int i) const { return counts_[i]; }
     float power(int i) const { return power_[i]; }
     float ln_size(int i) const { return ln_size_[i]; }
-    // Number of bins for which there was no room.
+    // Number of bins that were omitted because the array was full.
     int left_out() const { return left_out_; }
 
-    // Starts with a spectrum, which must not change until all steps are done.
+    // Begins to make the bins of `spectrum`, which must not change until step() has returned true.
     void begin() {
         size_ = left_out_ = 0;
         ordinates_ = sum_ = 0;
@@ -48,9 +48,10 @@ class FitBins {
         open_ = Open();
     }
 
-    // Returns true when all bins are complete. A step processes one octave, from the highest down; then the
-    // preparation of a complete stretch, or one ordinate of it. If there are many stretches and too little
-    // room, the lowest frequencies of the last stretches are omitted.
+    // Returns true when all bins are complete. A step first processes one octave of Welch sums, from the
+    // highest frequencies down. Later steps prepare one of the stretches whose samples are kept, or compute
+    // one ordinate of such a stretch. If there are too many stretches for the array, the lowest frequencies
+    // of the last ones are omitted.
     bool step(const Spectrum& spectrum) {
         const Ladder& ladder = spectrum.ladder();
         const int depth = ladder.depth();
@@ -75,7 +76,7 @@ class FitBins {
   private:
     enum Stage { kWhole, kWelch, kDone };
 
-    // The bin that is being filled.
+    // The bin to which spectral lines are being added.
     struct Open {
         float begin, lam, weight, power;
         int lines;
@@ -103,7 +104,8 @@ class FitBins {
             line_ = kLowest;
             return;
         }
-        // The last ordinate: below the octave above, or below the Nyquist frequency.
+        // The highest ordinate to compute: just below the lowest frequency of the octave above, or below the
+        // Nyquist frequency.
         const int last = depth == 0 ? (n - 1) / 2 : ((2 * kFirst - 1) * n - 1) / kBlock;
         if (line_ > last) {
             close();
@@ -122,8 +124,8 @@ class FitBins {
         float power[Ladder::kTopLines], blocks = 0, effective = 0;
         spectrum.ladder().sums(level, 0, power, &blocks, &effective);
         if (!(blocks > 0)) return;
-        // Number of Hann-window lines that are equivalent to one independent line; larger where blocks
-        // overlap by half.
+        // Each line counts as `weight` independent ordinates: neighbouring lines under Hann's window are
+        // correlated, and so are blocks that overlap by half.
         const float weight = blocks / (1.0f + 17.0f / 18.0f + 2.0f / 12.0f * (1.0f - 1.0f / blocks));
         const float scale = two_to(spectrum.exponent(level) + level) / (96.0f * blocks);
         const float step = kTurn / static_cast<float>(kBlock) * two_to(-level);
@@ -165,7 +167,7 @@ class FitBins {
     int size_, left_out_ = 0;
     float ordinates_, sum_ = 0;
     Stage stage_;
-    int stretch_, line_;  // `stretch_`: of the whole level; before that level, the octave
+    int stretch_, line_;  // `stretch_`: the stretch of kept samples; before these, the octave
     Open open_;
     WholeLines<kCapacity> lines_;
 };

@@ -8,37 +8,40 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Verdict of the fit on the fractional model and on the noise.
+// What the fit says about the kind of the noise.
 enum class Verdict : int {
-    none,        // no fit yet, or nothing to fit
-    white,       // white noise is not rejected
-    fractional,  // white noise is rejected, and AR(1) is worse by more than 6 in 2 log L
-    relaxation,  // white noise is rejected, and AR(1) describes the noise as well
+    none,   // no fit yet, or nothing to fit
+    white,  // white noise is not rejected
+    // white noise is rejected, and AR(1) is worse than the fractional model by more than 6 in 2 log L
+    fractional,
+    relaxation,  // white noise is rejected, and AR(1) describes the noise as well as the fractional model
 };
 
 struct FitFigures {
     Verdict verdict;
-    // For white noise all of them are 0, except R and those of the relaxation. alpha_std: α ± 1.96 alpha_std
-    // contains the 95 % interval of the likelihood; 0 if it is not known.
+    // The figures of a fit. For white noise all figures are 0, except R and those of the relaxation. α ± 1.96
+    // alpha_std contains the 95 % interval of the likelihood; alpha_std is 0 if the interval is not known.
     float alpha, alpha_std;
     float g;            // h^α f
     float s2, R;        // in the squared unit of the bins' powers
-    float ratio_white;  // 2 log L of orders up to 1, relative to white noise
-    float ratio_ar1;    // 2 log L of the fractional model, relative to AR(1)
-    // The relaxation: 1 - φ, its variance, and the variance of the white noise that goes with it.
+    float ratio_white;  // 2 log L of the best order up to 1, minus that of white noise
+    float ratio_ar1;    // 2 log L of the fractional model, minus that of AR(1)
+    // The best relaxation in white noise: 1 - φ, the variance of the relaxation, and the variance of the
+    // white noise.
     float relaxation_fall, relaxation_variance, relaxation_R;
     float ordinates;
-    bool alpha_defined;  // the interval of α is clearly shorter than the whole range
+    bool alpha_defined;  // the interval of α is clearly shorter than the range of all orders
 };
 
 template <class Bins>
 class SlicedFit;
 
-// State of an axis that is kept between fits: the answers, where the next fit starts, and the progress of its
-// repeated grid searches.
+// What is kept of an axis between fits: the last answers, from which the next fit starts, and the progress of
+// the grid searches that are repeated from time to time.
 class FitMemory {
   public:
-    // `turn`: which of twelve fits repeats the grid search, so that several axes do so in different rounds.
+    // `turn`: every twelfth fit of an axis repeats the grid search; axes with different `turn` do so in
+    // different rounds of fits.
     explicit FitMemory(int turn = 0) : figures_(), fitted_ordinates_(0), turn_(turn) {
         for (Answer& one : answers_) {
             one.known = false;
@@ -58,12 +61,12 @@ class FitMemory {
         float theta[3];
         float nll, scale;
         bool known;
-        unsigned char look;  // next point of the grid to test
+        unsigned char look;  // index of the grid point to test next
     };
     void note_relaxation(float unit) {
         const Answer& answer = answers_[kRelaxation];
         if (!answer.known) return;
-        // The logit is negated, because near 0 the small share has full precision.
+        // Negating the logit gives 1 minus the share. This is precise even where the share is close to 1.
         const float fall = 2.0f * Share<float>(-answer.theta[0]).value, power = answer.scale * unit;
         figures_.relaxation_fall = fall;
         figures_.relaxation_variance = Share<float>(answer.theta[1]).value * power / (fall * (2.0f - fall));

@@ -11,7 +11,7 @@ namespace fltea {
 namespace engine {
 namespace fixed {
 
-// a b, in 2^-30 of the product of the units.
+// The product a b, in 2^-30 of the product of the units of a and b.
 inline std::int32_t product30(std::int32_t a, std::int32_t b) {
     return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * b) >> 30);
 }
@@ -24,7 +24,7 @@ inline std::int64_t product30(std::int64_t a, std::int32_t b) {
     return above * 4 + (below >> 30);
 }
 
-// Largest count.
+// Largest count that fits.
 constexpr std::int32_t kLargest = (1 << 29) - 1;
 
 // Converts x to counts of 2^exponent: rounded to the nearest, at most kLargest.
@@ -45,7 +45,7 @@ inline std::int32_t from_float(float x, int exponent) {
     return bits >> 31 ? -count : count;
 }
 
-// count 2^exponent as a float; 0 if float cannot hold it.
+// `count`, multiplied by 2^exponent, as a float; 0 if a float cannot hold it.
 inline float to_float(std::int64_t count, int exponent) {
     if (count == 0) return 0;
     std::uint64_t m = static_cast<std::uint64_t>(count < 0 ? -count : count);
@@ -53,7 +53,7 @@ inline float to_float(std::int64_t count, int exponent) {
     m <<= places;
     const int biased = exponent + 63 - places + 127;
     if (biased < 1 || biased > 253) return 0;
-    // Rounded at the 24th bit. A carry increments the exponent.
+    // The count is rounded to 24 bits. A carry of the rounding increments the exponent.
     const std::uint32_t top = static_cast<std::uint32_t>(m >> 32);
     std::uint32_t bits =
         (static_cast<std::uint32_t>(biased) << 23) - 0x800000 + ((top >> 8) + (top >> 7 & 1));
@@ -63,13 +63,13 @@ inline float to_float(std::int64_t count, int exponent) {
     return x;
 }
 
-// The number m 2^n.
+// A number, represented as m 2^n.
 struct Power {
     std::int32_t m;  // in 2^-30, between 0.7 and 1.42
     int n;
 };
 
-// 2^y, y in 2^-26. The error is 1e-8.
+// 2^y, where y is in 2^-26. The error is 1e-8.
 inline Power power_of_two(std::int32_t y) {
     static const std::int32_t series[] = {// (ln 2)^k / k!, in 2^-30
                                           16377, 165394, 1431680, 10327387, 59597083, 257941248, 744261118};
@@ -82,10 +82,10 @@ inline Power power_of_two(std::int32_t y) {
     return power;
 }
 
-// sin(pi a) in 2^-30, a in 2^-28. The error is 1e-8; exactly 0 at integers.
+// sin(pi a) in 2^-30, where a is in 2^-28. The error is 1e-8. At integers the result is exactly 0.
 inline std::int32_t sin_pi(std::int32_t a) {
     static const std::int32_t series[] = {
-        // Series of the sine, in 2^-28.
+        // Coefficients of the series of the sine, in 2^-28.
         125172, -1978485, 22050869, -160863847, 684554447, -1387197337, 843314857};
     const std::int32_t whole = (a + (1 << 27)) >> 28;
     const std::int32_t r = (a - whole * (1 << 28)) * 4;

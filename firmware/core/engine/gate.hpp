@@ -1,20 +1,24 @@
-// Decides which samples of an axis show its noise, and where their stream has breaks.
+// Decides which samples of an axis show its noise, and where their stream has breaks. The running level below
+// is the running mean of the variance of accepted chunks.
 //
 // Samples are judged in consecutive chunks of 128.
 //
-// A chunk is a knock, and left out, in two cases: its power about its own mean, without the largest sample,
-// is sixteen times the running level; or its largest sample is a hundred deviations away. Noise alone exceeds
-// these limits rarely: Student's t with four degrees of freedom in one sample of 10^8, a random walk in one
-// chunk of 10^6. After eight consecutive knocks, their level becomes the running level.
+// A chunk is called a knock and left out in two cases: its power about its own mean, without the largest
+// sample, exceeds sixteen times the running level; or its largest sample is more than a hundred standard
+// deviations away from that mean. Noise alone exceeds these limits rarely: Student's t with four degrees of
+// freedom in one sample of 10^8, a random walk in one chunk of 10^6. After eight consecutive knocks, the
+// variance of these chunks becomes the running level.
 //
-// Single samples of an accepted chunk are limited to twelve deviations of the running level from its mean.
-// Otherwise a few large samples close together would dominate the whole spectrum with their own shape.
+// Single samples of an accepted chunk are limited to the chunk's mean ± twelve standard deviations of the
+// running level. Otherwise a few large samples close together would dominate the whole spectrum with their
+// own shape.
 //
 // A chunk is also left out as a step of the offset, if its mean differs from that of the previous chunk by
-// more than the running level of such differences allows: the step may lie within the chunk.
+// much more than such differences usually do. The whole chunk is left out, because the step may lie within
+// it.
 //
-// Up to eight lost samples are bridged by a straight line, at most one in a thousand. Longer gaps are a
-// break.
+// Gaps of up to eight lost samples are filled by a straight line, as long as that concerns at most one sample
+// in a thousand. Other gaps are a break of the stream.
 #pragma once
 
 #include <cstddef>
@@ -28,15 +32,15 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 struct GateCounts {
-    std::uint64_t taken;    // samples that came
+    std::uint64_t taken;    // samples that were received
     std::uint64_t used;     // samples that were accepted
-    std::uint64_t bridged;  // lost samples that were bridged
+    std::uint64_t bridged;  // lost samples that were filled in
     std::uint64_t lost;     // all lost samples
     std::uint64_t gaps;     // breaks because of lost samples
     std::uint64_t knocks;   // chunks with knocks
     std::uint64_t knocked;  // samples left out because of knocks and steps
     std::uint64_t steps;
-    std::uint64_t changes;  // changes of the level
+    std::uint64_t changes;  // times that knocks became the running level
     std::uint64_t limited;  // samples that were limited
 };
 
@@ -47,7 +51,8 @@ class Gate {
 
   public:
     enum { kChunk = 128, kLongestBridge = 8, kKnocksToChange = 8, kRunning = 256, kFewestJumps = 16 };
-    // Limits of the power of a chunk and of a sample, relative to the running level.
+    // Limits relative to the running level: of the power of a chunk (kKnock), of the square of a sample
+    // (kSpike), and the square at which a sample is clipped (kLimit).
     enum { kKnock = 16, kSpike = 10000, kLimit = 144 };
 
     Gate()
@@ -76,11 +81,12 @@ class Gate {
     const GateCounts& counts() const { return counts_; }
     // Number of the next sample, counting lost ones.
     std::uint64_t number() const { return number_ + std::uint64_t(fill_) + missing_; }
-    // Whether all samples so far were the same.
+    // Whether all samples so far were equal.
     bool constant() const { return counts_.taken > 0 && !changed_; }
 
-    // Adds samples y[i * stride], which are finite and within 1e100. Calls sink.accept(values, n, number of
-    // the first, made_up[n]) and sink.cut() meanwhile.
+    // Adds the n samples y[i * stride], which must be finite and within ±1e100. When a chunk is accepted,
+    // calls sink.accept(values, n, number of the first value, made_up[n]); at a break of the stream, calls
+    // sink.cut().
     template <typename Sink>
     void add(const Input* y, std::size_t n, std::size_t stride, Sink& sink) {
         while (n > 0) {
@@ -105,8 +111,8 @@ class Gate {
         counts_.lost += count;
     }
 
-    // Leaves out `count` samples, together with those that wait for their chunk to be complete. Returns the
-    // number of the latter.
+    // Leaves out the next `count` samples, and also the samples of the incomplete chunk. Returns how many
+    // samples that chunk had.
     template <typename Sink>
     std::uint64_t leave_out(std::uint64_t count, Sink& sink) {
         const std::uint64_t waiting = std::uint64_t(fill_ - bridged_);
@@ -121,14 +127,14 @@ class Gate {
         return waiting;
     }
 
-    // Passes on the samples that wait for their chunk to be complete, and ends the stretch with a break.
+    // Judges the incomplete chunk, and ends the stream of samples here with a break.
     template <typename Sink>
     void finish(Sink& sink) {
         if (fill_ > 0) hand_on(sink);
         end_stretch(sink);
     }
 
-    // Merges a later gate. Both have to be finished.
+    // Merges the gate of a later part of the stream into this one. finish() has to be called on both before.
     void merge(const Gate& other) {
         number_ = number() + other.number();
         missing_ = 0;
@@ -177,7 +183,7 @@ class Gate {
         io.real(knocks_level_, 0, 1e203);
         io.number(jumps_, 0, kRunning);
         io.real(jumps_level_, 0, 1e203);
-        // A snapshot contains no infinite numbers.
+        // A snapshot must not contain infinite numbers.
         Real resolution = resolution_ < infinity() ? resolution_ : Real(0);
         io.real(resolution, 0, 1e101);
         resolution_ = resolution > 0 ? resolution : infinity();
@@ -199,7 +205,7 @@ class Gate {
 
     static std::uint64_t* fields(GateCounts& counts) { return &counts.taken; }
     static int least(int a, int b) { return a < b ? a : b; }
-    // Not from <limits>, because the Arduino core's macros min and max break its names.
+    // Does not use <limits>, because the macros min and max of the Arduino core break the names in it.
     static Real infinity() { return Real(__builtin_inff()); }
 
     void note_change(const Input* y, int n) {
@@ -210,7 +216,7 @@ class Gate {
         }
     }
 
-    // Handles the gap of lost samples before `next`.
+    // Fills the gap of lost samples before `next`, or makes a break of it.
     template <typename Sink>
     void end_gap(Input next, Sink& sink) {
         const std::uint64_t missing = missing_;
@@ -234,7 +240,7 @@ class Gate {
             ++bridged_;
             ++counts_.bridged;
             if (fill_ == kChunk) hand_on(sink);
-            if (!has_last_) {  // the first part of the bridge was left out
+            if (!has_last_) {  // the chunk with the beginning of the gap was left out
                 number_ += missing - i;
                 return;
             }
@@ -263,7 +269,7 @@ class Gate {
         fill_ = bridged_ = 0;
     }
 
-    // Judges the chunk. An incomplete chunk is judged as if it continued without noise.
+    // Whether the chunk is accepted. An incomplete chunk is judged as if its missing samples had no noise.
     bool belongs() {
         const typename Kind::Moments moments(chunk_, fill_);
         const Real mean = moments.mean(), power = moments.power(), largest = moments.largest();
@@ -271,7 +277,8 @@ class Gate {
             const Real change = Kind::least_change(chunk_, fill_);
             if (change > 0 && change < resolution_) resolution_ = change;
         }
-        // Rounding to the resolution causes at least this noise, even while hardly any sample changes.
+        // The variance that rounding to the resolution causes. The noise is at least that large, even while
+        // hardly any sample changes.
         const Real rounding = resolution_ < infinity() ? resolution_ * resolution_ / 12 : Real(0);
         const bool whole = fill_ == kChunk;
         const Real variance = fill_ > 1 ? power / Real(fill_ - 1) : Real(0);
@@ -314,9 +321,10 @@ class Gate {
         ++counts_.changes;
     }
 
-    // Whether the mean has stepped from one chunk to the next: compares the jump with the running power of
-    // earlier jumps. While few jumps are known, a larger jump is required. A step counts in the running power
-    // as at most the largest jump that is no step, so that the power follows noise that changes.
+    // Whether the mean has stepped from one chunk to the next. `jump`, the difference of the two means, is
+    // compared with the running power of earlier jumps. While few jumps are known, only a larger jump is a
+    // step. A step enters the running power as the largest jump that is not yet a step, so that the power can
+    // follow noise that grows.
     bool is_step(Real jump, Real rounding) {
         const Real level = jumps_level_ > rounding ? jumps_level_ : rounding;
         const Real deviations = jumps_ > 0 ? Real(5.5) * (1 + Real(8) / Real(jumps_)) : Real(0);
@@ -332,19 +340,20 @@ class Gate {
     Input chunk_[kChunk];
     unsigned char made_up_[kChunk];
     int fill_;
-    // `number_`: sample number of chunk_[0]; `missing_`: lost samples that are not handled yet
+    // `number_`: sample number of chunk_[0]; `missing_`: number of lost samples for which nothing was done
+    // yet
     std::uint64_t number_, missing_;
     int bridged_, has_last_, has_mean_, credit_;
     Input last_;
-    Real mean_;   // newest sample of the stretch; mean of its newest chunk
-    Real level_;  // variance of a chunk; `chunks_`: number of chunks it is averaged over
+    Real mean_;   // last_: newest sample of the stretch; mean_: mean of its newest chunk
+    Real level_;  // mean variance of a chunk, over `chunks_` chunks
     int chunks_;
-    int knocks_;  // consecutive knocks, and their level
+    int knocks_;  // consecutive knocks, and the mean of their variances
     Real knocks_level_;
     int jumps_;
     Real jumps_level_;
-    Real resolution_;  // smallest change from sample to sample
-    Input value_;      // the first sample
+    Real resolution_;  // smallest nonzero change from one sample to the next
+    Input value_;      // first sample of all
     int changed_;
     GateCounts counts_;
 };

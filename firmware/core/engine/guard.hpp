@@ -14,22 +14,25 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 enum class Guard : int {
-    off = 0,        // the printed algorithm; it may diverge
-    faithful = 1,   // the printed algorithm within bounds: innovation gates, box, state bound
-    consistent = 2  // the same, and KFo and KFw also count the state's own variance
+    off = 0,        // the algorithm as printed in the paper; it may diverge
+    faithful = 1,   // the printed algorithm, with limits on innovations, estimates and state
+    consistent = 2  // as faithful, but KFo and KFw also count the state's own variance
 };
 
-// Why an estimate differs from the printed algorithm. A cause is counted at most once per sample and lane.
+// Why an estimate differs from that of the printed algorithm. A cause is counted at most once per sample and
+// lane (axis).
 enum Cause : int {
     kOrderBox = 0,           // the order left [0, 2]
     kOrderSigma = 1,         // a sigma point of the order left [-1/2, 5/2]
     kOrderVariance = 2,      // the order's predicted variance exceeded 1/3
     kOrderGate = 3,          // the innovation of the order filter exceeded its gate
-    kParameterBox = 4,       // beta left its bounds at an order at which f was stored or used
+    kParameterBox = 4,       // beta left its bounds at the order at which f was stored or used
     kParameterVariance = 5,  // the variance of beta exceeded a third of the square of its range
-    kParameterGate = 6,      // as kOrderGate, for the parameter filter
-    kStateBound = 7,   // the state's innovation exceeded 4 sigma, or a prediction left all that was seen
-    kMemoryOrder = 8,  // the compressed memory was asked for an order beyond its range (any guard)
+    kParameterGate = 6,      // the innovation of the parameter filter exceeded its gate
+    // the state's innovation exceeded 4 sigma, or a prediction exceeded ten times all samples
+    kStateBound = 7,
+    // the compressed memory was asked for an order beyond its range (also if the guard is off)
+    kMemoryOrder = 8,
     kCauses = 9
 };
 
@@ -50,28 +53,29 @@ class Guards {
     bool active() const { return mode_ != Guard::off; }
     bool consistent() const { return mode_ == Guard::consistent; }
 
-    // From here on, interventions are counted only for lanes in `mask`; the results of the other lanes are
-    // not used.
+    // From this call on, interventions are counted only for the lanes in `mask`, because the results of the
+    // other lanes are not used.
     void consider(Mask mask) { considered_ = mask; }
 
     void note(Cause cause, Mask mask) { hit_[cause] = hit_[cause] | (mask & considered_); }
 
-    // Adds the interventions of this step to the lanes' counters `count`, kCauses of them.
+    // Adds the interventions of this step to the counters `count` of all lanes: one counter for each of the
+    // kCauses causes.
     void finish(T* count) const {
         for (int i = 0; i < kCauses; ++i) count[i] = count[i] + select(hit_[i], T(1), T(0));
     }
 
     T order(T alpha) { return active() ? clip(alpha, T(0), T(2), kOrderBox) : alpha; }
 
-    // Half an order beyond the bounds. Sigma points clipped at the bounds themselves would bias the mean
-    // inwards.
+    // Limits a sigma point of the order, at half an order beyond the bounds of the order. Clipping sigma
+    // points at the bounds themselves would pull their mean inwards.
     T order_point(T alpha) { return active() ? clip(alpha, T(-0.5), T(2.5), kOrderSigma) : alpha; }
 
     // A variance of 1/3 puts the sigma points one order away from the mean.
     T order_variance(T P) { return active() ? limit(P, T(1.0 / 3.0), kOrderVariance) : P; }
 
-    // Limits f so that beta = h^alpha f stays within its bounds at order alpha. `scale`: h^alpha and its
-    // reciprocal.
+    // Limits f so that beta = h^alpha f stays within its bounds at the order `alpha`. `scale`: h^alpha and
+    // its reciprocal.
     T parameter(T f, T alpha, const Powers<T>& scale) {
         if (!active()) return f;
         const T beta = scale.up * f;
@@ -88,8 +92,8 @@ class Guards {
         return clip(beta, lowest_beta(alpha), T(1), kParameterBox);
     }
 
-    // Limits the variance of f = beta * unit, so that the sigma points of beta are at most one range away
-    // from the mean.
+    // Limits the variance of f = beta * unit, so that the distance of the sigma points of beta from their
+    // mean is at most the whole range of beta.
     T parameter_variance(T P, T alpha, T unit) {
         if (!active()) return P;
         if (Lanes<T>::count == 1 && all((alpha >= T(0)) & (P <= T(3) * (unit * unit)))) return P;
@@ -117,8 +121,8 @@ class Guards {
         return select(beyond, e2 * T(1.0 / 16.0) - R, P);
     }
 
-    // Limits a prediction to ten times what was seen before, because without measurements nothing else bounds
-    // it.
+    // Limits a prediction to ten times the largest sample before, because nothing else bounds it while no
+    // measurements come.
     void prediction(T& x, T& P, T reach) {
         if (!active()) return;
         const T most = T(10) * reach;
@@ -127,8 +131,8 @@ class Guards {
     }
 
   private:
-    // Single numbers avoid the exponential where it does not matter: lowest_beta() is at most -2 from order 0
-    // on.
+    // For plain numbers, the exponential of lowest_beta() is computed only where it matters: from order 0 on,
+    // the lowest beta is at most -2.
     static bool plainly_within(T beta, T alpha) {
         return Lanes<T>::count == 1 && all((alpha >= T(0)) & (beta >= T(-2)) & (beta <= T(1)));
     }

@@ -1,8 +1,9 @@
-// Halves the rate of a stream: a half-band low-pass filter of 31 taps (Kaiser 8), of whose output every
-// second sample is kept.
+// Halves the rate of a stream: a half-band low-pass filter of 31 taps (Kaiser window, β = 8), followed by the
+// removal of every second sample.
 //
-// Kind, here and in the other parts of a running spectrum: the number types of the computation
-// (count_spectrum.hpp for integers, host/native/real_spectrum.hpp for floating point).
+// Here and in the other files of the running spectrum, the template parameter Kind stands for the number
+// types of the computation: those of count_spectrum.hpp for integers, or of host/native/real_spectrum.hpp for
+// floating point.
 #pragma once
 
 #include <cstddef>
@@ -13,17 +14,18 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Aliasing onto frequencies below 0.35 of the Nyquist frequency is less than 5e-6 of the power.
+// The filter. Onto frequencies below 0.35 of the Nyquist frequency, less than 5e-6 of the power is aliased.
 template <typename Kind>
 struct HalfBand {
     typedef typename Kind::Value Value;
     typedef typename Kind::Sum Sum;
     typedef typename Kind::Coefficient Coefficient;
 
-    // An output needs the newest sample and kReach samples before it. It replaces the sample in the middle.
+    // An output is computed from a sample and the kReach samples before it. It stands for the sample in the
+    // middle of them.
     enum { kReach = 30, kDelay = 15, kMost = 128, kTaps = 8 };
 
-    // Taps of the middle, and of the distances 15, 13, ... 1 from it. All other taps are 0.
+    // The middle tap, and the taps at the distances 15, 13, ... 1 from it. All other taps are 0.
     static Coefficient middle() { return Kind::coefficient(0.49998341447554523); }
     static Coefficient tap(int k) {
         static const Coefficient taps[kTaps] = {
@@ -34,10 +36,10 @@ struct HalfBand {
         return taps[k];
     }
 
-    // Computes the outputs whose newest sample has an even index in [from, to) of x. x begins at the
-    // beginning of the stretch, or an even number of samples later; to - from is at most kMost. Returns the
-    // number of outputs. The first output's newest sample is at first_place(from). `level`: the level of x,
-    // which determines the units of x and of the outputs.
+    // Computes those outputs whose newest sample has an even index in [from, to) of x, and returns their
+    // number. x begins at the first sample of the stretch, or an even number of samples later; to - from is
+    // at most kMost. The newest sample of the first output has the index first_place(from). `level`: the
+    // level of x in the running spectrum, which determines the units of x and of the outputs.
     template <typename Stored>
     static int run(const Stored* x, int from, int to, int level, Value* out) {
         const int first = first_place(from), outputs = to > first ? (to - first + 1) / 2 : 0;

@@ -1,8 +1,9 @@
 // The joint variant: one unscented filter on (alpha, beta), beta = h^alpha f, replaces KFo and KFw.
 //
 // Two separate filters ignore the correlation of alpha and f, so they stop before they reach the true values.
-// And f, whose scale follows h^-alpha, diverges when alpha moves. One filter on (alpha, beta) has neither
-// problem. Its noise R is by default that of the state's step plus that of the measurement (Q + R).
+// And f, which is proportional to h^-alpha, diverges when alpha moves. One filter on (alpha, beta) has
+// neither problem. By default, its measurement variance is the variance of the state's step plus that of the
+// measurement (Q + R).
 #pragma once
 
 #include "filters.hpp"
@@ -11,7 +12,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Symmetric 2 x 2 matrix of (alpha, beta).
+// Covariance of (alpha, beta), a symmetric 2 x 2 matrix.
 template <class T>
 struct Covariance {
     T aa, ab, bb;
@@ -46,7 +47,7 @@ struct Joint {
         note_order<Memory>(alpha, T(Real<T>(kLowestVarianceOrder)), guards);
         T past, V;
         memory.sums(alpha, past, V);
-        V = max(V, T(0));  // rounding can make a compressed sum slightly negative
+        V = max(V, T(0));  // rounding can make the sum of a compressed memory slightly negative
         const Prediction<T> at = predict_state(state, alpha, beta, beta * state.x + drive, past, V, p.Q);
         update_state(state, at, V, drive, sample, p, guards, out);
         out.alpha = alpha;
@@ -76,7 +77,7 @@ struct Joint {
         const T root3 = T(1.7320508075688772), zero = T(0);
         const T l_aa = sqrt(at.aa);
         const T l_ba = select(l_aa > zero, at.ab / l_aa, zero);
-        const T rest = at.bb - l_ba * l_ba;  // below zero only by rounding
+        const T rest = at.bb - l_ba * l_ba;  // rounding can make it negative
         const T da = root3 * l_aa, dab = root3 * l_ba, db = root3 * sqrt(select(rest < zero, zero, rest));
 
         T orders[3] = {alpha, guards.order_point(alpha + da), guards.order_point(alpha - da)};
@@ -139,7 +140,7 @@ struct Joint {
         beta = select(missing, beta, made_b);
     }
 
-    // f = beta h^-alpha and its variance to first order: df = h^-alpha (dbeta - beta ln(h) dalpha).
+    // Computes f = beta h^-alpha and its variance, to first order: df = h^-alpha (dbeta - beta ln(h) dalpha).
     void report(T unit, T log_h, Estimate<T>& out) const {
         const T slope = beta * log_h;
         const T variance = P.bb - T(2) * slope * P.ab + slope * slope * P.aa;

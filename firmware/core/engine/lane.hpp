@@ -1,5 +1,6 @@
-// One pack of lanes: the filters, their memory, and the counters of the guard. With T = float or double it is
-// a single lane, as on the device.
+// One or more lanes, each of which is the estimator of one axis: the filters, their memory, and the counters
+// of the guard. With T = float or double it is a single lane, as on the device; with T = Pack several lanes
+// are computed at once.
 #pragma once
 
 #include "joint.hpp"
@@ -8,19 +9,21 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Variant is Triple<T> or Joint<T>; Memory is a policy of memory_direct.hpp or memory_compressed.hpp. Nothing
-// is allocated: the memory uses the storage that was passed to its constructor.
+// Variant is Triple<T> or Joint<T>; Memory is a policy of memory_direct.hpp or memory_compressed.hpp. No
+// memory is allocated: the policy uses the storage that was passed to its constructor.
 template <class T, class Variant, class Memory>
 class Lane {
   public:
     using Mask = MaskOf<T>;
 
-    // Everything that changes from step to step, except the memory. A snapshot contains exactly this.
+    // Everything that changes from step to step, except the memory of past samples. A snapshot of the filters
+    // contains exactly this.
     struct State {
         Variant filters;
         T counts[kCauses];
     };
-    static const std::size_t kStateSize = sizeof(State) / sizeof(T);  // in T: State has no other members
+    // in numbers of type T: State has no other members
+    static const std::size_t kStateSize = sizeof(State) / sizeof(T);
 
     Lane(const Memory& memory, const Tuning<T>& tuning, Guard guard)
         : memory_(memory), tuning_(tuning), guard_(guard), state_() {
@@ -28,17 +31,18 @@ class Lane {
         restart(everywhere<T>(true));
     }
 
-    // Restarts the lanes of `mask`: initial estimates, empty memory, counters at zero.
+    // Restarts the lanes of `mask` with initial estimates, an empty memory, and counters at zero.
     void reset(Mask mask) {
         memory_.clear(mask);
         restart(mask);
     }
 
-    // Applies other settings from the next sample on, and at later restarts. The memory stays.
+    // Applies other settings from the next sample on, and at later restarts. The memory keeps its samples.
     void retune(const Tuning<T>& tuning) { tuning_ = tuning; }
 
     void step(const Sample<T>& sample, Estimate<T>& out) {
-        // The last posterior enters the memory only now, so that a lane can restart while others continue.
+        // The last sample's estimate enters the memory only in this step, so that one lane can restart
+        // between steps while others continue.
         memory_.push(state_.filters.state.x, state_.filters.state.P);
         Guards<T> guards(guard_);
         state_.filters.step(memory_, sample, tuning_, guards, out);

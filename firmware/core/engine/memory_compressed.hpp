@@ -1,5 +1,6 @@
-// A memory whose cost does not grow with its length: the newest 15 samples are weighted by the recurrence
-// (nest.hpp), all older ones by a few dozen exponential modes that serve all orders (memory_nodes.hpp).
+// A memory of past states whose cost does not grow with the number of samples. The weights of the newest 15
+// samples come from their recurrence (host/native/nest.hpp). All older samples are represented by a few dozen
+// exponentially decaying sums, called modes, which serve all orders (memory_nodes.hpp).
 #ifndef FLTEA_MEMORY_COMPRESSED_HPP
 #define FLTEA_MEMORY_COMPRESSED_HPP
 
@@ -12,24 +13,24 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // T: float, double or Pack. Orders in [-0.9, 3] are computed with the configured accuracy; orders down to
-// -1.95 (variance sum: -1.3) and up to 4 with lower accuracy. Other orders are replaced by the nearest of
-// these, so every finite order has a finite sum. At integer orders from 0 on, the modes contribute nothing
-// and the result is exact. Clip orders beforehand if the difference matters. An empty memory is equivalent to
-// a past of zeros.
+// -1.95 (variance sum: -1.3) and up to 4 with lower accuracy. An order outside of these limits is replaced by
+// the nearest limit, so every finite order has a finite sum. At integer orders from 0 on, the modes
+// contribute nothing and the result is exact. A caller who does not want such a replacement has to clip the
+// order beforehand. An empty memory is equivalent to a past of zeros.
 //
-// Below order -1 the weights grow with age and the integrals over the modes diverge. The sums are then their
-// analytic continuation, which the closed form of the slow end gives automatically (slow_end).
+// Below order -1 the weights grow with age and the integrals over the modes diverge. The sums are then
+// defined by analytic continuation, which the closed form in slow_end() gives automatically.
 template <class T>
 class CompressedMemory {
     typedef Real<T> R;
 
   public:
-    // Number of T that the constructor needs.
+    // Number of elements of type T that the constructor needs.
     static std::size_t storage(const CompressedConfig& config) {
         const Nodes nodes(config);
         return history_size(nodes) + (table_size(nodes) + Lanes<T>::count - 1) / Lanes<T>::count;
     }
-    // Number of T, counted from the first, that hold the past. The others are tables.
+    // Number of elements, counted from the first, that hold past samples. The other elements are tables.
     static std::size_t history(const CompressedConfig& config) { return history_size(Nodes(config)); }
 
     // `storage` holds storage(config) elements, aligned for T. The caller owns it.
@@ -62,10 +63,10 @@ class CompressedMemory {
         for (std::size_t i = 0; i < n; ++i) history_[i] = select(mask, T(R(0)), history_[i]);
     }
 
-    // Remembers the newest posterior: state x and variance P. Both have to be finite, because a NaN would
-    // stay forever.
+    // Adds the newest estimate: state x and variance P. Both have to be finite, because a NaN would stay in
+    // the sums forever.
     void push(T x, T P) {
-        // The oldest sample of the exact part moves to the modes.
+        // The oldest of the newest 15 samples moves to the modes.
         head_position_ = (head_position_ == 0 ? Nodes::kHead : head_position_) - 1;
         T *const new_x = x_ + head_position_, *const new_P = P_ + head_position_;
         const T x_in = new_x[0], P_in = new_P[0];
@@ -88,10 +89,10 @@ class CompressedMemory {
         advance(variance_, variance_table_, variance_forgotten_, nodes_.variance.count, P_in, P_out);
     }
 
-    // L in samples; 0: unlimited.
+    // Length L of the memory in samples; 0: unlimited.
     std::size_t window() const { return nodes_.window; }
 
-    // S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j}, for several orders at once; L(k) = min(k, window).
+    // Computes S_i = sum_{j=1}^{L(k)} c_j(order_i) x_{k-j} for several orders at once; L(k) = min(k, window).
     template <int N>
     void state_sums(const T (&order)[N], T (&S)[N]) const {
         Order orders[N];
@@ -100,11 +101,11 @@ class CompressedMemory {
         if (nodes_.state.count > 0) add_state_tails(orders, S);
     }
 
-    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}; not negative if no P is negative.
+    // V = sum_{j=2}^{L(k)} c_j(order)^2 P_{k-j}. It is not negative if no P is negative.
     T variance_sum(T order) const { return variance(at(order, kLowestVarianceOrder)); }
 
-    // Computes both sums of one order together, which is cheaper than one after the other. Orders as in
-    // variance_sum().
+    // Computes both sums of one order together, which is cheaper than one after the other. The range of
+    // orders is that of variance_sum().
     void sums(T order, T& S, T& V) const {
         const Order orders[1] = {at(order, kLowestVarianceOrder)};
         T state[1];
@@ -130,26 +131,29 @@ class CompressedMemory {
     const Nodes& nodes() const { return nodes_; }
 
   private:
-    // number of pushes to prefetch ahead; no effect beyond the ring
+    // Number of calls of push() for which data are prefetched; beyond the end of the ring this has no effect.
     static constexpr std::size_t kPrefetch = 16;
 
-    // Values that an order needs in addition to the modes.
+    // Values that the sums of one order need in addition to the modes.
     struct Order {
         T order;
-        T b, sine;         // of the tails: order + 1, sin(pi order)
+        T b, sine;         // order + 1 and sin(pi order), for the sums over the modes
         Powers<T> powers;  // e^{±a step}
     };
 
-    // `lowest`: kLowestOrder or kLowestVarianceOrder.
+    // The values for an order, which is limited to the memory's range. `lowest`: kLowestOrder or
+    // kLowestVarianceOrder.
     Order at(T order, double lowest) const {
         order = min(max(order, T(R(lowest))), T(R(kHighestOrder)));
-        // At a = -1 the tails are 0 times infinity. Near a = -1 their error is rounding / distance.
+        // At a = -1 the sums over the modes are 0 times infinity. Near it, their error is the rounding error
+        // divided by the distance from -1.
         const T distance = T(sizeof(R) == 8 ? R(1e-8) : R(1e-4));
         const T a = select(abs(order + T(R(1))) < distance, distance - T(R(1)), order);
         return Order{order, a + T(R(1)), sin_pi(a), exp_both(a * T(R(nodes_.step)))};
     }
 
-    // Exact parts: c_j = (-a)(1-a) ... (j-1-a) / j!, with the product nested. Exactly 0 where a factor is 0.
+    // Sums over the newest 15 samples with exact weights: c_j = (-a)(1-a) ... (j-1-a) / j!, by nested
+    // products. A weight is exactly 0 where a factor is 0.
     template <int N>
     void state_heads(const Order (&orders)[N], T (&S)[N]) const {
         const T* const x = x_ + head_position_;
@@ -174,8 +178,8 @@ class CompressedMemory {
     }
 
     // z <- z - om z + K in - KW out, om = 1 - e^{-s}. Computing z e^{-s} would lose the small om of the slow
-    // modes by rounding. The first `forgotten` modes hold nothing of the samples that leave the window. The
-    // last element is the plain sum.
+    // modes by rounding. The first `forgotten` modes have decayed so far that they contain nothing of a
+    // sample that leaves the window. The last element is the plain sum of all samples.
     static void advance(T* z, const R* table, std::size_t forgotten, std::size_t count, T in, T out) {
         constexpr std::size_t G = kGroup;
         T next[G];
@@ -193,10 +197,11 @@ class CompressedMemory {
     }
     static T kept(T z, const R* row, T in) { return mul_add(T(row[1]), in, mul_add(T(row[0]), z, z)); }
 
-    // Adds the nodes beyond the slowest mode. They form an infinite geometric sequence G, Gq, Gq^2 ... of
-    // weights times a function of the node that is almost linear there. The parabola through node 0 (the
-    // plain sum) and the two slowest modes is summed in closed form (q-binomial theorem). Returns the sum, to
-    // be added to the slowest mode.
+    // The contribution of all modes that would be slower than the slowest one. Their weights are an infinite
+    // geometric sequence G, Gq, Gq^2 ..., multiplied by a function of the node (decay rate) that is almost
+    // linear there. Instead of that function, the parabola through node 0 (the plain sum) and the two slowest
+    // modes is summed in closed form (q-binomial theorem). Returns the sum, which has to be added to the
+    // slowest mode.
     T slow_end(T G, const T* z, std::size_t count, R next_scale, R plain_scale) const {
         const R q = R(q_);
         const T one = T(R(1)), Gq = G * T(q), Gqq = Gq * T(q);
@@ -205,7 +210,7 @@ class CompressedMemory {
         return factor * mul_add(d0, modes, T(plain_scale) * z[count]);
     }
 
-    // x^n, n >= 0.
+    // x^n for n >= 0.
     static T power(T x, std::size_t n) {
         T result = n % 2 != 0 ? x : T(R(1));
         for (n /= 2; n > 0; n /= 2) {
@@ -215,7 +220,8 @@ class CompressedMemory {
         return result;
     }
 
-    // Tails of S: sin(pi a) sum_i p_i^a z_i, by Horner's scheme in v = e^{-a step}.
+    // Adds the part of S that the modes represent: sin(pi a) sum_i p_i^a z_i, by Horner's scheme in v = e^{-a
+    // step}.
     template <int N>
     void add_state_tails(const Order (&orders)[N], T (&S)[N]) const {
         constexpr int G = kGroup;
@@ -234,7 +240,8 @@ class CompressedMemory {
             }
         }
         for (int n = 0; n < N; ++n) {
-            // The slow end is added last, outside of the critical path through the chains.
+            // The result of slow_end() is added last, so that the chains of multiplications do not wait for
+            // it.
             const T v = orders[n].powers.down;
             const T end =
                 slow_end(v * T(R(q_)), state_, nodes_.state.count, R(-q_ * q_ * q_ * q_), R(state_plain_));
@@ -243,7 +250,8 @@ class CompressedMemory {
         }
     }
 
-    // Adds pairs first: the critical path is one product shorter than by nesting.
+    // Adds terms in pairs first, because the longest chain of operations is then one product shorter than in
+    // nested form.
     static T join(const T (&chain)[kGroup], T v) {
         return mul_add(v * v, mul_add(v, chain[3], chain[2]), mul_add(v, chain[1], chain[0]));
     }
@@ -253,7 +261,8 @@ class CompressedMemory {
         return nodes_.state.count > 0 ? V + max(variance_tail(at), T(R(0))) : V;
     }
 
-    // Tail of V: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by the same scheme in v^2.
+    // The part of V that the modes represent: sin^2(pi a) 4^b B(b, b) sum_i q_i^{2a} F_i z_i, by Horner's
+    // scheme in v^2.
     T variance_tail(const Order& at) const {
         constexpr std::size_t G = kGroup;
         const T b = at.b;
@@ -325,7 +334,7 @@ class CompressedMemory {
             const double p = nodes_.node(nodes_.state, i), s = ::log1p(p);
             const double K = -nodes_.step / pi * p * ::exp(-(head + 2) * s);
             fill(state_table_ + 3 * i, p / (1 + p), K, s * length, state_forgotten_);
-            // For a mode at 0, z is the plain sum.
+            // For a mode that does not decay, z is the plain sum of all samples.
             state_plain_ = -nodes_.step / pi * p * (1 - q_) * (1 - q_ * q_);
         }
         for (std::size_t i = 0; i < nodes_.variance.count; ++i) {
@@ -340,7 +349,7 @@ class CompressedMemory {
         variance_forgotten_ -= variance_forgotten_ % kGroup;
     }
 
-    // `decay`: exponent by which the mode decays while a sample crosses the window.
+    // `decay`: the mode decays by the factor e^-decay while a sample crosses the window.
     void fill(R* row, double om, double K, double decay, std::size_t& forgotten) const {
         row[0] = R(-om);
         row[1] = R(K);
@@ -366,15 +375,16 @@ class CompressedMemory {
 
     Nodes nodes_;
     T* history_;
-    T* x_;  // the exact part, stored twice, so that it is always contiguous, newest first
+    T* x_;  // the newest 15 samples, stored twice so that they are always contiguous, newest first
     T* P_;
-    T* state_;        // modes of x, then the plain sum
-    T* variance_;     // modes of P, then the plain sum
-    T* ring_;         // samples in the modes, as pairs x, P; the next to leave is at ring_position_
+    T* state_;     // modes of x, then the plain sum of x
+    T* variance_;  // modes of P, then the plain sum of P
+    // samples that are in the modes, as pairs x, P; the next one to leave the window is at ring_position_
+    T* ring_;
     R* state_table_;  // -om, K, -KW of each mode
     R* variance_table_;
-    R* w_;           // for each mode of P, the variable of F
-    R* head_table_;  // for each sample of the exact part j, 1/j!, 1/j!^2; 0 beyond the window
+    R* w_;           // for each mode of P, the argument w of F
+    R* head_table_;  // j, 1/j! and 1/j!^2 for each of the newest 15 samples; 0 beyond the window
     double q_;       // e^{-step}
     double state_plain_, variance_plain_;
     std::size_t state_forgotten_, variance_forgotten_;

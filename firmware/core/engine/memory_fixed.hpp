@@ -1,12 +1,12 @@
-// The memory for a processor without floating point: that of memory_compressed.hpp for an unlimited window,
-// in integers. x is kept in units of 2^-21 to 2^-20 of the noise's standard deviation sqrt(R). It is limited
-// to 256 standard deviations or more, which only a knock exceeds. P is kept for the exact part only, in
-// float.
+// The memory of past states for a processor without floating point: the memory of memory_compressed.hpp
+// without a limit of its length, computed in integers. x is kept in units of 2^-21 to 2^-20 of the noise's
+// standard deviation sqrt(R). It is limited to 256 standard deviations or more, which only a knock exceeds. P
+// is kept only for the newest samples, whose weights are exact, in float.
 //
 // Differences from the other memories: Orders outside of [-1/2, 5/2] are replaced by the nearest order in
-// this range, to which the guard limits them anyway. Beyond the slowest mode, only the sum of the past
-// counts. Past variances beyond the exact part are replaced by the last one of that part, because the P of a
-// running filter is nearly constant. firmware/README.md states the resulting errors.
+// this range, to which the guard limits them anyway. For all times beyond the slowest mode, the plain sum of
+// the past is used. Variances of samples older than the newest 15 are replaced by the oldest variance that is
+// kept, because the P of a running filter is nearly constant. firmware/README.md states the resulting errors.
 #ifndef FLTEA_MEMORY_FIXED_HPP
 #define FLTEA_MEMORY_FIXED_HPP
 
@@ -43,7 +43,7 @@ class FixedMemory {
         if (mask) reset();
     }
 
-    // Remembers the newest posterior: state x and variance P, both finite.
+    // Adds the newest estimate: state x and variance P, which have to be finite.
     void push(float x, float P) {
         const std::int32_t oldest = x_[Nodes::head - 1];
         for (std::size_t i = Nodes::head - 1; i > 0; --i) {
@@ -52,7 +52,7 @@ class FixedMemory {
         }
         x_[0] = fixed::from_float(x, x_unit_);
         P_[0] = P;
-        // Each mode is a mean with forgetting, so it is never larger than its inputs.
+        // Each mode is a mean that forgets exponentially, so it is never larger than its inputs.
         for (std::size_t i = 0; i < Nodes::count; ++i) {
             const std::int32_t mean = static_cast<std::int32_t>((z_[i] + (1 << 30)) >> 31);
             z_[i] += static_cast<std::int64_t>(Nodes::forget[i]) * (oldest - mean);
@@ -60,7 +60,7 @@ class FixedMemory {
         plain_ += oldest;
     }
 
-    // S_i = sum_{j=1}^{k} c_j(order_i) x_{k-j}.
+    // Computes S_i = sum_{j=1}^{k} c_j(order_i) x_{k-j} for several orders.
     template <int N>
     void state_sums(const float (&order)[N], float (&S)[N]) const {
         Order at[N];
@@ -78,11 +78,11 @@ class FixedMemory {
     }
 
   private:
-    static constexpr int kFine = 16;  // sums are in 2^-16 of x's unit
+    static constexpr int kFine = 16;  // sums are in 2^-16 of the unit of x
 
     static std::int64_t fine(std::int32_t x) { return static_cast<std::int64_t>(x) * (1 << kFine); }
 
-    // An order in 2^-28, and e^{-order step} in 2^-30: between 0.1 and 1.6.
+    // An order in 2^-28, and e^{-order step} in 2^-30. The latter is between 0.1 and 1.6.
     struct Order {
         std::int32_t a, v;
 
@@ -92,11 +92,11 @@ class FixedMemory {
             const fixed::Power power = fixed::power_of_two(in_steps(-a, Nodes::step));
             v = power.n >= 0 ? power.m << power.n : power.m >> -power.n;
         }
-        // a step, in 2^-26.
+        // The product of order and step, in 2^-26.
         static std::int32_t in_steps(std::int32_t a, std::int32_t step) {
             return static_cast<std::int32_t>((static_cast<std::int64_t>(a) * step) >> 31);
         }
-        // c_{j+1} / c_j, in 2^-30.
+        // The ratio of neighbouring weights c_{j+1} / c_j, in 2^-30.
         std::int32_t next(std::size_t j) const {
             const std::int32_t reciprocal = INT32_MAX / static_cast<std::int32_t>(j + 1);
             const std::int32_t distance = (static_cast<std::int32_t>(j) << kOrderBits) - a;
@@ -115,7 +115,7 @@ class FixedMemory {
                 sum = fixed::product30(sum, at[n].next(j)) + fine(x_[j - 1]);
             }
             const std::int64_t head = fixed::product30(sum, -at[n].a) * (1 << (30 - kOrderBits));
-            // The factors of the integral: sin(pi a), and the power of the fastest node.
+            // Factors that all modes share: sin(pi a), and the fastest node to the power a.
             const fixed::Power lift = fixed::power_of_two(Order::in_steps(at[n].a, Nodes::top));
             std::int64_t rest = fixed::product30(fixed::product30(tail[n], fixed::sin_pi(at[n].a)), lift.m);
             rest = lift.n >= 0 ? rest * (1 << lift.n) : rest >> -lift.n;
@@ -123,8 +123,8 @@ class FixedMemory {
         }
     }
 
-    // sum_i v^i K_i z_i over the modes, and over all slower nodes that the grid could have, for which the
-    // plain sum replaces the past.
+    // Computes sum_i v^i K_i z_i over the modes. The sum is continued over all slower nodes that the grid
+    // could have, with the plain sum of the past in place of their z.
     template <int N>
     void tails(const Order (&at)[N], std::int64_t (&sum)[N]) const {
         const std::int64_t slower = fixed::product30(plain_, Nodes::plain);
@@ -152,17 +152,18 @@ class FixedMemory {
             product = fixed::product30(product, next);
         }
         const float a = min(max(order, -0.25f), kHighest), beyond = float(Nodes::head + 1);
-        // Sum of c^2 from the first weight beyond the exact part on, by the Euler-Maclaurin formula.
+        // Sum of the c^2 of all samples older than the newest 15, by the Euler-Maclaurin formula.
         const float c = a * fixed::to_float(fixed::product30(product, at.next(Nodes::head)), -30);
         const float rest = P_[Nodes::head - 1] * (c * c) * ((beyond - 0.5f * a) / (1.0f + 2.0f * a) + 0.5f);
         return a * a * sum + rest;
     }
 
-    std::int32_t x_[Nodes::head];  // newest first
+    std::int32_t x_[Nodes::head];  // the newest samples, newest first
     float P_[Nodes::head];
-    std::int64_t z_[Nodes::count];  // means in 2^-31 of x's unit, from the fastest to the slowest mode
-    std::int64_t plain_;            // sum of all x that have left the exact part
-    int x_unit_;                    // exponent of 2
+    // modes as means, in 2^-31 of the unit of x, from the fastest to the slowest
+    std::int64_t z_[Nodes::count];
+    std::int64_t plain_;  // sum of all x that have left x_
+    int x_unit_;          // the unit of x is 2^x_unit_
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

@@ -1,10 +1,10 @@
 // The spectrum of a stream in constant memory: octaves of Welch sums, and the complete stream at a reduced
 // rate.
 //
-// Level 0 is the stream. Level l + 1 is level l after a half-band filter, with every second sample kept. A
-// level keeps its samples while they fit (whole_stream.hpp). Then they become Welch sums, and the next level
-// keeps its samples. Up to Kind::kCapacity samples, the whole record is therefore available, and later all of
-// its lowest frequencies.
+// Level 0 is the stream. Level l + 1 is level l after a half-band filter, with every second sample kept. At
+// first, level 0 keeps its samples (whole_stream.hpp). When they no longer fit, they are turned into Welch
+// sums, and the next level keeps its own samples instead. Up to Kind::kCapacity samples, the whole record is
+// therefore available; later, a record at a reduced rate, which still has the lowest frequencies.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// After Kind::kLevels levels, the last level drops its oldest samples.
+// The running spectrum. When all Kind::kLevels levels are used, the last level drops its oldest samples.
 template <typename Kind>
 class OctaveLadder {
     typedef typename Kind::Value Value;
@@ -27,7 +27,7 @@ class OctaveLadder {
   public:
     typedef typename Kind::Input Input;
     enum { kLevels = Kind::kLevels, kTopLines = 83, kLines = 45, kMostAtOnce = 128 };
-    typedef WelchLevel<Kind, kTopLines> Top;  // up to the Nyquist frequency
+    typedef WelchLevel<Kind, kTopLines> Top;  // its lines reach up to the Nyquist frequency
     typedef WelchLevel<Kind, kLines> Deep;
     typedef WholeStream<Kind> Whole;
 
@@ -41,12 +41,12 @@ class OctaveLadder {
     const Whole& whole() const { return whole_; }
     static std::uint64_t step(int level) { return std::uint64_t(1) << level; }
     const typename Top::Cells& top_cells() const { return top_.cells(); }
-    // Time cells of a level below the first.
+    // The spectrum over time (time_cells.hpp) of a level other than level 0.
     const typename Deep::Cells& cells(int level) const { return deep_[level - 1].cells(); }
     static int lines(int level) { return level == 0 ? int(kTopLines) : int(kLines); }
 
-    // Sums of a Welch level at sample number `now`, in the squared unit of that level's values. `effective`:
-    // number of blocks of equal weight that give the same precision.
+    // Reads the Welch sums of a level at sample number `now`, in the squared unit of that level's values.
+    // `effective`: number of blocks of equal weight that give the same precision.
     void sums(int level, std::uint64_t now, Real* power, Real* blocks, Real* effective) const {
         if (level == 0) {
             top_.sums().read(memory_.part(now), power, blocks, effective);
@@ -55,14 +55,15 @@ class OctaveLadder {
         }
     }
 
-    // Progress of turning the kept level into sums.
+    // Progress of turning the samples of the kept level into Welch sums.
     struct Deepening {
         typename Whole::Table old;
-        int stretch, at, begin;  // in the old table: stretch, index in it, and its beginning
+        // in the old table: index of the stretch, index within that stretch, and index of its beginning
+        int stretch, at, begin;
         bool going;
         Deepening() : going(false) {}
     };
-    // A batch of samples on its way down the levels.
+    // A batch of samples on its way from level to level.
     struct Passage {
         Deepening deepening;
         Value batch[kMostAtOnce];
@@ -72,9 +73,9 @@ class OctaveLadder {
         Passage() : first(0), n(0), level(0), last_made_up(-1), cut(false) {}
     };
 
-    // Adds n <= kMostAtOnce samples that follow the previous ones. `made_up`: index of the last sample that
-    // was not measured, or -1; as an array: flags of all samples, which are remembered while the level is
-    // kept.
+    // Adds n <= kMostAtOnce samples that follow the previous ones; the first of them has the sample number
+    // `first`. `made_up`: one flag per sample, set if the sample was not measured. The flags are stored while
+    // level 0 keeps its samples.
     void accept(const Input* y, int n, std::uint64_t first, const unsigned char* made_up) {
         Passage passage;
         enter(y, n, first, made_up, passage);
@@ -82,8 +83,8 @@ class OctaveLadder {
         }
     }
 
-    // Begins the same, one level at a time: call advance() until it returns true before anything else is
-    // added.
+    // Begins to add samples as accept() does, but one level at a time: call advance() until it returns true
+    // before anything else is added.
     void enter(const Input* y, int n, std::uint64_t first, const unsigned char* made_up, Passage& p) {
         if (!started_) {
             origin_ = y[0];
@@ -103,7 +104,7 @@ class OctaveLadder {
         }
         settle(p);
     }
-    // Returns true when the batch is finished.
+    // Handles one level. Returns true when the batch has passed all levels.
     bool advance(Passage& p) {
         if (p.deepening.going) {
             go_deeper(p.deepening);
@@ -123,7 +124,7 @@ class OctaveLadder {
         p.cut = false;
         return true;
     }
-    // Calls cut() after a batch that may be in progress.
+    // Notes a break as cut() does, but after the batch that may be in progress.
     void cut_after(Passage& p) {
         if (p.n > 0) {
             p.cut = true;
@@ -132,7 +133,7 @@ class OctaveLadder {
         }
     }
 
-    // Notes a break of the stream. The following samples have an offset of their own.
+    // Notes a break of the stream. The samples after the break have an offset of their own.
     void cut() {
         started_ = 0;
         top_.cut();
@@ -140,7 +141,7 @@ class OctaveLadder {
         whole_.cut();
     }
 
-    // Advances the time to sample number `now`.
+    // Lets the sums fade as far as is due at sample number `now`.
     void age(std::uint64_t now) {
         if (!memory_.fades()) return;
         forget(now);
@@ -148,15 +149,15 @@ class OctaveLadder {
         for (int l = 1; l < depth_; ++l) deep_[l - 1].sums().age(memory_.generation(now));
     }
 
-    // Turns the kept level into sums. Only possible while depth() < kLevels - 1.
+    // Turns the samples of the kept level into Welch sums. This is only possible while depth() < kLevels - 1.
     void deepen() {
         Deepening d;
         begin_deepening(d);
         while (d.going) go_deeper(d);
     }
 
-    // Merges a later stretch. Its sample 0 is our sample `shift`, and it ends at our sample `now`. Both need
-    // to have had a break and to be aged.
+    // Merges the spectrum `other` of a later part of the stream. Its sample 0 is our sample `shift`, and it
+    // ends at our sample `now`. Before that, cut() and age() have to be called on both.
     void merge(OctaveLadder other, std::uint64_t shift, std::uint64_t now) {
         age(now);
         while (depth_ < other.depth_ && depth_ < kLevels - 1) deepen();
@@ -186,7 +187,8 @@ class OctaveLadder {
     }
 
   private:
-    // In place, because the output is never longer than the input.
+    // The old samples stay where they are while the next level's samples overwrite them, because the output
+    // is never longer than the input.
     void begin_deepening(Deepening& d) {
         d.old = whole_.table();
         d.stretch = d.at = d.begin = 0;
@@ -194,7 +196,7 @@ class OctaveLadder {
         whole_.clear();
         ++depth_;
     }
-    // Turns the next batch into sums.
+    // Turns the next batch of the old samples into Welch sums.
     void go_deeper(Deepening& d) {
         const int level = depth_ - 1;
         const Stretch& one = d.old.stretch[d.stretch];
@@ -220,7 +222,7 @@ class OctaveLadder {
         }
     }
 
-    // Whether the kept level has room for a batch.
+    // Whether the kept level has room for the batch of `p`.
     bool fits(const Passage& p) {
         if (whole_.size() + p.n > Whole::kCapacity) forget(p.first);
         return whole_.size() + p.n <= Whole::kCapacity;
@@ -230,7 +232,7 @@ class OctaveLadder {
         p.n = 0;
     }
 
-    // Replaces the batch by that of the next level, in place.
+    // Adds the batch to the Welch sums of `level`, and replaces it by the values for the next level.
     int push(int level, Value* batch, int n, std::uint64_t* first, int made_up) {
         Value next[kMostAtOnce / 2 + 1];
         const int outputs =
@@ -248,7 +250,7 @@ class OctaveLadder {
         }
     }
 
-    // Drops samples of the kept level that are older than two memory lengths.
+    // Drops samples of the kept level that are older than twice the length of the memory.
     void forget(std::uint64_t now) {
         if (memory_.fades()) whole_.drop_before(memory_.oldest(now), step(depth_));
     }

@@ -1,10 +1,10 @@
-// The 95 % interval of the order by its likelihood, not only by the curvature at the maximum. Where the noise
-// is weak, there may be a second maximum or a long slope, which the curvature does not show.
+// The 95 % interval of the order α, from the whole likelihood instead of its curvature at the maximum. Where
+// the noise is weak, the likelihood may have a second maximum or a long slope, which the curvature does not
+// show.
 //
 // An end of the interval is the order at which the best fit with this order is 3.84 in 2 log L below the
-// overall best. The ends move little between fits: each fit evaluates the previous ends and corrects them. It
-// also tests one further order, a different one each time, in case the likelihood rises again beyond or
-// between the ends.
+// overall best. The ends move little between fits. A fit therefore only corrects one of the previous ends, or
+// tests one further order, in case the likelihood rises again there.
 #ifndef FLTEA_ORDER_INTERVAL_HPP
 #define FLTEA_ORDER_INTERVAL_HPP
 
@@ -15,8 +15,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Standard deviation by the curvature: from the information that the other free parameters leave; 0 if there
-// is none.
+// Standard deviation of the order from the curvature of the likelihood, where the other free parameters are
+// estimated too. It is 0 if the curvature gives none.
 inline float order_std(const Point<float>& best) {
     Point<float> unit = best;
     float column[3] = {0, 0, 0};
@@ -26,25 +26,26 @@ inline float order_std(const Point<float>& best) {
     return math::finite(column[0]) && column[0] > 0 ? math::sqrt(column[0]) : 0.0f;
 }
 
-// State that is kept between fits.
+// What is kept of the interval between fits.
 struct OrderEnds {
     struct End {
         float order;
-        float theta[2];  // share and weight that fit this order best
+        float theta[2];  // the other free parameters that fit best with this order
     };
     End ends[2];
     bool known;
-    unsigned char turn, look;  // what the next fit does, and which order it tests
+    unsigned char turn, look;  // `turn`: what the next fit does; `look`: which further order was tested last
 };
 
-// Begin a fit with forget(), note() the points where its searches ended, and begin() at the best of all
-// points. Then evaluate what propose() returns, and judge() it.
+// Finds the interval. How to use it: call forget() when a fit begins, note() for each point at which a search
+// of the fit ended, and begin() with the best of all points. Then evaluate each point that propose() returns,
+// and pass it to judge().
 class OrderInterval {
   public:
     void forget() { noted_ = 0; }
 
-    // Notes where a search ended. If that point is nearly as good as the best, an end of the interval lies
-    // beyond it.
+    // Notes a point at which a search ended. If it is nearly as good as the best point, the interval has to
+    // contain it.
     void note(const Point<float>& point) {
         if (noted_ == kNotes) return;
         notes_[noted_].nll = point.nll;
@@ -52,12 +53,12 @@ class OrderInterval {
         ++noted_;
     }
 
-    // `half`: half the interval by the curvature; 0 if it has none.
+    // `half`: half the width of the interval that follows from the curvature; 0 if there is none.
     void begin(const Point<float>& best, float half, OrderEnds& ends) {
         order_ = best.theta[0];
         best_nll_ = best.nll;
         ends_ = &ends;
-        // Around another maximum the old ends are of no use.
+        // If the best order is outside of the old interval, the old ends are of no use.
         if (ends.known && !(ends.ends[0].order <= order_ && order_ <= ends.ends[1].order)) ends.known = false;
         most_ = ends.known ? 1 : int(kOrders);
         for (int side = 0; side < 2; ++side) {
@@ -75,7 +76,8 @@ class OrderInterval {
                     set(end, notes_[i].theta[0], notes_[i].theta);
             }
         }
-        // In turn: one end, a further order, the other end, a further order.
+        // Four consecutive fits correct one end, test a further order, correct the other end, and test a
+        // further order.
         const int turn = ends.known ? ends.turn++ % 4 : -1;
         side_ = turn < 0 ? 0 : turn % 2 == 1 ? 2 : turn / 2;
         last_ = turn < 0 ? 1 : side_;
@@ -84,7 +86,7 @@ class OrderInterval {
         if (side_ == 2) begin_look();
     }
 
-    // Returns the next point to evaluate, and its model; false at the end.
+    // Writes the next point to evaluate and its model. Returns false when there is none left.
     bool propose(Model<float>& model, Point<float>& next) {
         while (side_ <= last_) {
             OrderEnds::End& end = at();
@@ -117,7 +119,8 @@ class OrderInterval {
         }
     }
 
-    // Whether the order tested last fits better than the best. Then a search should start there.
+    // Whether the point that was tested last fits better than the best point. If so, a new search should
+    // start at `point`.
     bool better(Point<float>& point) const {
         if (!begun_ || !(now_.nll < best_nll_ - kWorthASearch)) return false;
         point.theta[0] = side_ < 2 ? ends_->ends[side_].order : elsewhere_.order;
@@ -125,7 +128,7 @@ class OrderInterval {
         return true;
     }
 
-    // The longer side of the interval.
+    // Distance from the best order to the farther end of the interval.
     float half() const { return math::fmax(order_ - ends_->ends[0].order, ends_->ends[1].order - order_); }
 
   private:
@@ -147,8 +150,9 @@ class OrderInterval {
         tried_ = 0;
     }
 
-    // On a parabola, √(-log L) is a straight line. The end is therefore estimated between an order inside and
-    // an order outside of the interval, or by extrapolation beyond the order inside.
+    // Estimates the end of the interval anew. If -log L is a parabola, its root is a straight line. The end
+    // is therefore interpolated between an order inside and an order outside of the interval, or extrapolated
+    // from an order inside.
     void concluded(OrderEnds::End& end) {
         for (int i = 0; i < 2; ++i) end.theta[i] = now_.theta[i];
         const float below = math::fmin(math::fmax(now_.nll - best_nll_, 0.0f), 20.0f);

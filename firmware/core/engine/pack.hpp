@@ -1,15 +1,15 @@
-// The number types of the estimator's templates: float, double, or Pack<double, W>, which is W lanes in one
-// vector register. Every operation works lane by lane and without branches, so a lane's result depends
-// neither on its neighbours nor on W. The free functions below exist for all three types, so one source
-// serves them all.
+// The number types of the estimator's templates: float, double, or Pack<double, W>, which is W doubles in one
+// vector register. Each of these doubles is a lane and belongs to another axis. Every operation works on each
+// lane separately and without branches, so a lane's result depends neither on its neighbours nor on W. The
+// free functions below exist for all three types, so one source serves them all.
 //
 // Rounding: compile with -ffp-contract=off. Products and sums are fused only where the source says mul_add(),
 // which rounds once if the instruction set has a fused operation and twice otherwise. This is the only
 // difference between the results of different instruction sets; two uses of the same code never differ.
 //
 // The code is compiled once per instruction set, and all versions are linked together. Everything is
-// therefore in an inline namespace named after the set. Otherwise the linker would keep one copy of each
-// inline function, and the baseline could end up running AVX-512 instructions.
+// therefore in an inline namespace named after the instruction set. Otherwise the linker would keep only one
+// copy of each inline function, and the version for old processors could contain AVX-512 instructions.
 #ifndef FLTEA_PACK_HPP
 #define FLTEA_PACK_HPP
 
@@ -20,7 +20,7 @@
 #include "instruction_set.hpp"
 #include "soft_sqrt.hpp"
 
-// Arduino.h defines macros with these names.
+// Arduino.h defines macros with the names of functions below.
 #undef abs
 #undef max
 #undef min
@@ -49,7 +49,7 @@ constexpr int kWidth = 2;
 template <class R, int W>
 struct Pack;
 
-// The type of one lane, and the number of lanes.
+// For a number type T: the type of one lane, and the number of lanes.
 template <class T>
 struct Lanes {
     typedef T Real;
@@ -63,9 +63,10 @@ struct Lanes<Pack<R, W>> {
 template <class T>
 using Real = typename Lanes<T>::Real;
 
-// The compiler's vector types, one for each width, because gcc drops attributes that depend on a template
-// parameter. Bits: results of comparisons. Words: integers for arithmetic, unsigned because their overflow is
-// defined. may_alias: storage is passed as packs, but also contains tables of single numbers.
+// The compiler's vector types. There is one struct for each width, because gcc drops attributes that depend
+// on a template parameter. Bits are the results of comparisons. Words are integers for arithmetic, unsigned
+// because the overflow of these is defined. They need may_alias because storage is passed as packs, but also
+// contains tables of single numbers.
 template <int W>
 struct Vectors;
 template <>
@@ -87,7 +88,7 @@ struct Vectors<8> {
     typedef std::uint64_t Words __attribute__((vector_size(64), may_alias));
 };
 
-// One truth value per lane: all bits set or none. For plain numbers, bool is used instead.
+// One truth value per lane: all bits of the lane are set, or none. For plain numbers, bool is used instead.
 template <int W>
 struct Mask {
     typedef typename Vectors<W>::Bits Bits;
@@ -130,8 +131,8 @@ struct Pack<double, W> {
     friend Mask<W> operator==(Pack a, Pack b) { return Mask<W>{(Bits)(a.v == b.v)}; }
     friend Mask<W> operator!=(Pack a, Pack b) { return Mask<W>{(Bits)(a.v != b.v)}; }
 
-    // Friends that are only found by argument-dependent lookup, so that a constant among the arguments
-    // becomes a pack.
+    // These friends are found only by argument-dependent lookup, so that constants among the arguments are
+    // converted to packs.
     friend Pack select(Mask<W> mask, Pack yes, Pack no) { return Pack(mask.bits ? yes.v : no.v); }
     friend Pack min(Pack a, Pack b) { return select(b < a, b, a); }
     friend Pack max(Pack a, Pack b) { return select(a < b, b, a); }
@@ -140,9 +141,10 @@ struct Pack<double, W> {
     friend Pack mul_add(Pack a, Pack b, Pack c) { return Pack(fused(a.v, b.v, c.v)); }
 
   private:
-    // Chosen by overload among the vector types of the instruction set.
+    // The overload for the vector type of this width is chosen.
 #if defined(__AVX512F__) && defined(__AVX512DQ__) && defined(__FMA__)
-    static __m512d root(__m512d a) { return _mm512_maskz_sqrt_pd(0xff, a); }  // the plain one warns in gcc 12
+    // _mm512_sqrt_pd causes a warning in gcc 12
+    static __m512d root(__m512d a) { return _mm512_maskz_sqrt_pd(0xff, a); }
     static __m512d fused(__m512d a, __m512d b, __m512d c) { return _mm512_fmadd_pd(a, b, c); }
 #endif
 #if defined(__AVX2__) && defined(__FMA__)
@@ -164,8 +166,8 @@ struct Pack<double, W> {
 #endif
 };
 
-// The same for plain numbers. Overloads instead of templates, so that mixed arguments convert as in a
-// formula.
+// The same functions for plain numbers. They are overloads instead of templates, so that arguments of
+// different types are converted as in a formula.
 inline double select(bool mask, double yes, double no) { return mask ? yes : no; }
 inline float select(bool mask, float yes, float no) { return mask ? yes : no; }
 inline double min(double a, double b) { return b < a ? b : a; }
@@ -204,7 +206,7 @@ inline bool all(M mask) {
     return !any(!mask);
 }
 
-// The type of a comparison's result.
+// The type that a comparison of two T returns.
 template <class T>
 struct MaskOfType {
     typedef bool Type;
@@ -216,7 +218,7 @@ struct MaskOfType<Pack<double, W>> {
 template <class T>
 using MaskOf = typename MaskOfType<T>::Type;
 
-// Access to one lane. A plain number counts as one lane.
+// Reads or writes one lane. A plain number counts as one lane.
 template <class T>
 inline Real<T> get_lane(T number, int lane) {
     return number[lane];
@@ -230,7 +232,7 @@ inline void set_lane(T& number, int lane, Real<T> value) {
 inline void set_lane(double& number, int, double value) { number = value; }
 inline void set_lane(float& number, int, float value) { number = value; }
 
-// Finite: neither infinite nor NaN.
+// Whether each lane is finite, which means neither infinite nor NaN.
 template <class T>
 inline MaskOf<T> is_finite(T a) {
     return abs(a) <= T(sizeof(Real<T>) == 8 ? Real<T>(__DBL_MAX__) : Real<T>(__FLT_MAX__));

@@ -1,5 +1,5 @@
-// exp and sin(pi a) without libm and without branches, one source for float, double and Pack (pack.hpp): a
-// lane's result is the same at any width. Errors are at most 2 units in the last place.
+// exp and sin(pi a) without libm and without branches. One source serves float, double and Pack (pack.hpp),
+// so a lane's result is the same at any number of lanes. Errors are at most 2 units in the last place.
 #ifndef FLTEA_PACK_MATH_HPP
 #define FLTEA_PACK_MATH_HPP
 
@@ -10,7 +10,8 @@ namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
 // Adding 1.5 * 2^(bits of the mantissa) rounds to the nearest integer and leaves that integer in the low bits
-// of the sum. kShift moves these bits to the exponent, kSign to the sign.
+// of the sum. A shift by kShift moves these bits to the exponent, and a shift by kSign moves them to the
+// sign.
 template <class R>
 struct Layout;
 template <>
@@ -20,7 +21,7 @@ struct Layout<double> {
     static constexpr int kShift = 52;
     static constexpr int kSign = 63;
     static constexpr double kExpMax = 708;  // e^±708 is finite and normal
-    // has trailing zeros, so that its multiples are exact
+    // the mantissa ends with zeros, so that multiples are exact
     static constexpr double kLn2High = 0.69314718055829871;
     static constexpr double kLn2Low = 1.6465949582897082e-12;
 };
@@ -35,7 +36,7 @@ struct Layout<float> {
     static constexpr float kLn2Low = 3.19461833e-05f;
 };
 
-// Bit patterns as integers and back.
+// Reinterprets the bits of a number as an integer, and back.
 template <class R>
 inline typename Layout<R>::Bits to_bits(R number) {
     typename Layout<R>::Bits bits;
@@ -85,9 +86,9 @@ struct Powers {
     T up, down;
 };
 
-// e^x and e^-x together, at little more than the cost of one. With x = n ln 2 + r, the even and odd parts of
-// e^r serve both. Saturates at e^±708 (float: e^±87), so the result is positive and finite for every finite
-// x. NaN gives NaN.
+// Computes e^x and e^-x together, which takes little longer than computing one of them. With x = n ln 2 + r,
+// the even and odd parts of e^r serve both. Saturates at e^±708 (float: e^±87), so the result is positive and
+// finite for every finite x. NaN gives NaN.
 template <class T>
 inline Powers<T> exp_both(T x) {
     typedef Real<T> R;
@@ -99,7 +100,7 @@ inline Powers<T> exp_both(T x) {
     const T s = r * r;
     const T ss = s * s;
     // Taylor series of cosh r - 1 and sinh r, |r| <= 0.35. The first omitted terms are below 1e-17, for float
-    // below 6e-9. Summed in pairs of terms, which gives a shorter dependency chain than term after term.
+    // below 6e-9. The terms are summed in pairs, so that fewer operations have to wait for each other.
     const T even0 = mul_add(T(R(1.0 / 24)), s, T(R(0.5)));
     const T odd0 = mul_add(T(R(1.0 / 120)), s, T(R(1.0 / 6)));
     T even, odd;
@@ -132,11 +133,11 @@ inline T sin_pi(T a) {
     typedef Real<T> R;
     typedef Layout<R> L;
     const T rounded = a + T(L::kRound);
-    // If a is too large to have half-integers, the difference is only rounding; it is limited to a small
-    // remainder.
+    // If a is so large that half-integers do not exist as numbers, the difference is only a rounding error.
+    // It is limited to a small remainder.
     const T r = max(min(a - (rounded - T(L::kRound)), T(R(0.5))), T(R(-0.5)));
     const T s = r * r;
-    // Taylor series in (pi r)^2. |r| <= 1/2, so the first omitted term is 1e-18.
+    // Taylor series in (pi r)^2. Because of |r| <= 1/2, the first omitted term is 1e-18.
     T sum = T(R(5.3926646626081290e-10));
     sum = mul_add(sum, s, T(R(-2.2948428997269873e-08)));
     sum = mul_add(sum, s, T(R(7.9520540014755126e-07)));

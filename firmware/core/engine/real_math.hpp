@@ -1,5 +1,5 @@
-// Elementary functions for the fits: the library's for double, the engine's own for float, because the board
-// has no libm.
+// Elementary functions for the fits. For double they are those of the library; for float they are computed
+// here, because the board has no libm.
 #ifndef FLTEA_REAL_MATH_HPP
 #define FLTEA_REAL_MATH_HPP
 
@@ -30,7 +30,7 @@ inline float log_of_ratio(float s) {
     const float sum = z * (0.6666666667f + z * (0.4f + z * (0.2857142857f + z * 0.2222222222f)));
     return s * sum + 2.0f * s;
 }
-// For positive normal numbers; -87.3 for smaller ones.
+// The natural logarithm of a positive normal number. For smaller numbers the result is -87.3.
 inline float log(float x) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &x, sizeof bits);
@@ -45,8 +45,8 @@ inline float log(float x) {
     const float places = static_cast<float>(n);
     return places * 0.693115234f + (places * 3.19461833e-05f + rest);
 }
-// Computed in integers, which is several times as fast on the board. 0 below the range of float, e^88 above
-// it.
+// e^x, computed in integers, which is several times as fast on the board. The result is 0 below the range of
+// float, and e^88 above it.
 inline float exp2(float x) {
     if (!(x > -126.0f)) return 0.0f;
     if (x > 126.9f) x = 126.9f;
@@ -68,14 +68,14 @@ inline float exp(float x) {
         engine::fixed::power_of_two(static_cast<std::int32_t>(rest * (1.442695041f * 67108864.0f)));
     return engine::fixed::to_float(power.m, power.n + n - 30);
 }
-// For -2 < x < 2.
+// sin(pi x) for -2 < x < 2.
 inline float sin_pi(float x) {
     return engine::fixed::to_float(engine::fixed::sin_pi(engine::fixed::from_float(x, -28)), -30);
 }
 inline float log2(float x) { return log(x) * 1.442695041f; }
 inline float log1p(float x) { return x < 0.4f && x > -0.29f ? log_of_ratio(x / (2.0f + x)) : log(1.0f + x); }
 inline float sqrt(float x) { return engine::soft_sqrt(x); }
-// For |x| up to 2^24 times y.
+// The remainder of x / y, for |x| up to 2^24 y.
 inline float fmod(float x, float y) { return x - y * static_cast<float>(static_cast<std::int32_t>(x / y)); }
 inline float fabs(float x) { return x < 0 ? -x : x; }
 inline float fmax(float x, float y) { return x < y ? y : x; }

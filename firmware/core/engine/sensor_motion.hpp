@@ -1,10 +1,11 @@
-// Decides whether the sensor moves, from all of its axes: motion of one axis is motion of all. During motion,
-// all axes only predict and learn nothing. When motion is detected, the effect of that chunk and of the
-// previous chunk on every axis is undone.
+// Decides whether the sensor moves, from the chunks of innovations of all its axes (axis_motion.hpp). Motion
+// of one axis is motion of all. During motion, all axes only predict and learn nothing. When motion is
+// detected, everything that the axes learned from that chunk and the previous one is undone.
 //
-// Rest begins after two chunks in which no axis moves, and the bias is then that of before. Samples that lie
-// still at another level for some seconds show the new bias, if the bias can have stepped so far. A level
-// farther away is a turn of the sensor, until the rate returns or has lain still for much longer.
+// Rest begins after two chunks in which no axis moves, and the bias is then that from before the motion. If
+// the samples stay at another mean for some seconds without moving, that mean is the new bias, provided that
+// a bias can step so far. A mean farther away is taken for a rotation of the sensor, and accepted as the bias
+// only after a much longer time.
 #ifndef FLTEA_SENSOR_MOTION_HPP
 #define FLTEA_SENSOR_MOTION_HPP
 
@@ -19,19 +20,21 @@ inline namespace FLTEA_INSTRUCTION_SET {
 class SensorMotion {
   public:
     struct Limits {
-        float far;  // a bias steps by less than this [counts]
-        // chunks after which a nearer, or farther, level is accepted as the bias
+        float far;  // a step of the bias is smaller than this [counts]
+        // number of chunks after which a new mean is accepted as the bias: `still` if it is nearer than
+        // `far`, else `still_far`
         std::uint16_t still, still_far;
     };
 
     bool moving() const { return moving_; }
-    // How much the axes have not learned because of motion; their results depend on it.
+    // How long the axes have learned nothing because of motion. The uncertainty of their results depends on
+    // it.
     const Unlearned& unlearned() const { return unlearned_; }
 
-    // Notes lost samples.
+    // Notes that `lost` samples of all axes are missing.
     void skip(std::uint32_t lost) { pass(lost); }
 
-    // Call this after a sample that all n axes have received.
+    // Call this once for each sample, after all n axes have received it.
     void next(TrackedState* const axes[], int n, const Limits& limits) {
         pass(1);
         if (++fill_ < AxisMotion::kChunk) return;
@@ -63,7 +66,7 @@ class SensorMotion {
     }
 
   private:
-    // kForgotten: after this number of samples, no filter is affected by earlier motion
+    // kForgotten: number of samples at rest after which earlier motion no longer affects any filter
     enum { kQuiet = 2, kForgotten = 1 << 14 };
 
     void pass(std::uint32_t samples) {
@@ -78,7 +81,8 @@ class SensorMotion {
     }
 
     void stop_learning(TrackedState* const axes[], int n) {
-        // If the rest was shorter than the motion before it, it counts as motion.
+        // If the rest before this motion was shorter than the motion before that rest, the rest counts as
+        // motion, too.
         if (unlearned_.ago >= unlearned_.samples + since_older_) unlearned_ = Unlearned();
         unlearned_.samples += unlearned_.ago > since_older_ ? unlearned_.ago : since_older_;
         unlearned_.ago = 0;
@@ -93,7 +97,7 @@ class SensorMotion {
     }
 
     Unlearned unlearned_ = {0, 0};
-    std::uint32_t since_older_ = 0, since_newer_ = 0;  // samples since the kept states
+    std::uint32_t since_older_ = 0, since_newer_ = 0;  // samples since the last two calls of keep()
     int fill_ = 0, quiet_ = 0;
     bool moving_ = false;
 };

@@ -1,6 +1,6 @@
-// The device's Whittle fits: in float, a few bins at a time, so that sampling never waits for them. The
-// models, their derivatives and the scoring are the host's (whittle_models.hpp, whittle_shapes.hpp,
-// whittle_scoring.hpp).
+// The device's Whittle fits. They run in float, a few bins of the spectrum at a time, so that sampling never
+// waits for them. Models, derivatives and scoring are the same sources as on the host (whittle_models.hpp,
+// whittle_shapes.hpp, whittle_scoring.hpp).
 #ifndef FLTEA_SLICED_FIT_HPP
 #define FLTEA_SLICED_FIT_HPP
 
@@ -14,7 +14,7 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// A fit: call begin(), then work() until it is done.
+// A fit of one axis: call begin(), then work() until it returns true.
 template <class Bins>
 class SlicedFit {
   public:
@@ -23,14 +23,14 @@ class SlicedFit {
     SlicedFit() : memory_(nullptr), busy_(false), searched_(false) {}
 
     bool busy() const { return busy_; }
-    // Number of evaluations in the last fit.
+    // Number of evaluations of the likelihood in the last fit.
     int evaluations() const { return evaluations_; }
-    // Whether the last fit began on a grid.
+    // Whether the last fit had no previous answer and began with a search on a grid.
     bool searched() const { return searched_; }
 
-    // Begins a fit. `level`: significance level of the null test. Neither the bins nor the memory may change
-    // until the fit is done; then the memory has the results. Without ordinates, or without power in them,
-    // there is nothing to fit.
+    // Begins a fit. `level`: significance level of the null test. Neither the bins nor `memory` may change
+    // until the fit is done; after that, `memory` has the results. If the bins contain no ordinates or no
+    // power, the fit is done at once, without a result.
     void begin(const Bins& bins, NullLevel level, FitMemory& memory) {
         memory_ = &memory;
         level_ = level;
@@ -42,7 +42,7 @@ class SlicedFit {
             return;
         }
         target_.begin(bins);
-        // Answers from far fewer ordinates are no useful starting points.
+        // An answer from far fewer ordinates is no useful starting point.
         if (bins.ordinates() > kMuchMore * memory.fitted_ordinates_) {
             for (Answer& one : memory.answers_) one.known = false;
             memory.ends_.known = false;
@@ -58,7 +58,7 @@ class SlicedFit {
         begin_model();
     }
 
-    // Does a slice. Returns true when the fit is done.
+    // Evaluates a few bins. Returns true when the fit is done.
     bool work(const Bins& bins) {
         if (!busy_) return true;
         if (possible_ && !target_.add(bins, model_.family, at_.natural, kBinsAtOnce)) return false;
@@ -108,7 +108,8 @@ class SlicedFit {
         as_before_ = -Room<float>::impossible();
         for (Point<float>& one : kept_) one.nll = Room<float>::impossible();
         best_.nll = Room<float>::impossible();
-        // If the order was below 1 and still is, the result of the model with orders up to 1 is reused.
+        // If the last fit's order was below 1 and this fit's is again, the result of the model with orders up
+        // to 1 is reused.
         from_before_ = which_ == kFull && !cold_ && memory_->answers_[kFull].theta[0] < 1.0f &&
                        up_to_one_.theta[0] < kBelowOne;
         if (which_ == kWhiteNoise) {
@@ -143,8 +144,8 @@ class SlicedFit {
         canonical(model_, point.theta);
     }
 
-    // The grid of the full model contains only orders above 1. The best order up to 1 is one of its starting
-    // points.
+    // The grid of the full model contains only orders above 1. The best point with an order up to 1 is one
+    // more starting point of the full model.
     void grid_point(int place, Point<float>& point) const {
         if (which_ == kRelaxation) {
             FitGrid::relaxation(place, point.theta);
@@ -167,8 +168,9 @@ class SlicedFit {
         again_ = false;
     }
 
-    // Chooses the next starting point: the best grid points and the last answer first; then the results of
-    // the simpler models, if these are better, because each of them is a special case of this model.
+    // Chooses the next starting point. The best grid points and the last answer come first. They are followed
+    // by the results of the simpler models, if these are better, because each of those models is a special
+    // case of this one.
     bool next_start(Point<float>& point) {
         const int own = cold_ ? int(kKept) : 2;
         while (starts_ < own) {
@@ -188,7 +190,8 @@ class SlicedFit {
             }
         }
         if (from_before_ && starts_++ == own && looks_around()) {
-            // If a relaxation fits nearly as well, orders on both sides of 1 may fit, too.
+            // If a relaxation (order 1) fits nearly as well, orders above 1 may fit too, so a search starts
+            // there.
             const Answer& relaxation = memory_->answers_[kRelaxation];
             if (relaxation.nll > best_.nll + kNearly) return false;
             start_at_relaxation(kAboveOne, point);
@@ -227,7 +230,7 @@ class SlicedFit {
         evaluate_next();
     }
 
-    // Handles a finished evaluation.
+    // Handles the result of a finished evaluation.
     void judged() {
         if (bounding_) {
             interval_.judge(next_);
@@ -270,8 +273,8 @@ class SlicedFit {
         begin_search();
     }
 
-    // Whether the scale is so far from the reference that the difference of the two parts of -log L loses
-    // precision. This does not matter for approximate evaluations.
+    // Whether the scale is so far from the reference scale that -log L, a difference of two sums, loses
+    // precision. Approximate evaluations do not need that precision.
     bool far() const {
         const float apart = next_.scale / target_.reference() - 1.0f;
         return rough_ >= rough_size() && (apart > 0.1f || apart < -0.1f);
@@ -296,8 +299,8 @@ class SlicedFit {
 
     void end_model() {
         keep_answer(which_);
-        // The fit may have followed an end of the interval to an order below 1. Then it is also an answer for
-        // orders up to 1.
+        // The second search may have started at an end of the interval with an order below 1. Then its result
+        // is also an answer for the model with orders up to 1.
         if (which_ == kFull && best_.theta[0] < kBelowOne && best_.nll < up_to_one_.nll)
             keep_answer(kUpToOne);
         Answer& answer = memory_->answers_[which_];
@@ -305,8 +308,8 @@ class SlicedFit {
             answer.look = static_cast<unsigned char>((answer.look + kLooks) % grid_size());
         }
         target_.refer_to(answer.known ? answer.scale : 1.0f);
-        // The derivatives are computed relative to their means of the previous evaluation, which may have
-        // been far away.
+        // Evaluates the best point again. The derivatives are computed relative to their means in the
+        // previous evaluation, and that point may have been far away.
         if (which_ == kFull && answer.known && (cold_ || looks_around()) && settled_ < 2) {
             ++settled_;
             next_ = best_;
@@ -325,7 +328,8 @@ class SlicedFit {
         begin_model();
     }
 
-    // Writes all results except the interval. Returns false if there is no interval.
+    // Writes all results except the interval of the order. Returns false if the interval need not be
+    // computed.
     bool report() {
         FitFigures& f = memory_->figures_;
         f = FitFigures();
@@ -333,7 +337,8 @@ class SlicedFit {
         f.ratio_white = 2.0f * (memory_->answers_[kWhiteNoise].nll - memory_->answers_[kUpToOne].nll);
         f.ratio_ar1 = 2.0f * (memory_->answers_[kRelaxation].nll - best_.nll);
         memory_->note_relaxation(target_.unit());
-        // If white noise is not rejected, the best fractional model may have put its power into the state.
+        // If white noise is not rejected, the best fractional model may have counted the power of the white
+        // noise as the state's, so R is the whole power.
         if (f.ratio_white < null_quantile(level_, f.ordinates)) {
             f.verdict = Verdict::white;
             f.R = target_.unit();
@@ -357,7 +362,7 @@ class SlicedFit {
         bound();
     }
 
-    // Finds the ends of the interval, one order after the other.
+    // Continues with the interval: evaluates one order after the other until both ends are known.
     void bound() {
         if (!searches_again_ && interval_.better(next_)) {
             searches_again_ = true;
@@ -386,10 +391,10 @@ class SlicedFit {
     Point<float> next_, now_, best_, up_to_one_, kept_[kKept];
     Search<float> search_ = Search<float>(model_of(kUpToOne));
     OrderInterval interval_;
-    float curvature_std_;  // standard deviation of α by the curvature
+    float curvature_std_;  // standard deviation of α from the curvature
     NullLevel level_;
     Which which_;
-    float as_before_;  // -log L of the last answer, approximate
+    float as_before_;  // approximate -log L of the last answer on the new bins
     int rough_, starts_, settled_, evaluations_;
     bool busy_, cold_, from_before_, searching_, possible_, again_, searched_, bounding_, searches_again_;
 };

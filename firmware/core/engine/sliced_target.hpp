@@ -1,6 +1,7 @@
-// The device's sums for a fit, in float, over a few bins at a time.
+// The sums over the bins that a fit on the device needs, in float and over a few bins at a time.
 //
-// -log L is stored as its excess over that of a spectrum equal to the data: Σ c (r - 1 - log r) with r = I/S.
+// The stored value is the excess of -log L over the -log L of a spectrum that equals the data: Σ c (r - 1 -
+// log r), with r = I/S, the power of a bin divided by the model's, and c the number of ordinates in the bin.
 // The excess is about as large as the number of bins. -log L itself is about as large as the number of
 // ordinates, and float would lose the significant digits.
 #ifndef FLTEA_SLICED_TARGET_HPP
@@ -15,7 +16,8 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// u - log(1 + u), u > -1, without cancellation: with s = u / (2 + u) the logarithm is 2 s + 2/3 s³ + ...
+// u - log(1 + u) for u > -1, without loss of precision for small u: with s = u / (2 + u) the logarithm is 2 s
+// + 2/3 s³ + ...
 inline float excess(float u) {
     if (u > 0.4f || u < -0.28f) return u - math::log(1.0f + u);
     const float s = u / (2.0f + u), z = s * s;
@@ -23,7 +25,7 @@ inline float excess(float u) {
     return s * (u - z * sum);
 }
 
-// The columns that the shapes need, from the bins (fit_bins.hpp).
+// The values of each bin (fit_bins.hpp) that the spectra in whittle_shapes.hpp need.
 template <class Bins>
 struct BinColumns {
     const Bins& bins;
@@ -34,8 +36,8 @@ struct BinColumns {
     float square(std::size_t i) const { return math::exp(2.0f * ln_size(i)); }
 };
 
-// Spectra over bins whose powers are divided by `unit`. The excess is computed relative to a reference scale
-// `reference`.
+// Computes the sums. The powers of the bins are divided by unit(), and the excess of -log L is computed
+// relative to the scale reference().
 template <class Bins>
 class SlicedTarget {
   public:
@@ -50,13 +52,13 @@ class SlicedTarget {
     float reference() const { return reference_; }
     float unit() const { return 1.0f / over_unit_; }
 
-    // Evaluations of another model follow.
+    // Call this before the evaluations of another model.
     void begin_model() {
         for (float& one : mean_) one = 0;
     }
-    // Begins an evaluation. Then add bins until none is left. `together`: number of neighbouring bins that
-    // are combined into one at the frequency of the middle bin, which is approximate and faster by this
-    // factor.
+    // Begins an evaluation. Then call add() until it returns true. `together`: number of neighbouring bins
+    // that are combined into one at the frequency of the middle one. This is approximate, but faster by the
+    // factor `together`.
     void begin_sums(int together = 1) {
         at_ = 0;
         together_ = together;
@@ -72,10 +74,11 @@ class SlicedTarget {
                 return add(Fractional<float>(natural), bins, natural, most);
         }
     }
-    // The derivatives of log S by the logarithms of the part's variance and of R add up to 1, but each has
-    // sums of its own: if one of them is a small share, 1 minus the other has no precision in float.
-    // The derivatives are stored relative to their means of the previous evaluation. With a free scale, a
-    // constant in them changes nothing, and float keeps the digits of the rest.
+    // The derivatives of log S by the logarithms of the state's variance and of R add up to 1. Each of the
+    // two has its own sums nevertheless: where one of them is small, 1 minus the other would have no
+    // precision in float. All derivatives are stored as differences from their means in the previous
+    // evaluation. As the scale is free, adding a constant to a derivative changes nothing, and the
+    // differences keep more digits in float.
     void read(Family family, Sums<float>& sums) {
         const int numbers = shapes(family) + parts(family) + 1;
         sums.log_spectrum = sums_.excess;
@@ -94,14 +97,14 @@ class SlicedTarget {
         }
     }
 
-    // The excess of -log L at the best scale.
+    // The excess of -log L at the scale that fits best.
     float nll(const Sums<float>& sums, float scale, bool) const {
         return sums.log_spectrum - ordinates * excess(scale / reference_ - 1.0f);
     }
 
   private:
     enum { kMostNumbers = 4 };
-    // The sums in the order of Sums.
+    // The sums while bins are being added, in the same order as in Sums.
     struct PartSums {
         float excess, ratio, slope[kMostNumbers], weighted[kMostNumbers];
         float square[kMostNumbers * (kMostNumbers + 1) / 2];
@@ -156,12 +159,13 @@ class SlicedTarget {
         return at_ == bins.size();
     }
 
-    // The excess for r = I/S. For a bin without power, the logarithm of a small number is used.
+    // The excess of one ordinate for r = I/S. For a bin without power, r is replaced by a small number,
+    // because its logarithm is needed.
     static float excess_of(float ratio) { return excess((ratio > 1e-7f ? ratio : 1e-7f) - 1.0f); }
 
     float over_unit_, reference_;
     int at_, together_;
-    float mean_[kMostNumbers];  // means of the derivatives
+    float mean_[kMostNumbers];  // means of the derivatives in the previous evaluation
     PartSums sums_;
 };
 

@@ -9,14 +9,14 @@
 namespace fltea {
 namespace engine {
 
-// Returns 0 for negative numbers and for numbers below the smallest normal one.
+// The square root of x. Returns 0 for negative numbers and for numbers below the smallest normal float.
 inline float soft_sqrt(float a) {
     std::uint32_t bits = 0;
     std::memcpy(&bits, &a, sizeof bits);
     if (bits < 0x800000 || bits >= 0x80000000) return 0.0f;
     if (bits >= 0x7F800000) return a;
     const int exponent = static_cast<int>(bits >> 23) - 127, odd = exponent & 1;
-    // Computes the root of a 50-bit number bit by bit. The last bit is for rounding.
+    // Computes the root of a 50-bit number bit by bit. Its last bit decides the rounding.
     std::uint32_t rest = ((bits & 0x7FFFFF) | 0x800000) << (odd + 1);
     std::uint32_t root = 0, sum = 0;
     for (std::uint32_t bit = 1u << 24; bit != 0; bit >>= 1) {

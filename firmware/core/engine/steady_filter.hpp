@@ -1,11 +1,11 @@
-// Designs the filter for the noise that the device's fit has found: relaxations in white noise, with the
-// steady gains of their Kalman filter, one slice at a time. A fractional order is approximated by a sum of
-// relaxations with fixed poles.
+// Designs the Kalman filter for the noise model that the device's fit has found: relaxations in white noise,
+// with the gains that the filter has in its steady state. A fractional order is approximated by a sum of
+// relaxations with fixed poles. The design is done in small slices, so that sampling does not wait.
 //
-// With relaxations only, no Riccati equation has to be solved. The spectrum R + Σ q_i / |1 - a_i e^-iλ|² is a
-// function of s = -|1 - e^-iλ|² with real poles and zeros, one zero b next to each pole a. It therefore
-// equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|². The zeros are found by bisection, and the gains are its
-// residues.
+// If there are only relaxations, no Riccati equation has to be solved. The spectrum R + Σ q_i / |1 - a_i
+// e^-iλ|² is a function of s = -|1 - e^-iλ|² with real poles and zeros, one zero b next to each pole a. It
+// therefore equals S Π|1 - b_i e^-iλ|² / Π|1 - a_i e^-iλ|². The zeros b are found by bisection, and the gains
+// are the residues of Π(1 - b_i z) / Π(1 - a_i z).
 #ifndef FLTEA_STEADY_FILTER_HPP
 #define FLTEA_STEADY_FILTER_HPP
 
@@ -16,28 +16,29 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Per sample: x_i <- a_i x_i; e = y - Σ x_i; x_i <- x_i + K_i e.
+// A filter in its steady state. For each sample y: x_i <- a_i x_i; e = y - Σ x_i; x_i <- x_i + K_i e.
 struct SteadyFilter {
-    // The first part is the fitted relaxation. The other parts approximate a fractional order.
+    // Part 0 is the fitted relaxation. The other parts approximate a fractional order.
     enum { kPlaces = 8 };
 
     float fall[kPlaces];      // 1 - a
-    float variance[kPlaces];  // of the part; 0: the part does not exist
+    float variance[kPlaces];  // of each part; 0: the part does not exist
     float gain[kPlaces];      // K
     float R, S;               // variance of the white noise, and of the innovations
     float of_state;           // variance of the state, given all samples and the offset
-    float answer;             // steady-state response of the innovations to a constant of 1
-    float weight[kPlaces];    // of a part's present value in its mean over the samples ahead
-    float of_bias;            // variance of the mean of the state over these samples, given the same
-    float offset_in_bias;     // error of the bias that an offset error of 1 / answer causes
+    float answer;             // value to which the innovations settle for a constant input of 1
+    float weight[kPlaces];    // factor from a part's present value to its expected mean over the next samples
+    // variance of the state's mean over the next samples, given all samples and the offset
+    float of_bias;
+    float offset_in_bias;  // error of the bias for an offset error of 1 / answer
 };
 
 class FilterDesign {
   public:
     enum { kPlaces = SteadyFilter::kPlaces };
 
-    // Begins the design for a fit that is not white. The bias is the mean over the next `ahead` samples; 0:
-    // the present bias.
+    // Begins the design. `figures`: a fit whose verdict is not white noise. The bias is the mean over the
+    // next `ahead` samples, or with 0 the present bias.
     void begin(const FitFigures& figures, int ahead) {
         filter_ = SteadyFilter();
         ahead_ = ahead;
@@ -53,7 +54,7 @@ class FilterDesign {
         }
     }
 
-    // Does a slice. Returns true when the design is done.
+    // Does one slice of the design. Returns true when the design is done.
     bool work() {
         if (step_ < kRows) {
             add_row();
@@ -83,12 +84,13 @@ class FilterDesign {
         kGains = kZeros + kPlaces,
         kWeights = kGains + kPlaces,
         kDone = kWeights + kPlaces,
-        kBisections = 8,  // per slice
-        kSame = 8         // units of the last place
+        kBisections = 8,  // bisection steps per slice
+        kSame = 8         // accuracy of a zero, in units of the last place
     };
     // lowest frequency, and ratio of neighbouring frequencies [rad per sample]
     static constexpr float kLowest = 3e-4f, kRatio = 2.2977f;
-    // Share of the white noise's power. Parts of the spectrum below this are approximated less exactly.
+    // Where the spectrum of the state is below this share of the white noise's power, it is approximated less
+    // exactly.
     static constexpr float kMatters = 0.3f;
 
     static float fall_of(int place) {
@@ -97,7 +99,7 @@ class FilterDesign {
         return falls[place];
     }
 
-    // A frequency as the shapes of spectra need it.
+    // The functions of one frequency that the spectra in whittle_shapes.hpp need.
     struct Frequency {
         explicit Frequency(float lam) : lam_(lam), size_(2.0f * math::sin_pi(lam * 0.1591549431f)) {}
         float ln_size(std::size_t) const { return math::log(size_); }
@@ -121,7 +123,7 @@ class FilterDesign {
         step_ = 0;
     }
 
-    // Adds another frequency to the least squares for the variances, in relative errors.
+    // Adds the next frequency to the least-squares problem for the variances. Its errors are relative.
     void add_row() {
         const Frequency at(lam_);
         lam_ *= kRatio;
@@ -136,7 +138,7 @@ class FilterDesign {
         }
     }
 
-    // One sweep of the least squares in which no variance becomes negative.
+    // Does one sweep over all variances of the least-squares problem, in which no variance becomes negative.
     void sweep() {
         for (int i = 1; i < kPlaces; ++i) {
             float rest = right_[i];
@@ -148,17 +150,19 @@ class FilterDesign {
     }
 
     bool there(int i) const { return filter_.variance[i] > 0; }
-    // Whether a part is white for the next sample, although it belongs to the state.
+    // Whether a part has no memory from sample to sample, so that it is white noise although it belongs to
+    // the state.
     bool white(int i) const { return filter_.fall[i] == 1.0f; }
     bool coloured(int i) const { return there(i) && !white(i); }
     bool turns(int i) const { return filter_.fall[i] > 1.0f; }
-    // |a| and 1 - |a|.
+    // size() is |a|, and short_of_one() is 1 - |a|.
     float size(int i) const { return turns(i) ? filter_.fall[i] - 1.0f : 1.0f - filter_.fall[i]; }
     float short_of_one(int i) const { return turns(i) ? 2.0f - filter_.fall[i] : filter_.fall[i]; }
-    // Position of a part's pole: |s|, or the distance beyond -4.
+    // Position of a part's pole: |s| for a > 0, or the distance beyond s = -4 for a < 0.
     float pole(int i) const { return short_of_one(i) * short_of_one(i) / size(i); }
 
-    // Finds the zero next to a pole, as its additional distance from 0.
+    // Finds the zero next to the pole of part i, as its distance beyond the pole. Returns true when it is
+    // found.
     bool find_zero(int i) {
         if (!coloured(i)) return true;
         if (low_ == high_) begin_zero(i);
@@ -195,7 +199,7 @@ class FilterDesign {
         if (high_ < low_) high_ = low_ + 1;
     }
 
-    // The spectrum at distance d beyond the pole.
+    // The spectrum at distance d beyond the pole of part i.
     float beyond(int i, float d) const {
         float sum = measured_;
         for (int j = 0; j < kPlaces; ++j) {
@@ -206,7 +210,7 @@ class FilterDesign {
         return sum;
     }
 
-    // The residue of Π(1 - b z) / Π(1 - a z) at a pole, divided by a.
+    // Computes the gain of part i: the residue of Π(1 - b z) / Π(1 - a z) at its pole, divided by a.
     void find_gain(int i) {
         if (!coloured(i)) return;
         float gain = apart_[i] * zero_[i] / between(size(i), short_of_one(i), i);
@@ -224,13 +228,13 @@ class FilterDesign {
         filter_.gain[i] = gain;
     }
 
-    // 1 - a b_j for a pole and a zero on the same side.
+    // 1 - a b_j for a pole a and a zero b_j of the same sign.
     float between(float a, float short_of_one, int j) const {
         return short_of_one + a * zero_short_of_one_[j];
     }
 
-    // The mean of a part over the samples ahead: the weight of its present value, and the variance that noise
-    // adds.
+    // Computes, for the mean of part i over the next samples, the weight of its present value and the
+    // variance that future noise adds.
     void look_ahead(int i) {
         filter_.weight[i] = ahead_ == 0 ? 1.0f : 0.0f;
         if (!there(i) || ahead_ == 0) return;
@@ -246,8 +250,8 @@ class FilterDesign {
     }
 
     void conclude() {
-        // S over the white noise of the measurements is Π a/b. Computed as the difference from 1, to keep
-        // precision.
+        // The ratio of S to the variance of the white noise is Π a/b. Its difference from 1 is computed,
+        // which keeps the precision.
         float more = 0, slow = 0, now = 0;
         float measured = filter_.R;
         for (int i = 0; i < kPlaces; ++i) {
@@ -271,7 +275,8 @@ class FilterDesign {
         conclude_bias();
     }
 
-    // The covariance of parts i and j, given all samples: variance_i [i = j] - S K_i K_j / (1 - a_i a_j).
+    // Computes the variance of the bias from the covariance of parts i and j given all samples, which is
+    // variance_i [i = j] - S K_i K_j / (1 - a_i a_j).
     void conclude_bias() {
         filter_.offset_in_bias = 1.0f / filter_.answer;
         for (int i = 0; i < kPlaces; ++i) {
@@ -280,7 +285,7 @@ class FilterDesign {
             float known = 0;
             for (int j = 0; j < kPlaces; ++j) {
                 if (!there(j)) continue;
-                // For slow parts, 1 - a_i a_j is small.
+                // This form of 1 - a_i a_j keeps the precision for slow parts, for which it is small.
                 const float fall = filter_.fall[i] + a * filter_.fall[j];
                 known += filter_.weight[j] * filter_.gain[j] / fall;
             }
@@ -305,7 +310,7 @@ class FilterDesign {
     int step_ = 0, ahead_ = 0;
     Natural<float> shape_;
     float s2_, lam_, gram_[kPlaces][kPlaces], right_[kPlaces];
-    std::uint32_t low_ = 0, high_ = 0;  // bounds for the bits of a zero's distance
+    std::uint32_t low_ = 0, high_ = 0;  // bounds of a zero's distance from its pole, as the bits of a float
     float measured_, poles_[kPlaces], strength_[kPlaces];
     float apart_[kPlaces], zero_[kPlaces], zero_short_of_one_[kPlaces];
 };

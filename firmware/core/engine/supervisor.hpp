@@ -1,11 +1,13 @@
-// Declares a lane lost or unreliable, with the reason. The filters do not depend on the supervisor. It
-// applies these rules after each sample:
+// Watches the estimates of a lane (one axis), and declares them invalid if the filter has diverged or the
+// data do not fit its R. The filters do not depend on the supervisor. It applies these rules after each
+// sample:
 //
-// - runaway: an estimate is not finite, or an order is beyond ±kLostOrder. The lane is invalid at this sample
-//   and restarts at the next, with initial values and empty memory. This only happens without a guard.
+// - runaway: an estimate is not finite, or an order is beyond ±kLostOrder. The lane is invalid at this
+//   sample, and restarts at the next one with initial values and an empty memory. This only happens without a
+//   guard.
 // - bound: the guard had to limit the state in more than kBoundMost of the last kBoundSamples samples. Then R
 //   does not fit the data (the sensor moves, an offset remains, or R is wrong). The lane is invalid while
-//   that lasts, and restarts when the number has fallen to half of kBoundMost.
+//   that lasts. It restarts when that number of samples has fallen to half of kBoundMost.
 #pragma once
 
 #include <stddef.h>
@@ -27,11 +29,11 @@ constexpr int kBoundMost = kBoundSamples / 4;
 // Why a lane has just become invalid.
 enum class Loss : uint8_t { none = 0, runaway = 1, bound = 2 };
 
-// Overloads instead of a template, for which clang-tidy would report the difference as a mistake.
+// Two overloads instead of a template, in which clang-tidy would report this subtraction as a mistake.
 inline bool finite(float a) { return a - a == 0; }
 inline bool finite(double a) { return a - a == 0; }
 
-// T: float or double.
+// Supervises one lane. T is float or double.
 template <class T>
 class Supervisor {
   public:
@@ -58,11 +60,11 @@ class Supervisor {
         return Verdict{false, !distrusted_, news};
     }
 
-    // Whether no recent sample was limited. A valid sample then changes only the index in a ring of zeros, so
-    // judge() need not be called for it.
+    // Whether the guard limited the state at none of the recent samples. judge() need not be called for a
+    // valid sample then, because it would change only an index.
     bool calm() const { return count_ == 0; }
 
-    // Whether a restored supervisor has a state that judge() can produce.
+    // Whether the state of a restored supervisor is one that judge() can produce.
     bool plausible() const {
         int held = 0;
         for (uint8_t eight : held_) {
@@ -78,7 +80,7 @@ class Supervisor {
     uint8_t held_[kBoundSamples / 8] = {};
     uint8_t at_ = 0;
     uint8_t count_ = 0;
-    uint8_t distrusted_ = 0;  // 0 or 1
+    uint8_t distrusted_ = 0;  // 1 while the second rule declares the lane invalid
 };
 
 }  // namespace FLTEA_INSTRUCTION_SET

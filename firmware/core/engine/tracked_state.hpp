@@ -1,5 +1,6 @@
-// Tracks one axis with the noise model that the device's own fit has found: the coloured part of a sample
-// (the state), and the bias, which is the offset plus the mean of the state over the samples to come.
+// Tracks one axis with the noise model that the device's own fit has found: estimates the coloured part of
+// its noise (the state), and the bias, which is the constant offset plus the mean of the state over the next
+// samples.
 #ifndef FLTEA_TRACKED_STATE_HPP
 #define FLTEA_TRACKED_STATE_HPP
 
@@ -11,12 +12,12 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Number of samples that were only predicted, and number of samples since then.
+// How many samples were only predicted, because the sensor moved, and how many samples came since then.
 struct Unlearned {
     std::uint32_t samples, ago;
 };
 
-// All values are in counts.
+// The tracker of one axis. All values are in counts.
 class TrackedState {
   public:
     struct Figures {
@@ -25,10 +26,11 @@ class TrackedState {
 
     TrackedState() : filter_(), known_(false), there_(0), base_(0), offset_(0), offset_n_(0), learned_() {}
 
-    // Whether there is a filter.
+    // Whether a filter was set.
     bool known() const { return known_; }
 
-    // Sets the filter, from the next sample on. The offset is the mean of all samples, and is computed again.
+    // Sets the filter that is used from the next sample on. Also sets the offset to the mean of all samples
+    // at rest.
     void set(const SteadyFilter& filter) {
         filter_ = filter;
         there_ = 0;
@@ -55,14 +57,14 @@ class TrackedState {
         motion_.add(e);
         if (moving) return;
         if (known_) {
-            // A knock changes neither the state nor the mean.
+            // A large innovation is clipped, so that a knock hardly changes the state and the mean.
             if (e * e > kClip * kClip * filter_.S) {
                 e = e < 0 ? -most() : most();
                 apart = static_cast<std::int32_t>(offset_ + predicted + e);
             }
             for (int k = 0; k < there_; ++k) now().x[places_[k]] += filter_.gain[places_[k]] * e;
         }
-        // This happens only after months.
+        // The number of samples reaches this limit only after months.
         if (now().n == kMost) {
             now().n /= 2;
             now().sum /= 2;
@@ -71,12 +73,12 @@ class TrackedState {
         now().sum += apart;
     }
 
-    // Notes lost samples.
+    // Predicts the state across `lost` samples that are missing.
     void skip(std::uint32_t lost) {
         for (int k = 0; k < there_; ++k) now().x[places_[k]] *= power(1.0f - filter_.fall[places_[k]], lost);
     }
 
-    // Call this after each AxisMotion::kChunk samples.
+    // Judges the newest chunk. Call this after every AxisMotion::kChunk samples.
     AxisMotion::Verdict judge(const Unlearned& unlearned, bool moving) {
         float grown = 0;
         for (int k = 0; moving && k < there_; ++k) grown += grown_variance(places_[k], unlearned);
@@ -84,36 +86,38 @@ class TrackedState {
         if (moving || found.knock) {
             step_.clear();
         } else if (!known_) {
-            // Without a filter, the offset follows the previous chunk.
+            // Without a filter, the offset becomes the mean of this chunk.
             offset_ += found.mean;
         } else if (there_ == 0) {
-            // Without a state, the offset may step; a state would follow the step.
+            // In white noise without a state, steps of the offset have to be detected. With a state, the
+            // state follows the step.
             float size = 0;
             const std::uint16_t chunks = step_.add(found.mean, math::sqrt(found.variance), size);
             if (chunks != 0) {
                 begin_at(offset_ + size, chunks);
             } else if (now().n - offset_n_ > offset_n_ / 4) {
-                // Soon after a step, each chunk makes the mean more precise.
+                // Soon after a step, the offset is updated often, because each chunk makes the mean much more
+                // precise.
                 take_offset();
             }
         }
         return found;
     }
 
-    // Keeps the present state. undo() restores the state of the last keep() but one.
+    // Stores the present state. undo() restores the state of the call of keep() before the last one.
     void keep() {
         learned_[kOlder] = learned_[kNewer];
         learned_[kNewer] = learned_[kNow];
     }
-    // Forgets what was learned in the last `samples` samples, since the last keep() but one: they are
-    // predicted instead.
+    // Restores the state of the call of keep() before the last one, and predicts it across the `samples`
+    // samples since then.
     void undo(std::uint32_t samples) {
         learned_[kNow] = learned_[kOlder];
         if (known_) take_offset();
         skip(samples);
     }
 
-    // Sets the bias to the level of the newest chunk.
+    // Sets the bias to the mean of the newest chunk.
     void settle() {
         float offset = offset_ + motion_.mean();
         for (float& one : now().x) {
@@ -123,7 +127,7 @@ class TrackedState {
         begin_at(offset, 1);
     }
 
-    // Results after the newest sample. Only call this once there is a filter.
+    // Bias and state after the newest sample. Call this only if known().
     Figures figures(const Unlearned& unlearned) const {
         float state = 0, bias = 0, variance = 0, grown = 0, bias_grown = 0;
         for (int i = 0; i < kPlaces; ++i) {
@@ -136,8 +140,8 @@ class TrackedState {
             grown += more;
             bias_grown += weight * weight * more;
         }
-        // The offset, a mean of n samples, has the error variance S / (n answer²). Part of such an error
-        // appears in the state.
+        // The offset, a mean of n samples, has the error variance S / (n answer²). Such an error also changes
+        // the estimated state.
         const float offset = filter_.S / static_cast<float>(offset_n_ == 0 ? 1 : offset_n_);
         const float in_bias = filter_.offset_in_bias,
                     in_state = 1.0f / filter_.answer - filter_.R / filter_.S;
@@ -151,10 +155,11 @@ class TrackedState {
   private:
     enum { kPlaces = SteadyFilter::kPlaces };
     static constexpr std::uint32_t kMost = 0x7FFFFFFF;
-    // A larger innovation is clipped to this number of deviations.
+    // Innovations are clipped at this number of standard deviations.
     static constexpr float kClip = 6;
 
-    // Over all samples at rest: their number, their sum minus base_, and the parts of the state.
+    // What was learned from all samples at rest: their number, the sum of their differences from base_, and
+    // the present values of the state's parts.
     struct Learned {
         std::int64_t sum;
         std::uint32_t n;
@@ -177,19 +182,19 @@ class TrackedState {
 
     float most() const { return kClip * math::sqrt(filter_.S); }
 
-    // Variance that noise has added to a part while nothing was learned, as far as it remains: the filter
-    // forgets by about a(1 - K) per sample.
+    // Variance that noise has added to part i while nothing was learned, as far as it is still left. In later
+    // samples at rest, the filter reduces such an error by the factor a(1 - K) per sample.
     float grown_variance(int i, const Unlearned& unlearned) const {
         const float a = 1.0f - filter_.fall[i], left = a * (1.0f - filter_.gain[i]);
         return filter_.variance[i] * (1.0f - power(a * a, unlearned.samples)) *
                power(left * left, unlearned.ago);
     }
 
-    // The offset is the mean of the newest `chunks` chunks.
+    // Begins anew with `offset` as the mean of the newest `chunks` chunks.
     void begin_at(float offset, std::uint16_t chunks) {
         offset_ = offset;
         offset_n_ = now().n = chunks * static_cast<std::uint32_t>(+AxisMotion::kChunk);
-        // Summed in two parts, each of which fits into int32_t.
+        // The sum is computed from two parts, each of which fits into int32_t.
         const std::int32_t whole = static_cast<std::int32_t>(offset);
         const float rest = offset - static_cast<float>(whole);
         now().sum = static_cast<std::int64_t>(whole) * offset_n_ +
@@ -213,7 +218,7 @@ class TrackedState {
         }
     }
 
-    // Moves the states of parts that no longer exist to the other parts.
+    // Adds the values of parts of the state that no longer exist to the other parts.
     void hand_over(Learned& learned) const {
         float left = 0, variance = 0;
         for (int i = 0; i < kPlaces; ++i) {
@@ -232,7 +237,7 @@ class TrackedState {
 
     SteadyFilter filter_;
     bool known_;
-    unsigned char there_, places_[kPlaces];  // number and indexes of the parts that have a gain
+    unsigned char there_, places_[kPlaces];  // number and indexes of the state's parts that have a gain
     std::int32_t base_;
     float offset_;
     std::uint32_t offset_n_;

@@ -1,4 +1,5 @@
-// One octave of the running spectrum: Welch sums over a stream, and the stream at half its rate.
+// One octave of the running spectrum: sums of periodograms over overlapping blocks (Welch's method), and the
+// stream at half the rate for the next octave.
 #pragma once
 
 #include <cstdint>
@@ -12,8 +13,8 @@ namespace fltea {
 namespace engine {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Sums of |FFT|^2 over blocks that overlap by half, for the spectral lines kLowest ... kLowest + kLines - 1
-// of 128.
+// Sums |FFT|^2 over blocks of 256 values that overlap by half. Of the 128 spectral lines, only kLowest ...
+// kLowest + kLines - 1 are summed.
 template <typename Kind, int kLines>
 class WelchLevel {
     typedef typename Kind::Value Value;
@@ -26,7 +27,7 @@ class WelchLevel {
     typedef typename Kind::template Cells<kLines> Cells;
     enum { kLowest = 45, kBlock = Fft::kBlock, kHop = kBlock / 2, kMostAtOnce = 128 };
 
-    // `step`: number of samples of the stream per value of this level.
+    // `step`: number of samples of the original stream for each value of this level.
     explicit WelchLevel(Memory memory = Memory(), std::uint64_t step = 1)
         : x_(), cells_(memory, step * kHop) {
         cut();
@@ -66,14 +67,14 @@ class WelchLevel {
         return outputs;
     }
 
-    // Call this before the first value; the arguments are those of the constructor.
+    // Sets what the arguments of the constructor set. Call this before the first value is added.
     void begin(Memory memory, std::uint64_t step) { cells_ = Cells(memory, step * kHop); }
 
     Sums& sums() { return sums_; }
     const Sums& sums() const { return sums_; }
     const Cells& cells() const { return cells_; }
 
-    // Merges a later stretch. Both have to be aged to the same generation.
+    // Merges the sums of a later part of the stream. Call age() with the same generation on both sums before.
     void merge(const WelchLevel& other, std::uint64_t shift) {
         sums_.merge(other.sums_);
         cells_.merge(other.cells_, shift);
@@ -91,7 +92,8 @@ class WelchLevel {
     }
 
   private:
-    // Not inlined: otherwise its local memory would be on the stack at the same time as the filter's.
+    // This is not inlined, because the stack would then hold its local memory and that of the half-band
+    // filter at the same time.
     __attribute__((noinline)) void end_block(std::uint64_t step, Memory memory) {
         if (made_up_ < 0) {
             typename Fft::Work work;
@@ -109,7 +111,7 @@ class WelchLevel {
     Stored x_[kBlock];
     typename Kind::Base base_;
     int fill_, made_up_;   // number of values in x_; index of the last one that was not measured, or -1
-    std::uint64_t begin_;  // sample number of the first value
+    std::uint64_t begin_;  // sample number of the first value in x_
     Sums sums_;
     Cells cells_;
 };

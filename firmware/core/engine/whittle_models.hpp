@@ -1,6 +1,6 @@
-// The free parameters of the fitted spectra (the same as in host/native/whittle_kernel.hpp). Shares and
-// poles are represented by logits, variances by logarithms, so that only the order has bounds that matter.
-// One number of the fractional model may be held fixed; the others then vary so that it keeps its value.
+// The free parameters of the fitted spectra (the same as in host/native/whittle_kernel.hpp). Shares of the
+// power and poles are represented by logits, variances by logarithms, so that only the order has bounds that
+// matter. One number of the fractional model may be held fixed while the others are fitted.
 #ifndef FLTEA_WHITTLE_MODELS_HPP
 #define FLTEA_WHITTLE_MODELS_HPP
 
@@ -10,27 +10,28 @@
 namespace fltea {
 namespace whittle {
 
-// The number of the fractional model that is held. F = g + α; f = h^-α g.
+// Which number of the fractional model is held fixed: the order α, the feedback g, the parameter f = h^-α g,
+// the weight F = g + α of the last sample, or the variance of the state or of the white noise.
 enum Hold : int { kNothing, kHoldOrder, kHoldFeedback, kHoldParameter, kHoldWeight, kHoldState, kHoldNoise };
 
 template <class R>
 struct Model {
     Family family;
-    R highest_order;  // of the fractional model
+    R highest_order;  // highest order of the fractional model
     Hold hold;
-    R held;       // the held value
-    R log_h;      // only for kHoldParameter
-    R log_power;  // log of the approximate power of the data; used if a variance is held
+    R held;       // the value of the number that is held fixed
+    R log_h;      // log of the sampling period; only for kHoldParameter
+    R log_power;  // log of the approximate power of the data; only needed if a variance is held
 };
 
-const double kSmallest = 1e-7;  // smallest distance of a share from 0 and 1
-const double kTop = 16.0;       // largest magnitude of their parameters
+const double kSmallest = 1e-7;  // smallest distance of a share from 0 and from 1
+const double kTop = 16.0;       // largest magnitude of the logit of a share or pole
 const double kBelowHighest = 1e-6;
-// Limits of log c of a low-pass: from a millionth of the sample rate to three times the Nyquist frequency,
-// where only the low-pass's skirt is visible.
+// Limits of log c, which determines the corner frequency of a low-pass. They allow corners from a millionth
+// of the sample rate to three times the Nyquist frequency, where only the beginning of its slope is visible.
 const double kLowestCorner = -24.0, kHighestCorner = 4.5;
 const double kMostPolesOfFilter = 24.0;
-// Limits of ARFIMA's d. They exclude white noise and the random walk.
+// Limits of the order d of ARFIMA. They exclude white noise (0) and the random walk (1).
 const double kLeastDifference = 0.15, kMostDifference = 0.85;
 
 template <class R>
@@ -59,15 +60,15 @@ int free_of(const Model<R>& model) {
     }
 }
 
-// Whether the scale of the spectrum is free. It is then found in closed form.
+// Whether the scale of the spectrum is free. In that case the best scale is computed in closed form.
 template <class R>
 bool scaled(const Model<R>& model) {
     return model.hold != kHoldState && model.hold != kHoldNoise;
 }
 
-// Lowest order that allows F: all orders above F are allowed, and for a low F those above the order at which
-// α - 2^α is F. (For an F between -1 and -0.914, some orders near 0 are allowed, too. They are white noise or
-// AR(1), and so are those with α near 1 and the same F.)
+// Lowest order α at which the model can have this F. All orders above F are allowed; for a low F, only those
+// above the order at which α - 2^α equals F. (For an F between -1 and -0.914, some orders near 0 are allowed,
+// too. They are white noise or AR(1), and so are those with α near 1 and the same F.)
 template <class R>
 R lowest_order(R F) {
     if (F > R(-0.9139)) return math::fmax(F, R(0));
@@ -79,14 +80,15 @@ R lowest_order(R F) {
     return high + R(kBelowHighest);
 }
 
-// Whether the first parameter is α. It is not if α is held. If F is held, it is log -g, because g may be much
-// smaller than F.
+// Whether the first free parameter is α. If α is held, it is not. If F is held, the first parameter is log
+// -g, because g may be much smaller than F.
 template <class R>
 bool order_first(const Model<R>& model) {
     return model.family == kFractional && model.hold != kHoldOrder && model.hold != kHoldWeight;
 }
 
-// Where the tails of a parameter begin, on both sides.
+// The middle of the range of a parameter. Far from it on both sides are its tails, in which the parameter is
+// the logarithm of a small number.
 template <class R>
 R centre(const Model<R>& model, int i) {
     return i == 2 && !scaled(model) ? model.log_power : 0;
@@ -99,7 +101,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
         low[i] = R(-kTop);
         high[i] = R(kTop);
     }
-    // With more than two poles, all are relaxations: φ >= 0.
+    // In a sum of more than two AR(1), all of them are relaxations with φ >= 0.
     if (!low_pass(model.family) && poles(model.family) > 2)
         for (int i = 0; i < poles(model.family); ++i) low[i] = 0;
     if (low_pass(model.family)) {
@@ -109,7 +111,7 @@ void bounds(const Model<R>& model, R* low, R* high) {
     if (model.family != kFractional || model.hold == kHoldOrder) return;
     low[0] = 0;
     high[0] = model.highest_order - R(kBelowHighest);
-    // Where -2^α < g < 0.
+    // The lowest order at which -2^α < g < 0 holds for the fixed value.
     if (model.hold == kHoldFeedback && model.held <= -1) low[0] = math::log2(-model.held) + R(kBelowHighest);
     if (model.hold == kHoldParameter && model.held <= -1 && model.log_h < 0)
         low[0] = math::log(-model.held) / (R(0.6931471805599453) - model.log_h) + R(kBelowHighest);
@@ -125,8 +127,9 @@ void bounds(const Model<R>& model, R* low, R* high) {
     low[0] = math::fmin(low[0], high[0]);
 }
 
-// The numbers of a spectrum (of scale 1 if the scale is free), and their derivatives by the free parameters.
-// Rows: shapes, logarithms of the variances, logarithm of R.
+// The numbers of a spectrum (with scale 1 if the scale is free), and their derivatives by the free
+// parameters. The rows of `chain` are the shapes, the logarithms of the variances, and the logarithm of R;
+// the columns are the free parameters.
 template <class R>
 struct Mapped {
     Natural<R> natural;
@@ -140,7 +143,8 @@ void map_pole(R coordinate, R& pole, R& slope) {
     slope = 2 * share.slope;
 }
 
-// One part and white noise, with the scale 1: the last parameter is the logit of the part's share.
+// Variances for one part and white noise with a total of 1: the last parameter is the logit of the part's
+// share.
 template <class R>
 void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     const Share<R> share(coordinate);
@@ -150,8 +154,8 @@ void map_weight(R coordinate, int row, int column, Mapped<R>& out) {
     out.chain[row + 1][column] = -share.value;
 }
 
-// Several parts and white noise, with the scale 1: each of the last parameters is the logit of a part's share
-// in what the parts before have left; white noise has the rest.
+// Variances for several parts and white noise with a total of 1. Each of the last parameters is the logit of
+// the share that a part has in what the parts before it have left. The white noise has the rest.
 template <class R>
 void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     R rest = 1;
@@ -166,7 +170,7 @@ void map_shares(const R* theta, int shapes, int parts, Mapped<R>& out) {
     out.natural.white = rest;
 }
 
-// Returns false if there is no such spectrum.
+// The spectrum of the fractional model. Returns false if there is none for these parameters.
 template <class R>
 bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     R& alpha = out.natural.shape[0];
@@ -201,7 +205,7 @@ bool map_fractional(const Model<R>& model, const R* theta, Mapped<R>& out) {
     }
     const R most = math::exp2(alpha);
     if (!(alpha >= 0 && alpha <= 2 && g <= 0 && g >= -most * (1 - R(kSmallest) / 2))) return false;
-    // A g too small to be distinguished in the record is set to the smallest value.
+    // A g that is too close to 0 to be distinguished from 0 in a record is limited.
     g = math::fmin(g, -most * R(kSmallest));
     if (scaled(model)) {
         map_weight(theta[next], 2, next, out);
@@ -224,7 +228,7 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
             return true;
         case kFractional:
             return map_fractional(model, theta, out);
-        case kAr2: {  // partial correlations
+        case kAr2: {  // the parameters are partial correlations
             R k1, k2, slope1, slope2;
             map_pole(theta[0], k1, slope1);
             map_pole(theta[1], k2, slope2);
@@ -271,7 +275,8 @@ bool map(const Model<R>& model, const R* theta, Mapped<R>& out) {
     return false;
 }
 
-// Makes parameters from outside valid: folds the order into its range, and limits the others to their bounds.
+// Makes any parameters valid: folds the order into its range, and limits the other parameters to their
+// bounds.
 template <class R>
 void canonical(const Model<R>& model, R* theta) {
     R low[Room<R>::kFree], high[Room<R>::kFree];

@@ -5,12 +5,13 @@
 namespace fltea {
 namespace whittle {
 
-// A spectrum consists of parts, each with a variance, and of white noise of variance R. The parts have unit
-// innovations, except a low-pass, which has the gain 1 at frequency 0.
+// The families of spectra. A spectrum is the sum of its parts and of white noise of variance R. Each part is
+// a spectrum for innovations of variance 1 (of a low-pass: a spectrum that is 1 at frequency 0), multiplied
+// by the part's variance.
 enum Family : int {
     kWhite,
     kFractional,
-    kAr1,  // sums of one to six AR(1), except kAr2
+    kAr1,  // from here on, sums of one to six AR(1); kAr2 is an AR(2)
     kAr2,
     kTwoAr1,
     kThreeAr1,
@@ -30,24 +31,24 @@ enum Family : int {
 template <class R>
 struct Room {
     enum { kShapes = 6, kParts = 6, kFree = 12 };
-    // -log L where there is no spectrum.
+    // The value of -log L for parameters for which there is no spectrum.
     static constexpr R impossible() { return 1e300; }
 };
-// The board fits the fractional model and AR(1).
+// The array sizes on the board, which fits only the fractional model and AR(1).
 template <>
 struct Room<float> {
     enum { kShapes = 2, kParts = 1, kFree = 3 };
     static constexpr float impossible() { return 1e30f; }
 };
-// Largest number of all numbers of a spectrum.
+// The largest count of numbers that a spectrum can have.
 template <class R>
 struct Most {
     enum { kNumbers = Room<R>::kShapes + Room<R>::kParts + 1 };
 };
 
-// Numbers of a spectrum. Shapes: α, g of the fractional model; d, φ of ARFIMA; φ1, φ2 of AR(2); the φ of sums
-// of AR(1); log c and n of a low-pass 1 / (1 + (λ²/c)^n), followed by the φ; δ of kRising. Then the variances
-// of the parts, and R.
+// The numbers of a spectrum. The shapes are: α and g of the fractional model; d and φ of ARFIMA; φ1 and φ2 of
+// AR(2); the φ of each AR(1) in a sum; log c and n of a low-pass 1 / (1 + (λ²/c)^n), followed by the φ of its
+// AR(1); δ of kRising. They are followed by the variances of the parts, and R.
 template <class R>
 struct Natural {
     R shape[Room<R>::kShapes];
@@ -55,8 +56,9 @@ struct Natural {
     R white;
 };
 
-// Sums over the bins. r = I/S, and D are the (shapes + parts + 1) derivatives of log S by the shapes, by the
-// logarithms of the variances, and by that of R, in this order:
+// Sums over the bins. c is the number of ordinates of a bin, and r = I/S is the power of the bin divided by
+// the spectrum. D is the vector of the (shapes + parts + 1) derivatives of log S: by the shapes, by the
+// logarithms of the variances, and by the logarithm of R, in this order.
 template <class R>
 struct Sums {
     enum { kMost = Most<R>::kNumbers };
@@ -69,7 +71,7 @@ struct Sums {
 };
 
 inline bool low_pass(Family family) { return family >= kLowPass && family < kArfima; }
-// Number of AR(1) in a family.
+// Number of AR(1) parts in a family.
 inline int poles(Family family) {
     switch (family) {
         case kAr1:

@@ -1,9 +1,9 @@
-// Fisher scoring with Levenberg's damping. The curvature of -log L is replaced by its expectation, which is
-// never negative, and which needs no second derivatives.
+// Minimizes -log L by Fisher scoring with Levenberg's damping. The curvature of -log L is replaced by its
+// expectation, which is never negative, and which needs no second derivatives.
 //
-// If the scale is free, it is eliminated: at the best scale -log L = Σ c log S + m log(Σ c I/S / m) + m, with
-// m ordinates, and the scale's part is removed from the information. The derivative by the scale is 1 in
-// every bin.
+// If the scale is free, it is eliminated: at the best scale -log L = Σ c log S + m log(Σ c I/S / m) + m,
+// where m is the number of ordinates. The information about the scale is removed from the matrix; the
+// derivative of log S by the logarithm of the scale is 1 in every bin.
 #ifndef FLTEA_WHITTLE_SCORING_HPP
 #define FLTEA_WHITTLE_SCORING_HPP
 
@@ -25,8 +25,8 @@ struct Point {
 
 const double kLeastCurvature = 1e-30;
 
-// Computes -log L at point.theta and its derivatives, from the sums over the bins. Target has `ordinates`,
-// sums() and nll().
+// Computes -log L at point.theta and its derivatives, from the sums over the bins. `Target` is a class with
+// `ordinates`, sums() and nll().
 template <class Target, class R>
 void conclude(const Target& target, const Model<R>& model, const Mapped<R>& at, Sums<R>& sums,
               Point<R>& point) {
@@ -59,7 +59,8 @@ void conclude(const Target& target, const Model<R>& model, const Mapped<R>& at, 
     point.nll = nll;
 }
 
-// Does the same, starting from the free parameters; impossible() where there is no such spectrum.
+// Maps the free parameters point.theta to a spectrum, and computes -log L and its derivatives there. If there
+// is no such spectrum, -log L is impossible().
 template <class Target, class R>
 void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     Mapped<R> at;
@@ -70,8 +71,8 @@ void evaluate(const Target& target, const Model<R>& model, Point<R>& point) {
     conclude(target, model, at, sums, point);
 }
 
-// Solves (A + damping diag A) x = -b for the parameters that are not `given`. A is not negative except by
-// rounding. If a parameter's element of A is only rounding, its step is unlimited.
+// Solves (A + damping diag A) x = -b for the parameters that are not `given`. Only rounding can make A
+// negative. A parameter whose diagonal element of A is only a rounding error gets an unlimited step.
 template <class R>
 void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) {
     R L[Room<R>::kFree][Room<R>::kFree];
@@ -99,10 +100,10 @@ void solve(const Point<R>& at, const bool* given, int free, R damping, R* step) 
     }
 }
 
-// How far a parameter may move up or down in one step. The derivatives are not valid for long steps. The
-// order moves by up to 0.3; the others by up to 1, or in their tails by half of what they are. In its tail, a
-// parameter is the logarithm of a small number; back towards larger numbers, it may move as that number does
-// (`applied`).
+// How far a parameter may move up or down in one step, because the derivatives are not valid for long steps.
+// The order moves by at most 0.3. Another parameter moves by at most 1, or in its tail by half of its value.
+// In its tail, a parameter is the logarithm of a small number. Back from the tail, its step is unlimited,
+// because applied() then changes the small number itself by the step.
 template <class R>
 R longest(const Model<R>& model, int i, R theta, bool up) {
     if (i == 0 && order_first(model)) return R(0.3);
@@ -120,8 +121,8 @@ R applied(const Model<R>& model, int i, R theta, R step) {
     return step > 0 ? math::log1p(step) : -math::log1p(-step);
 }
 
-// A step within these limits: the decrease of -log L that it promises, and whether it is the full step of the
-// scoring.
+// What a step within the limits of longest() promises: the decrease of -log L, and whether it is the full
+// step of the scoring.
 template <class R>
 struct Promise {
     R decrease;
@@ -166,12 +167,12 @@ Promise<R> damped_step(const Model<R>& model, const Point<R>& at, const R* low, 
     return promise;
 }
 
-// When to stop.
+// When a search stops.
 template <class R>
 struct Patience {
     int steps;    // largest number of evaluations
-    R tolerance;  // of -log L: a step that promises less is not taken
-    R inside;     // -log L that is small enough to stop
+    R tolerance;  // of -log L; the search ends when a step promises a smaller decrease
+    R inside;     // the search ends when -log L is below this
     R outside;    // -log L above which the search is given up, if complete steps promise far too little to
                   // get below it
 };
@@ -181,8 +182,8 @@ Patience<R> patience(int steps) {
     return Patience<R>{steps, R(1e-6), -Room<R>::impossible(), Room<R>::impossible()};
 }
 
-// The search for the minimum, step by step: propose() returns a point, the caller evaluates it, and judge()
-// takes the result.
+// The search for the minimum of -log L, step by step: propose() writes a point, the caller evaluates it, and
+// passes the result to judge().
 template <class R>
 class Search {
   public:
@@ -193,7 +194,7 @@ class Search {
     // Number of evaluations so far.
     int used() const { return used_; }
 
-    // Computes the parameters of the next point to evaluate; false at the end.
+    // Computes the parameters of the next point to evaluate. Returns false at the end of the search.
     bool propose(const Model<R>& model, const Patience<R>& until, const Point<R>& at, Point<R>& next) {
         if (over_ || !(used_ < until.steps && at.nll > until.inside && at.nll < Room<R>::impossible())) {
             return false;
@@ -229,7 +230,8 @@ class Search {
     bool over_;
 };
 
-// Moves an evaluated point to the minimum. Returns the number of evaluations.
+// Searches for the minimum from the evaluated point `at`, and sets `at` to the best point. Returns the number
+// of evaluations.
 template <class Target, class R>
 int score(const Target& target, const Model<R>& model, const Patience<R>& until, Point<R>& at) {
     Search<R> search(model);

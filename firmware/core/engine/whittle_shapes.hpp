@@ -1,10 +1,11 @@
-// The spectra that are fitted, with one source for the host's kernels (several bins at a time, in double) and
-// for the board (bin by bin, in float); and the sums of the host's fits over their bins. The board's sums are
-// in sliced_target.hpp.
+// The spectra that are fitted. One source serves the host's kernels (several bins at a time, in double) and
+// the board (bin by bin, in float). This file also has the sums over the bins for the host's fits; those of
+// the board are in sliced_target.hpp.
 //
-// Columns are the values that do not depend on the parameters, for bin i (or kWidth bins from i on):
-// counts(i), number of ordinates; ln_size(i), log |1 - e^{-iλ}|; quarter(i), (π - λ) / 2; turn(i), λ;
-// square(i), |1 - e^{-iλ}|²; cos1(i), sin1(i), cos2(i), sin2(i), of λ and 2λ.
+// The argument `columns` gives the values that depend only on the frequency λ of bin i (or of kWidth bins
+// from i on), not on the parameters: counts(i), number of ordinates; ln_size(i), log |1 - e^{-iλ}|;
+// quarter(i), (π - λ) / 2; turn(i), λ; square(i), |1 - e^{-iλ}|²; cos1(i), sin1(i), cos2(i), sin2(i), of λ
+// and 2λ.
 #ifndef FLTEA_WHITTLE_SHAPES_HPP
 #define FLTEA_WHITTLE_SHAPES_HPP
 
@@ -18,7 +19,7 @@ namespace fltea {
 namespace whittle {
 inline namespace FLTEA_INSTRUCTION_SET {
 
-// Smallest distance that is not only rounding.
+// The smallest value of a squared distance that is more than a rounding error.
 template <class R>
 constexpr R nearly_nothing() {
     return sizeof(R) == 8 ? R(1e-200) : R(1e-30);
@@ -29,15 +30,15 @@ Number exp_of(Number x) {
     return engine::exp(x);
 }
 inline float exp_of(float x) { return math::exp(x); }
-// For 0 <= x <= 3/2.
+// sin(pi x) for 0 <= x <= 3/2.
 template <class Number>
 Number sin_pi_of(Number x) {
     return engine::sin_pi(x);
 }
 inline float sin_pi_of(float x) { return math::sin_pi(x); }
 
-// Each family: the spectra of its parts for unit innovations, and the derivatives of their logarithms by the
-// shapes. Shape k belongs to the part `part_of(k)`.
+// Each class below is one family: it computes the spectra of the family's parts for innovations of variance
+// 1, and the derivatives of their logarithms by the shapes. Shape k belongs to the part `part_of(k)`.
 template <class Number>
 struct White {
     enum { kShapes = 0, kParts = 0 };
@@ -76,12 +77,12 @@ struct Fractional {
     }
 
   private:
-    // The angle of (1 - e^{-iλ})^α e^{iλ}, divided by π.
+    // The argument of the complex number (1 - e^{-iλ})^α e^{iλ}, divided by π.
     template <class Columns>
     Number turns(const Columns& bins, std::size_t i, Number quarter) const {
         return (alpha * quarter + bins.turn(i)) * R(0.31830988618379067);
     }
-    // |(1 - e^{-iλ})^α - g e^{-iλ}|². Positive except by rounding.
+    // |(1 - e^{-iλ})^α - g e^{-iλ}|². Only rounding can make the result zero or negative.
     Number distance(Number size, Number real) const {
         using engine::max;
         return max(size * size - R(2.0) * g * real + g * g, Number(nearly_nothing<R>()));
@@ -121,7 +122,7 @@ struct Ar2 {
     Number phi1, phi2;
 };
 
-// The sum of K AR(1).
+// A sum of K independent AR(1).
 template <class Number, int K>
 struct Relaxations {
     typedef engine::Real<Number> R;
@@ -146,7 +147,7 @@ struct Relaxations {
     Number phi[K];
 };
 
-// Running sums over the bins.
+// Accumulates the sums over the bins.
 template <class Number, int kNumbers>
 struct RunningSums {
     enum { kSquares = kNumbers * (kNumbers + 1) / 2 };
@@ -156,7 +157,7 @@ struct RunningSums {
         for (int k = 0; k < kSquares; ++k) squares[k] = Number(0);
     }
 
-    // sum(Number) adds the lanes of a number.
+    // sum(Number) adds up all lanes of a Number.
     template <class Out, class SumOf>
     void read(Out& out, SumOf sum) const {
         out.log_spectrum = sum(log_spectrum);
@@ -172,7 +173,7 @@ struct RunningSums {
     Number log_spectrum, ratio, slopes[kNumbers], weighted[kNumbers], squares[kSquares];
 };
 
-// Adds bin i with this power. Likelihood::term(count, S, I, 1/S) replaces c log S.
+// Adds bin i with the power `power`. Likelihood::term(count, S, I, 1/S) replaces c log S.
 template <class Likelihood, class Shape, class Columns, class Number, class R>
 inline void add_bin(const Shape& shape, const Columns& bins, std::size_t i, Number power,
                     const Natural<R>& natural,

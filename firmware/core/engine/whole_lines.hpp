@@ -1,4 +1,5 @@
-// The device's spectral ordinates of a stretch whose samples are kept, one at a time, in integers.
+// Computes periodogram ordinates of a stretch (samples without a break) on the device, one at a time and in
+// integers.
 #ifndef FLTEA_WHOLE_LINES_HPP
 #define FLTEA_WHOLE_LINES_HPP
 
@@ -18,8 +19,8 @@ class WholeLines {
 
     int size() const { return n_; }
 
-    // Takes a stretch minus its mean or, if `slow`, minus a cubic. A drift that ends at another level than it
-    // began leaks into all frequencies.
+    // Copies a stretch and subtracts its mean or, if `slow`, a cubic. Without the cubic, a drift whose end
+    // differs from its beginning would leak into all frequencies.
     void take(const std::int32_t* x, int n, bool slow) {
         n_ = n;
         std::int64_t sum = 0;
@@ -34,7 +35,8 @@ class WholeLines {
         lift_ = __builtin_clz(static_cast<unsigned>(largest)) - (32 - kBits);
         for (int i = 0; i < n; ++i) y_[i] = lift_ >= 0 ? y_[i] * (1 << lift_) : y_[i] >> -lift_;
         if (slow) take_cubic_off();
-        // Sums and differences of the two samples at equal distances from the middle, starting at the middle.
+        // Sums and differences of the two samples at the same distance from the middle, starting at the
+        // middle.
         for (int i = 0; i < n / 2; ++i) {
             const std::int32_t early = y_[i], late = y_[n - 1 - i];
             y_[i] = late + early;
@@ -42,9 +44,9 @@ class WholeLines {
         }
     }
 
-    // |sum of x e^{-iλt}|² / n of the ordinate λ = 2π j / n, in the squared unit of x; 0 < 2j < n.
+    // Ordinate j: |sum of x e^{-iλt}|² / n at λ = 2π j / n, in the squared unit of x, for 0 < 2j < n.
     float power(int j) const {
-        // The angle per sample, divided by π, in 2^-28; cosines and sines in 2^-30.
+        // The angle per sample is divided by π and in 2^-28; cosines and sines are in 2^-30.
         const std::int32_t angle =
             static_cast<std::int32_t>((static_cast<std::int64_t>(2 * j) * (1 << 28) + n_ / 2) / n_);
         const std::int32_t c = cosine(angle), s = fixed::sin_pi(angle);
@@ -77,7 +79,8 @@ class WholeLines {
         return static_cast<std::int64_t>(whole) * (INT64_C(1) << kFine) +
                static_cast<std::int32_t>(rest * static_cast<float>(1 << kFine));
     }
-    // differences of the cubic are in 2^-30: over 512 samples their rounding adds up to 0.01
+    // the differences of the cubic are in 2^-30, so that their rounding errors add up to 0.01 over 512
+    // samples
     enum { kFine = 30 };
 
     // Subtracts from y the best cubic in t = 2i - (n - 1), using orthogonal polynomials.
@@ -91,16 +94,16 @@ class WholeLines {
             by_square += along * t;
             by_cube += along * (static_cast<std::int64_t>(t) * t);
         }
-        // Mean squares of 1, t, ... over the samples: (n² - 1) / 3, and so on.
+        // Mean squares of the orthogonal polynomials over the samples; that of t is (n² - 1) / 3.
         const float n = static_cast<float>(n_), nn = n * n, level = (nn - 1) / 3;
-        const float bend = (3 * nn - 7) / 5;  // mean of t⁴ over that of t²
+        const float bend = (3 * nn - 7) / 5;  // mean of t⁴ divided by the mean of t²
         const float square = 4.0f * (nn - 1) * (nn - 4) / 45;
         const float cube = 4.0f * (nn - 1) * (nn - 4) * (nn - 9) / 175;
         const float mean = fixed::to_float(sum, 0) / n;
         const float a = fixed::to_float(by_t, 0) / (n * level);
         const float b = (fixed::to_float(by_square, 0) / n - level * mean) / square;
         const float c = (fixed::to_float(by_cube, 0) - bend * fixed::to_float(by_t, 0)) / (n * cube);
-        // Evaluates the polynomial by differences, from the first sample on.
+        // Evaluates the cubic by repeated additions of its differences, from the first sample on.
         const float t = 1 - n, linear = a - c * bend;
         std::int64_t value = fine(mean - b * level + t * (linear + t * (b + t * c)));
         std::int64_t first = fine(2 * linear + b * (4 * t + 4) + c * (6 * t * t + 12 * t + 8));

@@ -1,4 +1,5 @@
-// The last stretches of a stream, sample by sample, while they are few.
+// Stores the samples of a stream's newest stretches, as long as they fit. A stretch is a run of samples
+// without a break.
 #pragma once
 
 #include <cstddef>
@@ -13,12 +14,13 @@ inline namespace FLTEA_INSTRUCTION_SET {
 
 // A run of samples without a break.
 struct Stretch {
-    std::uint64_t first;  // number of the first sample
+    std::uint64_t first;  // sample number of the first sample
     int length;
 };
 
-// The samples of all stretches are stored one after another. A closed stretch shorter than kShortest is
-// dropped, because nothing can be computed from it, here or at half the rate.
+// The samples of all stretches are stored one after another. When a stretch ends and is shorter than
+// kShortest, it is dropped, because no spectrum can be computed from it, neither at this rate nor at half the
+// rate.
 template <typename Kind>
 class WholeStream {
     typedef typename Kind::Kept Kept;
@@ -31,13 +33,14 @@ class WholeStream {
         kMostMadeUp = Kind::kMostMadeUp
     };
 
-    // The positions of the stretches, and of the values that were not measured.
+    // Where the stretches lie, and which values were filled in instead of measured.
     struct Table {
         Stretch stretch[kMostStretches];
-        int stretches, open;  // `open`: the last stretch continues
+        int stretches, open;  // `open`: 1 if the last stretch has not ended
         int place[kMostMadeUp], made_up;
 
-        // Index of the last value in [from, to) that was not measured, relative to `from`; or -1.
+        // Index of the last value in [from, to) that was not measured, counted from `from`, or -1 if all were
+        // measured.
         int last_made_up(int from, int to) const {
             int last = -1;
             for (int i = 0; i < made_up; ++i) {
@@ -57,7 +60,7 @@ class WholeStream {
 
     void clear() { size_ = table_.stretches = table_.open = table_.made_up = 0; }
 
-    // Adds values. There has to be room for them.
+    // Adds n values, for which there has to be room.
     template <typename Number>
     void add(const Number* values, int n, std::uint64_t first) {
         if (n == 0) return;
@@ -88,8 +91,8 @@ class WholeStream {
         while (table_.made_up > 0 && table_.place[table_.made_up - 1] >= size_) --table_.made_up;
     }
 
-    // Drops samples with numbers below `least`, where each sample counts as `step`, and then the stretches
-    // that are too short.
+    // Drops samples with numbers below `least`; from one sample to the next, the number grows by `step`. Then
+    // drops the stretches that are too short.
     void drop_before(std::uint64_t least, std::uint64_t step) {
         int gone = 0, dropped = 0;
         while (dropped < table_.stretches && table_.stretch[dropped].first < least) {
@@ -119,7 +122,8 @@ class WholeStream {
         table_.made_up = kept;
     }
 
-    // Appends all of another stream. Both need to have a break at their end, and there has to be room.
+    // Appends all stretches of another stream. Both streams need to end with a break, and there has to be
+    // room for the samples.
     void append(const WholeStream& other, std::uint64_t shift) {
         for (int i = 0; i < other.table_.made_up; ++i) note_made_up(size_ + other.table_.place[i]);
         const Kept* from = other.x_;

@@ -29,7 +29,7 @@
 #define OCT 8
 #define BIN 2
 
-// Names that the core reserves in every program.
+// Macros of the core, whose names no program can use otherwise.
 #undef abs
 #define abs(x) ((x) > 0 ? (x) : -(x))
 #define min(a, b) ((a) < (b) ? (a) : (b))

@@ -1,4 +1,5 @@
-// libraries/Wire of ArduinoCore-sam. Like the real one, it ignores whether a STOP is requested.
+// A stub of the library Wire of ArduinoCore-sam. Like the real library, it ignores whether a STOP is
+// requested.
 #pragma once
 
 #include "Arduino.h"

@@ -17,8 +17,9 @@ Board board;
 namespace {
 
 constexpr uint64_t kUs = 1000;
-constexpr uint64_t kBitNs = 2500;          // 400 kHz
-constexpr uint64_t kSpinNs = 27500 * kUs;  // Wire's 100,000 turns: firmware/README.md
+constexpr uint64_t kBitNs = 2500;  // duration of a bit at 400 kHz
+// duration of the 100,000 loops after which Wire gives up: firmware/README.md
+constexpr uint64_t kSpinNs = 27500 * kUs;
 constexpr int kRing = 128;
 constexpr uint8_t kAddress = 0x68;
 
@@ -27,12 +28,12 @@ enum Reg : uint8_t { kSmplrtDiv = 0x19, kIntEnable = 0x38, kBurst = 0x3B, kPwrMg
 const uint32_t kIdentifier[4] = {0x03020100, 0x07060504, 0x0B0A0908, 0x0F0E0D0C};
 const uint32_t kProgram[4] = {0x20088000, 0x000800F1, 0x000800E5, 0x000800E5};
 
-// Duration of ten bits. Tests of the port's parts write before begin().
+// Duration of a byte, which takes ten bits. Some tests write to the UART before begin() sets the baud rate.
 uint64_t byte_ns() { return 10000000000ull / (board.baud ? board.baud : 250000); }
 
 uint64_t edge_period_ns() { return (board.chip.registers[kSmplrtDiv] + 1u) * 1000 * kUs; }
 
-// An open pin picks up edges from its surroundings.
+// Whether the data-ready pin is open, so that it picks up edges from its surroundings.
 bool floats() {
     const Pin& pin = board.pins[board.edge_pin];
     return !board.int_wire && !(pin.owner == Pin::port && pin.mode == INPUT_PULLUP);
@@ -44,8 +45,8 @@ bool edges_run() {
     return floats() || (board.int_wire && chip.plugged_in && (chip.registers[kIntEnable] & 1) != 0);
 }
 
-// Advances the time by a transfer; returns false if a line is held, after Wire's time limit, `waits` times
-// over.
+// Advances the time by the duration of a transfer. If a line is held, advances it by Wire's time limit,
+// `waits` times, and returns false.
 bool transfer(unsigned bits, unsigned waits) {
     const bool connected =
         board.pins[PIN_WIRE_SDA].owner == Pin::wire && board.pins[PIN_WIRE_SCL].owner == Pin::wire;
@@ -79,7 +80,7 @@ void write_register(uint8_t reg, uint8_t value) {
     }
 }
 
-// Gyroscope x counts milliseconds, so each sample is different and shows its time.
+// The gyroscope's x axis counts milliseconds, so each sample is different and shows its time.
 void convert() {
     uint8_t* burst = board.chip.registers + kBurst;
     const uint32_t ms = static_cast<uint32_t>(board.now_ns / 1000000);
@@ -173,7 +174,8 @@ uint32_t pmc_disable_periph_clk(uint32_t id) {
 
 uint32_t micros(void) {
     board.advance(2 * stub::kUs);
-    // A handler counts the milliseconds: with interrupts masked only one more can be pending.
+    // An interrupt handler counts the milliseconds. While interrupts are masked, only one more can be
+    // pending.
     const uint64_t most_ns = board.masked_ns + 1999999;
     const uint64_t at_ns = board.interrupts_on || board.now_ns < most_ns ? board.now_ns : most_ns;
     return static_cast<uint32_t>((at_ns - board.lost_ns) / stub::kUs);
@@ -181,7 +183,7 @@ uint32_t micros(void) {
 uint32_t millis(void) { return micros() / 1000; }
 void delayMicroseconds(uint32_t usec) { board.advance(usec * stub::kUs); }
 
-// As in the core: nothing happens if the pin is remembered as being in this input mode already.
+// As in the Arduino core, nothing happens if pinMode() has set this input mode before.
 void pinMode(uint32_t pin, uint32_t mode) {
     stub::Pin& p = board.pins[pin];
     if (mode != OUTPUT && p.believed == mode) return;
@@ -282,11 +284,12 @@ uint8_t TwoWire::endTransmission(uint8_t) {
     return 0;
 }
 uint8_t TwoWire::requestFrom(uint8_t address, uint8_t n, uint32_t reg, uint8_t reg_size, uint8_t) {
-    if (reg_size == 0) reg = 0;  // no register is addressed; the chip's own pointer is not to be relied on
+    // no register is addressed; a program must not rely on the chip's own register pointer
+    if (reg_size == 0) reg = 0;
     rx_index_ = rx_length_ = 0;
     if (n > BUFFER_LENGTH) n = BUFFER_LENGTH;
     const bool complete = stub::transfer(3 + 9u * (3u + n), 2);
-    // Bytes that came before a line got stuck are returned.
+    // Bytes that arrived before the line got stuck are returned.
     if (!complete) n = static_cast<uint8_t>(board.chip.stall_after < n ? board.chip.stall_after : n);
     if (n == 0 || !stub::acknowledged(address)) return 0;
     stub::convert();

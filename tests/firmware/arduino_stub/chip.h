@@ -1,5 +1,5 @@
-// The part of Atmel's CMSIS headers for the SAM3X8E that the sketch uses, and those macros with which no name
-// of the core may collide.
+// The part of Atmel's CMSIS headers for the SAM3X8E that the sketch uses. It also has those macros of the
+// headers whose names fltea's core must not use.
 #pragma once
 
 #include <stddef.h>
@@ -7,7 +7,7 @@
 
 namespace stub {
 
-// A register whose reads and writes the board handles.
+// A register: reading and writing it calls functions of the simulated board.
 template <uint32_t (*Read)(), void (*Write)(uint32_t)>
 struct Register {
     operator uint32_t() const { return Read(); }
@@ -75,7 +75,7 @@ uint32_t pmc_disable_periph_clk(uint32_t ul_id);
 void __disable_irq();
 void __enable_irq();
 
-// Each is a pointer in the real headers; here any use of the name fails to compile.
+// In the real headers, each of these names is a pointer. Here, any use of such a name fails to compile.
 #define NOT_OURS "this name belongs to CMSIS"
 #define MPU NOT_OURS
 #define SCB NOT_OURS

@@ -1,4 +1,8 @@
-"""How far the bias is from the mean of the true rate over the next second, and how often within 2 σ."""
+"""Measure the error of the bias.
+
+The error is the difference from the true mean rate of the next second. Also measured: how often it is within
+2 σ.
+"""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +23,7 @@ SPANS = {"10–60 s": (1_000, 6_000), "60–300 s": (6_000, 30_000)}
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each noise, and sensor of AXES axes."""
+    """Return one task for each noise and each simulated sensor of AXES axes."""
     return [
         Task(name, of_noise, (noise, first), 30_000)
         for noise in NOISES
@@ -29,7 +33,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def of_noise(noise: str, first: int) -> list[Row]:
-    """Follow a sensor of one noise; a row for each span with the mean squares of errors."""
+    """Track one simulated sensor.
+
+    Return one row for each averaging time, with the mean squares of the errors.
+    """
     n = max(end for _, end in SPANS.values())
     ahead = round(AHEAD_S / H)
     axes = lanes(SECTION, noise, range(first, first + AXES))
@@ -57,7 +64,10 @@ def _mean_square(e: Array) -> float:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the error over the best peer's and the shares within 2 σ; all errors in the file."""
+    """Return the errors divided by those of the best peer, and the shares within 2 σ.
+
+    The file has all errors.
+    """
     cells: list[Any] = []
     errors: list[Any] = []
     for noise, those in grouped(rows, lambda row: row["noise"]).items():

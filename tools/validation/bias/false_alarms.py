@@ -1,4 +1,4 @@
-"""How often a step is told of where there is none."""
+"""Count the steps that the tracker reports in noise without steps."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from tools.validation.tables import Table, grouped, number
 
 SECTION = "false alarms"
 HOURS, QUICK_HOURS = 24.0, 1.0
-"""Of one sensor, of each noise."""
+"""Name of this section, and hours of simulated data for each noise."""
 AT_ONCE = 60_000
 WEEK_H = 168.0
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each noise; seeds are of other sections."""
+    """Return one task for each noise."""
     hours = options.hours or (QUICK_HOURS if options.quick else HOURS)
     return [
         Task(name, count, (noise, hours), round(hours * 3600 / H))
@@ -25,7 +25,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def count(noise: str, hours: float) -> list[Row]:
-    """Count what is told of one sensor, whose axes have this noise."""
+    """Count the steps that are reported for one sensor whose axes have this noise."""
     axes = lanes(SECTION, noise, range(AXES))
     sensor, left = LiveSensor(AXES, H), round(hours * 3600 / H)
     while left:
@@ -45,7 +45,7 @@ def count(noise: str, hours: float) -> list[Row]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the counts, and what they are in a week."""
+    """Return the counts, also converted to counts in a week."""
     cells = []
     for noise, (row,) in grouped(rows, lambda row: row["noise"]).items():
         hours, told = row["axis_hours"], row["events"]

@@ -1,4 +1,4 @@
-"""What a plain Kalman filter is worth that is built from the file of `--gauss-markov` alone."""
+"""Measure how good a plain Kalman filter is that uses only the figures in the file of `--gauss-markov`."""
 
 import json
 import math
@@ -22,10 +22,12 @@ from tools.validation.tables import Table, grouped, number
 
 SECTION = "filter from the file"
 WAYS = "with its bias", "run over the recording"
-"""The filter begins with the bias of the file, or with none and runs over the recording."""
+"""The two ways to start the filter: with the bias from the file, or without a bias by filtering the
+recording.
+"""
 FUTURES, QUICK_FUTURES = 50, 10
 UNKNOWN = 10.0
-"""deg/s: the σ of a bias of which the file says nothing."""
+"""Standard deviation of the bias [deg/s] if the file states none."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -40,9 +42,12 @@ def tasks(options: Options) -> list[Task]:
 
 
 def navigate(noise: str, first: int, futures: int) -> list[Row]:
-    """Identify the recording of a sensor, and navigate by its file; a row for each axis.
+    """Identify the recording of a sensor and integrate its rates with the file's filter.
 
-    squares: by way, mean of (error over σ)² after TIMES_S; None where the file has too little for it.
+    Return one row for each axis.
+
+    A row's `squares` holds, for each way to start the filter, the mean of (error / σ)² after TIMES_S; None if
+    the file lacks the figures for it.
     """
     axes = lanes(SECTION, noise, range(first, first + AXES))
     y, _ = drawn(axes, REST)
@@ -72,7 +77,7 @@ def _by_way(model: Model | None, y: Array, angles: Array) -> list[list[float] | 
 
 
 def identified(y: Array) -> list[dict[str, Any]]:
-    """Return what `fltea identify --gauss-markov` writes of each axis.
+    """Return the entry of each axis in the file that `fltea identify --gauss-markov` writes.
 
     Raises:
         FlteaError: the program failed.
@@ -91,9 +96,9 @@ def identified(y: Array) -> list[dict[str, Any]]:
 
 
 def model_of(entry: Mapping[str, Any]) -> Model | None:
-    """Return the filter of an axis of the file; None where it has no white noise.
+    """Return the filter model of an axis in the file; None if the axis has no white noise.
 
-    An axis without the key `filter` has its figures beside each other, and nothing of the bias.
+    An axis without the key `filter` has its figures at the top level and no bias.
     """
     figures = entry.get("filter", entry)
     N = _value(figures["N"])
@@ -107,13 +112,13 @@ def model_of(entry: Mapping[str, Any]) -> Model | None:
 
 
 def _value(figure: Any) -> float | None:
-    """Of a number, or of one with its interval."""
+    """Return the value of a figure, which is a number or an object with a value and an interval."""
     value: float | None = figure["value"] if isinstance(figure, dict) else figure
     return value
 
 
 def squares(plain: Plain, angles: Array) -> list[float]:
-    """Return the mean of (heading error over σ)² after TIMES_S; angles: (futures, times)."""
+    """Return the mean of (heading error / σ)² after TIMES_S. `angles`: true angles, (futures, times)."""
     found = []
     for k, t_s in enumerate(TIMES_S):
         angle, std = plain.heading(round(t_s / H))
@@ -122,7 +127,7 @@ def squares(plain: Plain, angles: Array) -> list[float]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the RMS error over σ by noise and time, a table for each way."""
+    """Return the RMS of error / σ by noise and time; one table for each way to start the filter."""
     return [_table(rows, way) for way in WAYS]
 
 

@@ -1,4 +1,7 @@
-"""How often a heading is inside of its band after a rest, on many futures of the same past; and the judge."""
+"""Measure how often the heading after a rest is within its predicted band.
+
+Each recording has many independent continuations.
+"""
 
 import math
 from collections.abc import Sequence
@@ -22,13 +25,13 @@ from tools.validation.tables import Table, grouped
 
 SECTION = "headings"
 REST = 60_000
-"""Samples of the recording: ten minutes."""
+"""Number of samples of the recording: ten minutes."""
 TIMES_S = (10, 60, 300)
 FUTURES, QUICK_FUTURES = 100, 20
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each noise, and sensor of AXES axes."""
+    """Return one task for each noise and each simulated sensor of AXES axes."""
     futures = QUICK_FUTURES if options.quick else FUTURES
     return [
         Task(name, forecast, (noise, first, futures), REST)
@@ -39,7 +42,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def forecast(noise: str, first: int, futures: int) -> list[Row]:
-    """Forecast the heading of a sensor's axes; a row for each with what the futures say of it."""
+    """Predict the headings of a sensor's axes.
+
+    Return one row for each axis with the errors over all continuations.
+    """
     rows: list[Row] = []
     axes = lanes(SECTION, noise, range(first, first + AXES))
     ys = [axis.take(REST)[0] for axis in axes]
@@ -68,14 +74,14 @@ def forecast(noise: str, first: int, futures: int) -> list[Row]:
 
 
 def turned(axis: Lane, section: str, noise: str, number: int, futures: int) -> Array:
-    """Return the angles after TIMES_S, (futures, times), of futures that know nothing of each other."""
+    """Return the angles after TIMES_S, (futures, times), of independent continuations of the recording."""
     ends = np.array([round(t_s / H) for t_s in TIMES_S])
     rng = generator(f"{section}, futures", noise, number)
     return np.array([H * np.cumsum(axis.fork(rng).take(ends[-1])[0])[ends - 1] for _ in range(futures)])
 
 
 def headings_told(ys: Sequence[Array]) -> list[list[tuple[float, float]]]:
-    """Return headings after TIMES_S, and their σ, of each axis as `identify --forecast` predicts them."""
+    """Return each axis's headings after TIMES_S with their σ, as `identify --forecast` predicts them."""
     own = {}
     for number, y in enumerate(ys):
         parts = analyse(y, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
@@ -93,7 +99,7 @@ def _told(system: System, y: Array) -> list[tuple[float, float]]:
 
 
 def judge_fails(y: Array) -> bool:
-    """Return whether the recording fails the model of its own first half."""
+    """Return whether the second half of the recording rejects the model of the first half."""
     half = y[: len(y) // 2]
     parts = analyse(half, H, IdentifyOptions(shuffles=0)).figures.model.parts(H)
     found = judged(fitted_system(parts, half, H), y, len(half), H)
@@ -102,7 +108,10 @@ def judge_fails(y: Array) -> bool:
 
 @cache
 def best_stds(noise: str) -> tuple[float, ...]:
-    """Return the deviations of a filter that knows the noise, after TIMES_S; empty where none is plain."""
+    """Return the standard deviations after TIMES_S of a Kalman filter that knows the noise.
+
+    Empty if no plain filter fits it.
+    """
     known = TEN[noise].known
     if known is None:
         return ()
@@ -113,14 +122,15 @@ def best_stds(noise: str) -> tuple[float, ...]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return shares inside of the bands, their widths over the best possible, and what the judge fails."""
+    """Return the shares within the bands, the relative widths of the bands, and the rejected models."""
     cells = []
     for noise, those in grouped(rows, lambda row: row["noise"]).items():
         by_time = [[row["times"][k] for row in those] for k in range(len(TIMES_S))]
         inside = [f"{100 * np.mean([one['inside'] for one in times]):.0f} %" for times in by_time]
         widths = []
         for times in by_time:
-            # Over the error seen, a width says whether a band is honest, and not whether it is good.
+            # Compared with the error, a width shows whether the band is honest; it does not show whether the
+            # band is narrow.
             said = math.sqrt(float(np.mean([one["std"] ** 2 for one in times])))
             seen = math.sqrt(float(np.mean([one["square"] for one in times])))
             best = times[0]["best"]

@@ -1,6 +1,6 @@
-"""A plain Kalman filter of a rate at rest, as navigation has it: textbook equations in numpy.
+"""A plain Kalman filter of a rate at rest, as in a navigation program: textbook equations in numpy.
 
-Its states are a bias that walks and Gauss-Markov processes. Nothing is shared with fltea's filters.
+Its states are a bias with a random walk and Gauss-Markov processes. It shares no code with fltea's filters.
 """
 
 import math
@@ -11,20 +11,20 @@ from fltea.records.arrays import Array
 
 
 class Model(NamedTuple):
-    """The figures of the filter, in deg and s."""
+    """The noise figures of the filter, in degrees and seconds."""
 
     N: float
-    """white noise, per √Hz"""
+    """Angle random walk N [(deg/s)/√Hz]."""
     K: float
-    """random walk of the bias, per √s"""
+    """Rate random walk K of the bias [deg/s/√s]."""
     gauss_markov: tuple[tuple[float, float], ...]
-    """σ and τ in s of each state"""
+    """Standard deviation σ [deg/s] and correlation time τ [s] of each Gauss-Markov state."""
     bias: float
     bias_std: float
 
 
 class Plain:
-    """The filter, h s from sample to sample."""
+    """The Kalman filter. `h`: sampling period [s]."""
 
     def __init__(self, model: Model, h: float) -> None:
         sigma, tau = (np.array([one[i] for one in model.gauss_markov]) for i in (0, 1))
@@ -37,7 +37,7 @@ class Plain:
         self.x[0] = model.bias
 
     def run(self, y: Array) -> None:
-        """Take samples (n,). Of so few states numbers are quicker than arrays."""
+        """Filter samples (n,). Loops over numbers are faster than arrays for so few states."""
         phi, Q, R = self._phi.tolist(), self._Q.tolist(), self._R
         x, P = self.x.tolist(), self.P.tolist()
         states = range(len(x))
@@ -61,7 +61,7 @@ class Plain:
         noise[size, :size] = noise[:size, size] = self._h * self._Q
         noise[size, size] = self._h**2 * (self._Q.sum() + self._R)
         F, Q = np.eye(size + 1), np.zeros((size + 1, size + 1))
-        while n:  # n steps by doubling
+        while n:  # The prediction over n samples, by repeated doubling of the step.
             if n & 1:
                 F, Q = step @ F, step @ Q @ step.T + noise
             step, noise, n = step @ step, step @ noise @ step.T + noise, n >> 1

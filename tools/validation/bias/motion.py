@@ -1,4 +1,7 @@
-"""What a turn does to the bias: z turns, and a little of it leaks into x and y. No accelerometer is given."""
+"""Measure what a turn does to the bias.
+
+The sensor turns about z, and the axes x and y measure a small share of the rate.
+"""
 
 import math
 from collections.abc import Sequence
@@ -18,9 +21,11 @@ from tools.validation.tables import Table, grouped, number
 SECTION = "motion"
 REST_S, TURN_S, AFTER_S = 120, 30, 60
 RATE, LEAK = 10.0, 0.005
-"""deg/s about z, and the share of it that x and y see."""
+"""Rate about z [deg/s], and the share of the rate that x and y measure."""
 WAYS = "live stage", "Live.add(at_rest=False)"
-"""The live stage is told of nothing; `fltea.Live` is told that the turn is no rest."""
+"""The live program gets no information about the turn and no accelerometer; `fltea.Live` is told that the
+sensor is not at rest.
+"""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -34,7 +39,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def turned(way: str, first: int) -> list[Row]:
-    """Turn one sensor; a row for z, and one for each of x and y."""
+    """Simulate the turn of one sensor; return one row for each axis."""
     begin, end = round(REST_S / H), round((REST_S + TURN_S) / H)
     n = end + round(AFTER_S / H)
     axes = lanes(SECTION, "white", range(first, first + AXES))
@@ -62,7 +67,7 @@ def turned(way: str, first: int) -> list[Row]:
 
 
 def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
-    """Return bias and σ of `fltea.Live`, which is told of the turn; it fits while it rests."""
+    """Return bias and σ of `fltea.Live`, which is told when the sensor turns and makes fits only at rest."""
     live = fltea.Live(round(1 / H), unit="deg/s")
     found, at, due = [], 0, round(1 / H)
     while at < len(y):
@@ -77,7 +82,7 @@ def _told(y: Array, begin: int, end: int) -> tuple[Array, Array]:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return the largest errors over σ, and those in deg/s beside the peers'."""
+    """Return the largest errors divided by σ, and the largest errors [deg/s] with those of the peers."""
     cells: list[Any] = []
     errors: list[Any] = []
     for (way, axis), those in grouped(rows, lambda row: (row["way"], row["axis"])).items():

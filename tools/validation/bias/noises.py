@@ -1,7 +1,8 @@
-"""The noises of a sensor at rest, 100 samples a second, made with numpy and scipy alone.
+"""Noises of a sensor at rest at 100 Hz, made with numpy and scipy alone.
 
-Nothing is shared with the filter: orders and 1/f are convolutions of their whole responses, not sums of
-relaxations. Every noise can go on from where it is, as often as wanted: the past stays, the future is drawn.
+They share no code with the filters: fractional noise and 1/f noise are convolutions with their full impulse
+responses, not sums of relaxations. A noise can be continued from its present state as often as needed: the
+past stays the same, and each continuation is drawn anew.
 """
 
 import copy
@@ -23,22 +24,25 @@ from tools.validation.recursions import (
 )
 
 H = 0.01
-"""s from sample to sample"""
+"""Sampling period [s]."""
 SIGMA = 0.1
-"""deg/s of the white noise of a sample"""
+"""Standard deviation of the white noise in each sample [deg/s]."""
 OFFSETS = 0.5
-"""Offsets are drawn from ± so many deg/s: nobody knows them before."""
+"""Offsets are drawn uniformly between plus and minus this value [deg/s]; the filters do not know them."""
 PAST = 1 << 17
-"""Samples that orders and 1/f noise remember: 22 minutes."""
+"""Length of the impulse response of fractional and 1/f noise, in samples: 22 minutes."""
 FINE = 8
-"""Oversampling in front of filters that a sensor has before it samples."""
+"""Oversampling factor for filters that act in a sensor before it samples."""
 
 
 class Component(Protocol):
-    """A part of a noise. state: where it stopped; None before its first sample."""
+    """One component of a noise. `state`: internal state after the last sample.
+
+    None before the first sample.
+    """
 
     def draw(self, rng: np.random.Generator, n: int, state: Any) -> tuple[Array, Any]:
-        """Return its next n samples, and where it stopped."""
+        """Return the next n samples, and the state after them."""
 
 
 class White(NamedTuple):
@@ -51,13 +55,13 @@ class White(NamedTuple):
 
 
 class Filtered(NamedTuple):
-    """White noise through the filter b(z) / a(z), `fine` times as fast as the samples."""
+    """White noise through the filter b(z) / a(z), computed at `fine` times the sample rate."""
 
     b: tuple[float, ...]
     a: tuple[float, ...]
     sigma: float = 1.0
     before: int = 0
-    """samples after which it is stationary"""
+    """Number of samples after which the noise is stationary."""
     fine: int = 1
 
     def draw(self, rng: np.random.Generator, n: int, state: Any) -> tuple[Array, Any]:
@@ -69,7 +73,10 @@ class Filtered(NamedTuple):
 
 
 class Convolved(NamedTuple):
-    """White noise through the response of an order α and f, or of 1/f noise of order d (α = 0)."""
+    """White noise convolved with an impulse response.
+
+    The response is of order α and parameter f, or, if α = 0, of 1/f noise of order d.
+    """
 
     sigma: float
     alpha: float = 0.0
@@ -88,7 +95,7 @@ def _response(alpha: float, f: float, d: float) -> Array:
 
 
 class Telegraph(NamedTuple):
-    """Popcorn noise: ± size, for `dwell_s` in the mean."""
+    """Popcorn noise: it jumps between plus and minus `size` and stays for `dwell_s` on average."""
 
     size: float
     dwell_s: float
@@ -101,7 +108,7 @@ class Telegraph(NamedTuple):
 
 
 class Ramp(NamedTuple):
-    """A straight line of so many deg/s a second."""
+    """A linear drift [deg/s per second]."""
 
     rate: float
 
@@ -111,7 +118,7 @@ class Ramp(NamedTuple):
 
 
 class FractionalGaussian(NamedTuple):
-    """Fractional Gaussian noise; it cannot go on."""
+    """Fractional Gaussian noise; it cannot be continued."""
 
     sigma: float
     hurst: float
@@ -123,24 +130,25 @@ class FractionalGaussian(NamedTuple):
 
 
 def walk(step: float) -> Filtered:
-    """Return a random walk; step: its deviation a sample."""
+    """Return a random walk. `step`: standard deviation of one step."""
     return Filtered((1.0,), (1.0, -1.0), step)
 
 
 def relaxation(sigma: float, tau_s: float) -> Filtered:
-    """Return a Gauss-Markov process of deviation sigma."""
+    """Return a Gauss-Markov process with the standard deviation `sigma`."""
     a = math.exp(-H / tau_s)
     return Filtered((1.0,), (1.0, -a), sigma * math.sqrt(1 - a * a), round(20 * tau_s / H))
 
 
 class Noise(NamedTuple):
-    """What is in a sample: a signal, which is the bias with the offset, and what no bias follows."""
+    """The components of a sample: the signal, which the bias should follow, and the fast noise."""
 
     signal: tuple[Component, ...]
     rest: tuple[Component, ...] = (White(),)
     known: tuple[float, tuple[tuple[float, float], ...]] | None = None
-    """Where a plain Kalman filter is the best possible: the step of its walk a sample, (σ, τ) of its
-    relaxations, beside white noise of SIGMA."""
+    """If a plain Kalman filter is optimal for the noise: the standard deviation of a step of its random walk
+    and (σ, τ) of its relaxations, in addition to white noise of SIGMA; otherwise None.
+    """
 
 
 def _plain(step: float, *relaxations: tuple[float, float]) -> Noise:
@@ -169,14 +177,16 @@ FILTERED: dict[str, Noise] = {
     "CIC": Noise((), (CIC,)),
     "fGn .7": Noise((FractionalGaussian(SIGMA, 0.7),), ()),
 }
-"""White noise through a filter, whose bias is its offset alone, and noise whose mean over a second is one."""
+"""Filtered noises. For white noise through a filter, the bias is the offset alone; for the others it is the
+mean over a second.
+"""
 NOISES = TEN | FILTERED
 MODELLED = tuple(name for name in TEN if name not in ("popcorn", "ramp", "DLPF"))
-"""What a verdict has words for, and a filter states."""
+"""The noises that a verdict can name and a filter can model."""
 
 
 class Lane:
-    """One axis at rest, which goes on for as long as it is asked."""
+    """A simulated axis at rest that can be continued without end."""
 
     def __init__(self, name: str, rng: np.random.Generator) -> None:
         self.noise, self._rng = NOISES[name], rng
@@ -184,7 +194,7 @@ class Lane:
         self._states: list[Any] = [None] * (len(self.noise.signal) + len(self.noise.rest))
 
     def take(self, n: int) -> tuple[Array, Array]:
-        """Return the next n samples, and what of them is signal and offset."""
+        """Return the next n samples, and their signal including the offset."""
         found = []
         for place, part in enumerate((*self.noise.signal, *self.noise.rest)):
             samples, self._states[place] = part.draw(self._rng, n, self._states[place])
@@ -194,14 +204,14 @@ class Lane:
         return sum(found[signals:], x), x
 
     def fork(self, rng: np.random.Generator) -> "Lane":
-        """Return another future of the same past."""
+        """Return an independent continuation of the same past."""
         other = copy.copy(self)
         other._rng, other._states = rng, list(self._states)
         return other
 
 
 def generator(section: str, name: str, number: int = 0) -> np.random.Generator:
-    """Return the numbers of one record of a section."""
+    """Return the generator of random numbers for one record of a section."""
     return np.random.default_rng((20261126, zlib.crc32(f"{section}: {name}".encode()), number))
 
 
@@ -211,12 +221,12 @@ def lanes(section: str, name: str, numbers: Sequence[int]) -> list[Lane]:
 
 
 def drawn(axes: Sequence[Lane], n: int) -> tuple[Array, Array]:
-    """Return the next n samples of some axes, and what of them is signal and offset, (n, axes)."""
+    """Return the next n samples of some axes, and their signals including the offsets, each (n, axes)."""
     y, x = zip(*(axis.take(n) for axis in axes), strict=True)
     return np.stack(y, axis=1), np.stack(x, axis=1)
 
 
 def mean_ahead(x: Array, n: int) -> Array:
-    """Return the mean of the n samples behind each, (len(x) - n, ...)."""
+    """Return, for each sample, the mean of the n samples after it, (len(x) - n, ...)."""
     sums = np.cumsum(x, axis=0)
     return np.asarray((sums[n:] - sums[:-n]) / n)

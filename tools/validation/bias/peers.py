@@ -1,6 +1,8 @@
-"""What others make of the bias at rest: VQF, imufusion, and means; (n, 3) deg/s in, as much out.
+"""Bias at rest by other methods: VQF, imufusion and means.
 
-Both libraries go by their defaults. They begin with a bias of 0.
+Each takes rates (n, 3) [deg/s] and returns biases (n, 3).
+
+Both libraries use their default settings and start with a bias of 0.
 """
 
 from collections.abc import Callable
@@ -13,17 +15,17 @@ from fltea.settings.extras import load
 from tools.validation.bias.noises import H
 
 GRAVITY, ACCEL_SIGMA = 9.81, 0.02
-"""m/s² of the accelerometer that VQF wants, which lies flat and still."""
+"""Reading of the accelerometer that VQF requires [m/s²]: the sensor lies flat and still."""
 AT_ONCE = 20_000
-"""Samples of which VQF gives its whole state at once."""
+"""Number of samples for which VQF returns its whole state in one call."""
 MEAN_S = 10.0
 
 
 def need_peers() -> None:
-    """Find out before anything is computed whether the peers are there.
+    """Check that the peers are installed, before anything is computed.
 
     Raises:
-        UsageError: one is not installed; says what installs it.
+        UsageError: a peer is not installed; the message says how to install it.
     """
     _library("vqf")
     _library("imufusion")
@@ -34,7 +36,7 @@ def _library(name: str) -> Any:
 
 
 def vqf(y: Array) -> Array:
-    """Return VQF's bias (Laidig & Seel, 2023): it estimates it at rest, and by gravity in motion."""
+    """Return VQF's bias (Laidig & Seel, 2023), estimated at rest, and by gravity in motion."""
     rng = np.random.default_rng(20261126)
     accel = rng.normal((0.0, 0.0, GRAVITY), ACCEL_SIGMA, y.shape)
     rates, it = np.ascontiguousarray(np.radians(y)), _library("vqf").VQF(H)
@@ -64,7 +66,7 @@ def running_mean(y: Array) -> Array:
 
 
 def short_mean(y: Array) -> Array:
-    """Return the mean of the last MEAN_S."""
+    """Return the mean of the last MEAN_S seconds."""
     n = round(MEAN_S / H)
     sums = np.cumsum(y, axis=0)
     sums[n:] -= sums[:-n].copy()

@@ -1,6 +1,6 @@
-"""What the bias is worth when the world moves: steps, turns, filtered noise, headings, files, beside peers.
+"""Measure the bias with steps, turns and filtered noise, and headings and files, against peers.
 
-Sections have names: `--only headings` runs one of them, `--only 'errors: ramp'` one noise of it.
+Each section has a name: `--only headings` runs one section, `--only 'errors: ramp'` one noise of a section.
 """
 
 from types import ModuleType
@@ -12,7 +12,7 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table, grouped
 
 SEEDS, QUICK_SEEDS = 24, 6
-"""Axes of each kind, up to whole sensors of AXES."""
+"""Number of axes of each kind, rounded up to whole sensors of AXES axes."""
 SECTIONS: dict[str, ModuleType] = {
     module.SECTION: module for module in (steps, errors, false_alarms, motion, headings, file_filter)
 }

@@ -1,4 +1,4 @@
-"""How long until a bias that has stepped is known again, in white noise."""
+"""Measure how long it takes to know a bias again after it has stepped, in white noise."""
 
 import math
 from collections.abc import Sequence
@@ -15,16 +15,20 @@ from tools.validation.tables import Table, grouped
 
 SECTION = "steps"
 SIZES, AT_S = (1.0, 0.3), (120, 3600)
-"""σ of a sample, and s after the first."""
+"""Sizes of the step, in standard deviations of a sample, and times of the step after the first sample [s]."""
 WATCHED_S, QUICK_WATCHED_S = 1200, 300
 WITHIN, STAYS_S = 0.2, 2.0
-"""The error is at most this share of the step, for so long on end: a short mean leaves it again by chance."""
+"""The bias is known again when its error stays below this share of the step for this time [s]. A short mean
+may come near by chance, but it does not stay there.
+"""
 SAMPLES_TO_SEE = 30
-"""Times (σ/δ)²: what the quickest test with a false alarm a week takes (Lorden, 1971)."""
+"""Multiplied by (σ/δ)², the number of samples that the quickest test with one false alarm a week needs
+(Lorden, 1971).
+"""
 
 
 def tasks(options: Options) -> list[Task]:
-    """Return a task for each step, and sensor of AXES axes."""
+    """Return one task for each step and each simulated sensor of AXES axes."""
     watched_s = QUICK_WATCHED_S if options.quick else WATCHED_S
     return [
         Task(name, stepped, (size, at_s, first, watched_s), (at_s + watched_s) * 100)
@@ -36,7 +40,10 @@ def tasks(options: Options) -> list[Task]:
 
 
 def stepped(size: float, at_s: int, first: int, watched_s: int) -> list[Row]:
-    """Let each axis of a sensor step; a row for each axis, with the seconds that each estimate takes."""
+    """Let the bias of each axis of a sensor step.
+
+    Return one row for each axis with the time that each estimate needs [s].
+    """
     name = f"{size:g} σ at {at_s} s"
     n, at = round((at_s + watched_s) / H), round(at_s / H)
     axes = lanes(SECTION, "white", range(first, first + AXES))
@@ -61,7 +68,10 @@ def stepped(size: float, at_s: int, first: int, watched_s: int) -> list[Row]:
 
 
 def settled_s(near: Mask) -> float | None:
-    """Return the time from which on an estimate is near for STAYS_S, in s; None: it never is."""
+    """Return the time after which an estimate stays near the true value for STAYS_S [s].
+
+    None if it never does.
+    """
     n = round(STAYS_S / H)
     far = np.append(0, np.cumsum(~near))
     stays = np.flatnonzero(far[n:] == far[:-n])
@@ -69,7 +79,7 @@ def settled_s(near: Mask) -> float | None:
 
 
 def tables(rows: Sequence[Row]) -> list[Table]:
-    """Return median and worst time of each estimate."""
+    """Return the median and the longest time of each estimate."""
     cells = []
     for name, those in grouped(rows, lambda row: row["step"]).items():
         first = those[0]

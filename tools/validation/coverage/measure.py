@@ -1,4 +1,4 @@
-"""Whether the intervals of one axis hold the truth (pure)."""
+"""Check whether the intervals of one axis hold the true values."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,26 +22,26 @@ from tools.validation.coverage.published import ALLAN, FIGURES, of_part
 from tools.validation.same_parts import found_in_order, in_order, tag
 
 STEADY = tuple(kind for kind in p.CODES if kind.has("slow") or kind.has("fast only") or kind is p.Resonance)
-"""Parts that N has nothing of."""
+"""Kinds of parts that do not contribute to N."""
 FREQUENCIES = 40_000
-"""At so many frequencies the Allan deviation of a spectrum is added up."""
+"""Number of frequencies at which the integral for the Allan deviation of a spectrum is evaluated."""
 SECONDS = 10.0
-"""Of the forecasts that are judged."""
+"""Length of the forecasts that are checked [s]."""
 
 
 class Seen(NamedTuple):
-    """An interval and what it should hold."""
+    """An interval, and the true value that it should hold."""
 
     quantity: str
     published: bool
     below: float = 0.0
-    """share of its figures of which the truth is below the interval"""
+    """Share of the figures whose true value is below the interval."""
     above: float = 0.0
     width: float | None = None
 
 
 class Axis(NamedTuple):
-    """What is said of an axis whose parts are known."""
+    """The results for an axis whose true parts are known."""
 
     parts: Parts
     verdict: Verdict
@@ -56,7 +56,7 @@ def analyse(parts: Parts, y: Array) -> Axis:
 
 
 def of_fit(axis: Axis) -> Iterator[Seen]:
-    """Yield N, what the fit says of an order, and of each part if the parts are those of the truth."""
+    """Yield N, the parameters of the order, and those of each part if the fitted parts are the true parts."""
     yield _seen("N", axis.figures.level.N, true_N(axis.parts))
     for name, true in _order(axis).items():
         yield _seen(str(FIGURES[name]), getattr(axis.verdict.order, name), true)
@@ -76,12 +76,12 @@ def of_fit(axis: Axis) -> Iterator[Seen]:
 
 
 def of_drift(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield what is said of the drift, of which there is none."""
+    """Yield the interval of the drift rate; the true drift rate is 0."""
     yield _seen("drift rate", drift_rate(y, H, axis.figures.spectrum(H)), 0.0)
 
 
 def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield which share of the points of the Allan deviation is beside its band."""
+    """Yield the share of the points of the Allan deviation that are outside their band."""
     found = allan([y], H)
     true = true_allan(axis.parts, np.rint(np.array(found.tau_s) / H))
     below, above = (float(np.mean(one)) for one in (true < found.low, true > found.high))
@@ -90,7 +90,7 @@ def of_allan(axis: Axis, y: Array) -> Iterator[Seen]:
 
 
 def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
-    """Yield which share of the pieces of the second half is beside the band that the first half tells."""
+    """Yield the share of pieces of the second half outside the band predicted from the first half."""
     half = len(y) // 2
     parts = analyse(axis.parts, y[:half]).figures.model.parts(H)
     judgement = judged(fitted_system(parts, np.ascontiguousarray(y[:half]), H), y, half, H)
@@ -101,14 +101,17 @@ def of_forecast(axis: Axis, y: Array) -> Iterator[Seen]:
 
 
 def true_N(parts: Sequence[p.Part]) -> float:
-    """Return N: of the density at low frequencies of all that is neither slow nor an order nor rises."""
+    """Return the true N.
+
+    N is the noise density at low frequencies of all parts except slow, fractional and rising parts.
+    """
     kept = [one for one in parts if not isinstance(one, (*STEADY, *p.FILTERS))]
     return math.sqrt(float(closed_form(kept, np.array([1e-6]), H)[0]) * H)
 
 
 def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
-    """Return the Allan deviation at averaging times of so many samples, (k,), from the spectrum."""
-    # Slow parts rise without end, so the frequencies are closer there.
+    """Return the Allan deviation from the spectrum. `factors`: averaging times, in samples (k,)."""
+    # The spectra of slow parts rise without end at low frequencies, so the frequencies are closer there.
     edges = np.geomspace(1e-7, np.pi, FREQUENCIES + 1)
     lam, width = np.sqrt(edges[1:] * edges[:-1]), np.diff(edges)
     S = closed_form(parts, lam, H)
@@ -120,7 +123,7 @@ def true_allan(parts: Sequence[p.Part], factors: Array) -> Array:
 
 
 def _order(axis: Axis) -> dict[str, float]:
-    """Return the true parameters of an order by their fields, if it is of the kind that is published."""
+    """Return the true parameters of an order by field name, if parameters of its kind are published."""
     R = sum(one.R for one in axis.parts if isinstance(one, p.White))
     for one in axis.parts:
         if isinstance(one, p.Order):
@@ -133,7 +136,7 @@ def _order(axis: Axis) -> dict[str, float]:
 
 
 def _seen(quantity: str, interval: Interval, true: float) -> Seen:
-    """Compare; where an end is not known, none is beyond it."""
+    """Compare an interval with the true value; an unknown end counts as infinitely far away."""
     low, value, high = interval.low, interval.value, interval.high
     if value is None or (low is None and high is None):
         return Seen(quantity, False)

@@ -1,4 +1,4 @@
-"""Populations of noises with random parameters, off every grid, of which the intervals are counted."""
+"""Populations of noises with random parameters, on which the coverage of intervals is counted."""
 
 import math
 from collections.abc import Callable
@@ -8,18 +8,18 @@ import numpy as np
 from fltea.noise import parts as p
 
 H = 0.01
-"""Sampling period in s."""
+"""Sampling period [s]."""
 SHORTEST, LONGEST = 6_000, 60_000
-"""Samples of a record: a minute to ten minutes."""
+"""Least and greatest number of samples of a record: a minute to ten minutes."""
 SHORT = 3_000
-"""Samples of half a minute."""
+"""Number of samples in half a minute."""
 
 Parts = tuple[p.Part, ...]
 Rng = np.random.Generator
 
 
 class Population(NamedTuple):
-    """Noises of one kind; draw: parts of one, for a generator of random numbers."""
+    """Noises of one kind. `draw`: returns the parts of one noise, from a generator of random numbers."""
 
     draw: Callable[[Rng], Parts]
     shortest: int = SHORTEST
@@ -27,21 +27,25 @@ class Population(NamedTuple):
     longest: int = LONGEST
     """Greatest number of samples."""
     steady: bool = False
-    """Whether the Allan deviation, the drift and forecasts are judged, too."""
+    """Whether the Allan deviation, the drift and the forecasts are checked as well."""
 
 
 def between(rng: Rng, low: float, high: float) -> float:
-    """Return a number whose logarithm is uniform."""
+    """Return a random number between `low` and `high` whose logarithm is uniformly distributed."""
     return math.exp(rng.uniform(math.log(low), math.log(high)))
 
 
 def white(rng: Rng) -> p.White:
-    """Return white noise of any size."""
+    """Return white noise of random variance."""
     return p.White(between(rng, 0.01, 100.0))
 
 
 def relaxation(rng: Rng, R: float, low_hz: float, high_hz: float, low: float, high: float) -> p.Relaxation:
-    """Return a relaxation with its corner, and its density at low frequencies over R, between two each."""
+    """Return a relaxation with a random corner frequency and level.
+
+    `low_hz`, `high_hz`: range of the corner frequency. `low`, `high`: range of the density at low frequencies
+    divided by R.
+    """
     tau_s = 1 / (2 * math.pi * between(rng, low_hz, high_hz))
     phi = math.exp(-H / tau_s)
     return p.Relaxation(math.sqrt(R * between(rng, low, high) * (1 - phi) / (1 + phi)), tau_s)
@@ -60,7 +64,10 @@ def _walk(rng: Rng, R: float) -> p.Walk:
 
 
 def _order(rng: Rng, R: float, low: float, high: float) -> p.Order:
-    """Return an order whose steps have a variance over R, or over 1, between two."""
+    """Return a fractional part of random order.
+
+    `low`, `high`: range of the variance of its steps, divided by R, or by 1 without white noise.
+    """
     alpha = rng.uniform(0.2, 0.8)
     g = -min(between(rng, 0.01, 0.6), 0.9 * 2**alpha)
     s2 = between(rng, low, high) * (R or 1.0)

@@ -1,8 +1,8 @@
-"""Every interval and every ± that the program publishes, as its classes declare them.
+"""List every interval and every standard deviation that the program publishes, as its classes declare them.
 
-The classes are read, not imported: a field whose type is an interval, or one named after a standard
-deviation, is published until `FIGURES` says otherwise. A test fails for a field, or for a parameter of a
-part, that has no row here.
+The source text of the classes is read. A field whose type is an interval, or whose name ends like a standard
+deviation's, counts as published until `FIGURES` says otherwise. A test fails for a field, or for a parameter
+of a noise part, that has no row here.
 """
 
 import ast
@@ -21,11 +21,11 @@ OF_DEVIATIONS = re.compile(r"_std$")
 
 
 class Field(NamedTuple):
-    """A field of a class."""
+    """A field of a published class."""
 
     name: str
     owner: str
-    """module and class"""
+    """Module and class of the field."""
 
 
 class Elsewhere(NamedTuple):
@@ -67,7 +67,9 @@ FIGURES: dict[str, str | Elsewhere] = {
     "innovation_std": Elsewhere("a deviation of samples, and no uncertainty"),
     "noise_std": Elsewhere("a deviation of samples, and no uncertainty"),
 }
-"""What is measured for a field of this name, which stands for the same figure wherever it is; or why not."""
+"""What is measured for all fields of a name, which mean the same figure in every class; or why nothing is
+measured.
+"""
 ALLAN = "Allan deviation"
 
 
@@ -82,7 +84,7 @@ def parameters() -> list[str]:
         of_part(str(kind.__struct_config__.tag), name)
         for kind in CODES
         for name in kind.__struct_fields__
-        if name != "samples"  # a whole number
+        if name != "samples"  # `samples` is a whole number without an interval
     ]
 
 

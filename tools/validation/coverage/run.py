@@ -1,8 +1,8 @@
-"""How often each interval that is published holds the truth, on noises of random parameters.
+"""Count how often each published interval holds the true value, on noises with random parameters.
 
-An interval of a parameter of a part counts where the model that stands for the noise has all parts of the
-truth, and no other: else the parameter is of something else. N counts wherever it is published. Of the Allan
-deviation and of forecasts an axis counts with the share of its points, or of its pieces, that are inside.
+An interval of a part's parameter counts only if the chosen model has exactly the true parts; otherwise the
+parameter describes something else. N counts wherever it is published. For the Allan deviation and the
+forecasts, an axis counts with the share of points, or of time intervals, that are inside their bands.
 """
 
 import math
@@ -18,9 +18,9 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import NONE, Table, grouped, number
 
 SEEDS, QUICK_SEEDS = 400, 20
-"""Axes of each population."""
+"""Number of axes of each population."""
 FORECAST, FORECAST_SHARE = "forecast", 2
-"""A forecast costs more: it has one axis for so many others."""
+"""A forecast takes longer, so it is made for only one in this number of axes."""
 
 
 def tasks(options: Options) -> list[Task]:
@@ -33,7 +33,7 @@ def tasks(options: Options) -> list[Task]:
 
 
 def count(name: str, axes: int) -> list[Row]:
-    """Count what holds the truth; a row for each quantity."""
+    """Count the intervals that hold the true value; return one row for each quantity."""
     population = POPULATIONS[name]
     rng = np.random.default_rng([45, zlib.crc32(name.encode())])
     seen = [one for number in range(axes) for one in _axis(population, rng, number)]

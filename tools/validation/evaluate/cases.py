@@ -1,8 +1,7 @@
-"""The noises on which the estimators are judged: y = x + v of known α, f and s2/R (pure).
+"""The noises on which the estimators are evaluated: y = x + v with known α, f and s2/R.
 
-All have the same power, that of the paper's gyroscope, since the filter's Q is an absolute number. Memory is
-unlimited: how far back the noise remembers is its own matter, and a shorter window of the estimator is an
-error that its user has too.
+All noises have the power of the paper's gyroscope, since the filter's Q is an absolute number. The noises
+have unlimited memory. If the estimator's memory is shorter, the resulting error belongs to the estimator.
 """
 
 import math
@@ -18,11 +17,11 @@ from tools.validation.recursions import FractionalState
 from tools.validation.runner import Row
 
 H = 0.01
-"""Sampling period in s."""
+"""Sampling period [s]."""
 POWER = 0.02
-"""Variance of y, (deg/s)²: the paper's gyroscope has 0.0178 to 0.0235."""
+"""Variance of y [(deg/s)²]; the axes of the paper's gyroscope have 0.0178 to 0.0235."""
 EDGE = 0.95
-"""Cases lie within this share of the stationary region."""
+"""Largest |g| of a case, as a share of the limit of stationarity."""
 
 ORDERS = (0.2, 0.4, 0.6, 0.8)
 PARAMETERS = (-0.3, -1.0, -3.0, -10.0)
@@ -31,30 +30,33 @@ LENGTHS = (3_000, 20_000, 60_000)
 
 
 class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One noise; α, f and s2/R, or None all three for white noise."""
+    """One noise by α, f and s2/R; all three are None for white noise."""
 
     alpha: float | None = None
     f: float | None = None
-    """in s^-α"""
+    """Parameter f [s^-α]."""
     step_ratio: float | None = None
-    """s2/R: variance of a whole step of x over that of the white v"""
+    """s2/R: variance of one step of x divided by the variance of the white noise v."""
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The case in words."""
         if self.alpha is None:
             return "white noise"
         return f"α = {self.alpha:g}, f = {self.f:g}, s2/R = {self.step_ratio:g}"
 
     @property
     def columns(self) -> Row:
-        """What the rows of a table have of it; nothing stands for its truth if it is white."""
+        """Return the case's columns in a table's rows.
+
+        For white noise, the true parameters are left empty.
+        """
         share = {"x_share": self.noise.x_share}
         return {"noise": self.name, **msgspec.structs.asdict(self), **share}
 
     @property
     def noise(self) -> "Noise":
-        """Its model at a sampling period of `H`."""
+        """The noise model of the case at the sampling period `H`."""
         if self.alpha is None or self.f is None or self.step_ratio is None:
             return Noise(0.0, 0.0, POWER, 0.0)
         g = spectrum.g_of(self.alpha, self.f, H)
@@ -66,20 +68,20 @@ class Case(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Noise(msgspec.Struct, frozen=True):
-    """What follows from a case."""
+    """The noise model of a case."""
 
     g: float
-    """h^α f"""
+    """h^α f."""
     s2: float
     """(deg/s)²"""
     R: float
     """(deg/s)²"""
     x_share: float
-    """of the power of y"""
+    """Share of x in the power of y."""
 
 
 def grid(orders: Sequence[float], fs: Sequence[float], ratios: Sequence[float]) -> tuple[Case, ...]:
-    """White noise, and all combinations that are stationary, and not barely so."""
+    """Return white noise and all combinations of the parameters that are clearly stationary."""
     inside = [
         (alpha, f) for alpha in orders for f in fs if spectrum.g_of(alpha, f, H) > -EDGE * float(2.0**alpha)
     ]
@@ -87,9 +89,9 @@ def grid(orders: Sequence[float], fs: Sequence[float], ratios: Sequence[float]) 
 
 
 def samples(case: Case, seeds: int, n: int, record: int = 0) -> Array:
-    """Draw y of all seeds, (n, seeds); the samples of a seed do not depend on how many there are.
+    """Draw y for all seeds, (n, seeds); the samples of a seed do not depend on the number of seeds.
 
-    record: another number gives other samples of the same noise.
+    `record`: another number gives other samples of the same noise.
     """
     noise, y = case.noise, np.empty((n, seeds))
     state = None if case.alpha is None else FractionalState(case.alpha, noise.g, n)
@@ -102,5 +104,5 @@ def samples(case: Case, seeds: int, n: int, record: int = 0) -> Array:
 
 
 def _key(case: Case) -> tuple[int, ...]:
-    """A seed for each noise, so that errors of neighbours on the map are independent."""
+    """Return a seed for each noise, so that the errors of neighbouring noises are independent."""
     return tuple(round(1e4 * abs(value or 0.0)) for value in (case.alpha, case.f, case.step_ratio))

@@ -1,8 +1,8 @@
-"""Noises without an order: whether intervals of their parts hold the truth, and false claims of an order.
+"""Noises without an order: count the intervals that hold the true values, and false claims of an order.
 
-Composite noises have parts whose corners and sizes are on no grid; intervals are those of the sentence that
-won, counted where it has all parts of the truth and no other. Mixtures are of relaxations and something that
-rises, drawn at random.
+Composite noises have parts with arbitrary corner frequencies and sizes. The intervals of the chosen model
+count only if the model has exactly the true parts. Mixtures consist of random relaxations and a part that
+rises with frequency.
 """
 
 import math
@@ -36,7 +36,7 @@ COMPOSITES: dict[str, tuple[Part, ...]] = {
 
 
 def truth_of(parts: Sequence[Part]) -> list[grammar.Part]:
-    """The parts in the units of the grammar."""
+    """Return the true parts in the units of the grammar."""
     found: list[grammar.Part] = []
     for part in parts:
         match part:
@@ -54,12 +54,15 @@ def truth_of(parts: Sequence[Part]) -> list[grammar.Part]:
 
 
 def drawn(parts: Sequence[Part], n: int, rng: np.random.Generator) -> Array:
-    """One record."""
+    """Return one record of the noise (n,)."""
     return np.asarray(sum(part.draw(n, RATE_HZ, rng) for part in parts))
 
 
 def count_composite(name: str, series: int) -> list[Row]:
-    """Count the intervals of each parameter that hold the truth; an end that is not known holds all."""
+    """Count the intervals of each parameter that hold the true value.
+
+    An unknown end counts as infinitely far away.
+    """
     rng = np.random.default_rng([OF_INTERVALS, *name.encode()])
     truth = in_order(truth_of(COMPOSITES[name]))
     held: Counter[str] = Counter()
@@ -82,7 +85,7 @@ def count_composite(name: str, series: int) -> list[Row]:
 
 
 def count_claims(samples: int, series: int) -> list[Row]:
-    """Count verdicts on mixtures."""
+    """Count the verdicts on random mixtures."""
     rng = np.random.default_rng([samples, 28])
     kinds = Counter(
         str(decide(examined(drawn(mixture(rng), samples, rng), H).evidence).kind) for _ in range(series)
@@ -91,7 +94,7 @@ def count_claims(samples: int, series: int) -> list[Row]:
 
 
 def mixture(rng: np.random.Generator) -> tuple[Part, ...]:
-    """One to three relaxations, and white noise, with something that rises beside them or behind all."""
+    """Return one to three relaxations and white noise, and a rising part or a sharpening filter."""
     slow = tuple(
         Relaxation(corner, float(np.exp(rng.uniform(0, 3))) * 10 / (1 + corner))
         for corner in np.exp(rng.uniform(math.log(0.05), math.log(10), rng.integers(1, 4))).tolist()

@@ -1,4 +1,4 @@
-"""How often the 95 % intervals of each parameter hold the truth: many series of a few noises."""
+"""Count how often the 95 % intervals of each parameter hold the true value: many series of a few noises."""
 
 import math
 from typing import NamedTuple
@@ -14,21 +14,21 @@ from tools.validation.runner import Row
 
 LENGTHS = (3_000, 60_000)
 AT_ONCE = 100
-"""Series of one task."""
+"""Number of series in one task."""
 
 
 class Point(NamedTuple):
-    """A noise."""
+    """A noise whose intervals are counted."""
 
     alpha: float
     f: float
-    """in s^-α"""
+    """Parameter f [s^-α]."""
     white: float
-    """R over s2; 0: there is no white noise"""
+    """R / s2; 0 means that there is no white noise."""
 
     @property
     def name(self) -> str:
-        """In words."""
+        """The noise in words."""
         ratio = f"s2/R = {1 / self.white:.3g}" if self.white else "R = 0"
         return f"α = {self.alpha:g}, f = {self.f:g}, {ratio}"
 
@@ -46,10 +46,11 @@ POINTS = (
 
 
 def count_coverage(point: Point, samples: int, series: int, seed: int) -> list[Row]:
-    """Judge the whole records of some series; seed: another one is another set of series.
+    """Count the intervals for some series. `seed`: each seed gives another set of series.
 
-    held: how many intervals hold the truth, of those that are published. undefined: how many are not, since
-    the verdict has no order or the data do not define the parameter; they hold everything.
+    In the rows, `held` is the number of published intervals that hold the true value. `undefined` is the
+    number of intervals that are not published, since the verdict has no order or the data do not determine
+    the parameter.
     """
     g = spectrum.g_of(point.alpha, point.f, H)
     noise = FractionalState(point.alpha, g, samples)

@@ -1,15 +1,16 @@
-"""How well α and f can be known at best: the Cramér–Rao bound of y = x + v (pure).
+"""The Cramér–Rao bound of α and f for y = x + v: how well they can be known at best.
 
 For long records the Fisher information of Gaussian noise with the spectrum S is (Whittle, *Ark. Mat.* 2,
 1953)
 
     I = n / (4π) ∫ (∂ log S) (∂ log S)ᵀ dλ,    -π < λ < π
 
-here for α, g = h^α f, log s2 and log R. None of them is taken to be known. The bound holds for estimators
-without bias: where it is as wide as what is possible, one that returns its start value has less spread.
+here for α, g = h^α f, log s2 and log R, all of them unknown. The bound holds for unbiased estimators. If the
+bound is as wide as the range of possible values, an estimator that returns its start value has a smaller
+spread.
 
-Spectra with memory have a cusp at λ = 0, as narrow as |g|^(1/α). Gauss's points in u with λ = π u^6 lie dense
-there.
+Spectra of noise with long memory have a cusp at λ = 0 with a width of about |g|^(1/α). Gauss–Legendre points
+in u with λ = π u^6 are dense there.
 """
 
 import math
@@ -19,7 +20,9 @@ import numpy as np
 from fltea.records.arrays import Array
 
 PANELS, POINTS = 30, 50
-"""Of u from 0 to 1, and Gauss's points of each: to find those of all in one takes seconds, at each import."""
+"""Number of panels of u between 0 and 1, and of Gauss–Legendre points in each panel. A single panel with all
+points would take seconds to compute at each import.
+"""
 POWER = 6
 
 
@@ -31,28 +34,28 @@ def _points() -> tuple[Array, Array]:
 
 
 LAM, WEIGHTS = _points()
-"""Frequencies in rad a sample between 0 and π, and the weight of each in a mean."""
+"""Frequencies between 0 and π [rad a sample], and the weight of each frequency in a mean."""
 
 
 def mean(values: Array) -> Array:
-    """The mean over 0 ... π of a function at `LAM`, its last axis."""
+    """Return the mean over 0 ... π of a function whose values at `LAM` are along the last axis."""
     return np.asarray(values @ WEIGHTS)
 
 
 class Bound(NamedTuple):
-    """Least standard deviations."""
+    """Smallest possible standard deviations of unbiased estimates."""
 
     alpha: float
     f: float
-    """in s^-α"""
+    """Of f [s^-α]."""
     F: float
-    """g + α"""
+    """Of F = g + α."""
     s2: float
     R: float
 
 
 def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array:
-    """Return ∂ log S by α, g, log s2 and log R at frequencies in rad a sample, (4, len(lam))."""
+    """Return ∂ log S by α, g, log s2 and log R, (4, len(lam)). `lam`: frequencies [rad a sample]."""
     z = np.exp(-1j * lam)
     difference = -np.expm1(-1j * lam)  # 1 - z, without its rounding near λ = 0
     order = difference**alpha
@@ -65,7 +68,10 @@ def log_slopes(lam: Array, alpha: float, g: float, s2: float, R: float) -> Array
 
 
 def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
-    """The information on α, g, log s2 and log R in n samples, (4, 4); without log R, (3, 3), if R = 0."""
+    """Return the Fisher information on α, g, log s2 and log R in n samples, (4, 4).
+
+    If R = 0, without log R, (3, 3).
+    """
     slopes = log_slopes(LAM, alpha, g, s2, R)
     if R == 0:
         slopes = slopes[:3]
@@ -73,7 +79,7 @@ def fisher(alpha: float, g: float, s2: float, R: float, n: int) -> Array:
 
 
 def bound(alpha: float, g: float, s2: float, R: float, n: int, h: float) -> Bound:
-    """The bound for n samples at a sampling period of h s; that of R is 0 if R is."""
+    """Return the bound for n samples; the bound of R is 0 if R = 0. `h`: sampling period [s]."""
     covariance = np.linalg.inv(fisher(alpha, g, s2, R, n))
     pair = covariance[:2, :2]
     # f = h^-α g

@@ -1,7 +1,7 @@
-"""The fractional state in white noise by exact maximum likelihood, beginning at Whittle's answer.
+"""Fit the fractional state in white noise by exact maximum likelihood, starting at the Whittle fit.
 
-The search is scipy's quasi-Newton one, in α, logit(-g / 2^α) and log s2/R. Its first curvature is that of
-Whittle's likelihood, so that few of the dear exact ones are needed.
+scipy's quasi-Newton method searches in α, logit(-g / 2^α) and log s2/R. It starts with the curvature of
+Whittle's likelihood, so that only a few of the slow exact likelihoods are needed.
 """
 
 import math
@@ -20,29 +20,29 @@ from tools.validation.evaluate.exact_likelihood import Likelihood, of_spectrum
 
 STEPS = 12
 SLOPE = 0.05
-"""The search ends where -log L changes by less than this along each coordinate."""
+"""The search ends when the slope of -log L along each parameter is less than this."""
 DIFFERENCE = 1e-5
-"""Step of the slopes, which are differences."""
+"""Step of the differences from which slopes are computed."""
 LEAST_CURVATURE = 0.02
-"""A direction that is flatter is taken to be as curved as this: steps of a few units at most."""
+"""Least curvature that is assumed in each direction, so that a step is a few units at most."""
 ORDERS = 0.01, 1.99
 IMPOSSIBLE = 1e9
-"""-log L beyond these orders, or so near a bound that rounding decides."""
+"""Value of -log L for orders outside the limits, or so near a limit that rounding errors would decide."""
 
 
 class ExactFit(NamedTuple):
-    """The best of one series."""
+    """The best fit of one series."""
 
     alpha: float
     s2: float
     R: float
     nll: float
     theta: Array
-    """(3,) coordinates"""
+    """Transformed parameters of the fit (3,)."""
 
 
 class ExactSeries:
-    """One series y (n,), at a sampling period of h s."""
+    """Exact likelihood of one series y (n,). `h`: sampling period [s]."""
 
     def __init__(self, y: Array, h: float) -> None:
         self._y = np.asarray(y, dtype=np.float64)
@@ -53,20 +53,26 @@ class ExactSeries:
         self.whittle = np.array([alpha, logit, s2 - R])
 
     def fit(self, *starts: Array) -> ExactFit:
-        """The best of all; starts: coordinates (3,) to begin at beside Whittle's."""
+        """Return the best of several fits.
+
+        `starts`: transformed parameters (3,) to start at, in addition to the Whittle fit's.
+        """
         theta, nll = min((self._search(one) for one in (self.whittle, *starts)), key=lambda one: one[1])
         R = self._likelihood(theta).scale
         return ExactFit(float(theta[0]), R * math.exp(theta[2]), R, nll, theta)
 
     def covers(self, alpha: float, found: ExactFit) -> tuple[bool, ExactFit]:
-        """Whether an order is in the 95 % interval of the profile, and a better fit, should one turn up."""
+        """Return whether the 95 % interval of the profile likelihood holds an order, and the best fit.
+
+        The fit is `found`, or a better one that the profile has met.
+        """
         theta, nll = self._search(found.theta, alpha)
         if nll < found.nll:
             found = self.fit(theta)
         return 2 * (nll - found.nll) <= CRITICAL, found
 
     def nll(self, theta: Array) -> float:
-        """The exact -log L at coordinates (3,), at the best scale."""
+        """Return the exact -log L at transformed parameters (3,), at the most likely scale."""
         if not ORDERS[0] <= theta[0] <= ORDERS[1]:
             return IMPOSSIBLE
         try:
@@ -79,10 +85,13 @@ class ExactSeries:
         return of_spectrum(lambda lam: 1 + ratio * spectra.fractional(lam, alpha, g), self._y)
 
     def inverse_curvature(self, theta: Array, first: int = 0) -> Array:
-        """The inverse of Whittle's information of the coordinates from `first` on, the scale not known."""
+        """Return the inverse of Whittle's information on the parameters from index `first` on.
+
+        The scale counts as unknown.
+        """
         rows = np.empty((4, len(self._counts)))
         self._fits.slopes(self._codes, [0.0, *theta], np.empty(len(self._counts)), rows)
-        rows[0] += rows[3]  # R with s2: the scale
+        rows[0] += rows[3]  # the sum of the rows of R and s2 is the row of the scale
         whole = (rows * self._counts) @ rows.T
         rest = whole[1:, 1:] - np.outer(whole[1:, 0], whole[0, 1:]) / whole[0, 0]
         values, vectors = np.linalg.eigh(rest[first:, first:])
@@ -90,7 +99,10 @@ class ExactSeries:
         return np.asarray(half @ half.T)
 
     def _search(self, start: Array, alpha: float | None = None) -> tuple[Array, float]:
-        """Coordinates (3,) and -log L of the best fit near `start`; alpha: held, if it is given."""
+        """Return the transformed parameters (3,) and -log L of the best fit near `start`.
+
+        `alpha`: the order, if it is fixed.
+        """
         held = [] if alpha is None else [alpha]
         inverse = self.inverse_curvature(np.append(held, start[len(held) :]), len(held))
         found = minimize(

@@ -1,9 +1,9 @@
-"""The exact Gaussian likelihood of a stationary series, so that nobody has to believe Whittle's (pure).
+"""The exact Gaussian likelihood of a stationary series, as a check of Whittle's approximation.
 
-Autocovariances come from the spectrum by quadrature, the likelihood from them by Levinson and Durbin
-(Brockwell & Davis, *Time Series: Theory and Methods*, section 5.2): what each sample adds to those before it.
-The mean of the series is not known and is estimated with the rest, as generalised least squares has it. The
-cost grows with the square of the length: a twentieth of a second for 3,000 samples.
+The autocovariances come from the spectrum by quadrature. The likelihood comes from the one-step prediction
+errors of the Levinson–Durbin recursion (Brockwell & Davis, *Time Series: Theory and Methods*, section 5.2).
+The unknown mean of the series is estimated by generalised least squares. The computing time grows with the
+square of the length: a twentieth of a second for 3,000 samples.
 """
 
 import math
@@ -14,11 +14,17 @@ import numpy as np
 from fltea.records.arrays import Array
 
 CIRCLE = 1 << 17
-"""Frequencies on the whole circle; the shortest memory that they take for none is that of so many samples."""
+"""Number of frequencies on the whole circle. A memory longer than this number of samples cannot be
+represented.
+"""
 AVERAGED = 64
-"""Of the lowest of them the spectrum is averaged over its surroundings: it has a cusp at 0."""
+"""Number of the lowest frequencies at which the spectrum is averaged over the bin, since the spectrum has a
+cusp at 0.
+"""
 POINTS, POWER = 48, 6
-"""Of Gauss's rule for these averages; in the lowest one in u with λ proportional to u^POWER."""
+"""Number of Gauss–Legendre points for these averages, and the power: in the lowest bin, λ is proportional to
+u^POWER.
+"""
 
 
 class Innovations(NamedTuple):
@@ -31,25 +37,25 @@ class Innovations(NamedTuple):
 
 
 class Likelihood(NamedTuple):
-    """Of one series, at the best mean and scale."""
+    """The likelihood of one series, at the most likely mean and scale."""
 
     nll: float
-    """-log L, with all its constants"""
+    """-log L, including all constants."""
     mean: float
     scale: float
-    """by which the autocovariances have to be multiplied"""
+    """Factor for the given autocovariances."""
 
 
 def frequencies() -> Array:
-    """Where a spectrum has to be known for `autocovariance`, rad a sample."""
+    """Return the frequencies at which `autocovariance` needs the spectrum [rad a sample]."""
     return np.concatenate([_averaged()[0].ravel(), _middles()[AVERAGED:]])
 
 
 def autocovariance(values: Array, n: int) -> Array:
-    """Return γ(0) ... γ(n - 1) of a spectrum whose values at `frequencies()` are given.
+    """Return the autocovariances γ(0) ... γ(n - 1) of a spectrum. `values`: the spectrum at `frequencies()`.
 
     Raises:
-        ValueError: n is more than an eighth of CIRCLE, where quadrature is no longer fine.
+        ValueError: n is more than an eighth of CIRCLE, for which the quadrature is too coarse.
     """
     if not 0 < n <= CIRCLE // 8:
         raise ValueError(f"n must be 1 to {CIRCLE // 8} samples, got {n}")
@@ -62,7 +68,7 @@ def autocovariance(values: Array, n: int) -> Array:
 
 
 def innovations(gamma: Array, y: Array) -> Innovations:
-    """Predict every sample of y (n, columns) from those before it; gamma (n,): its autocovariances.
+    """Predict every sample of y (n, columns) from the samples before it. `gamma`: autocovariances of y (n,).
 
     Raises:
         ValueError: these are no autocovariances.
@@ -87,7 +93,7 @@ def innovations(gamma: Array, y: Array) -> Innovations:
 
 
 def likelihood(gamma: Array, y: Array) -> Likelihood:
-    """The likelihood of one series y (n,) with autocovariances proportional to gamma (n,).
+    """Return the likelihood of one series y (n,) whose autocovariances are proportional to `gamma` (n,).
 
     Raises:
         ValueError: these are no autocovariances.
@@ -103,7 +109,10 @@ def likelihood(gamma: Array, y: Array) -> Likelihood:
 
 
 def of_spectrum(spectrum: Callable[[Array], Array], y: Array) -> Likelihood:
-    """The likelihood of one series y (n,) whose spectrum is proportional to `spectrum`, λ (m,) to S (m,)."""
+    """Return the likelihood of one series y (n,).
+
+    `spectrum`: maps λ (m,) to values proportional to its spectrum (m,).
+    """
     return likelihood(autocovariance(spectrum(FREQUENCIES), len(y)), y)
 
 
@@ -112,7 +121,7 @@ def _middles() -> Array:
 
 
 def _averaged() -> tuple[Array, Array]:
-    """Points in each of the lowest AVERAGED bins, and their weights in its average."""
+    """Return the points in each of the lowest AVERAGED bins, and their weights in the bin's average."""
     u, weight = np.polynomial.legendre.leggauss(POINTS)
     u, weight = (u + 1) / 2, weight / 2
     inside, weights = np.tile(u, (AVERAGED, 1)), np.tile(weight, (AVERAGED, 1))

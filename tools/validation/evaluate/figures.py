@@ -1,4 +1,4 @@
-"""Heat maps of an evaluation as PNG; rendered by Agg, nothing here opens a window."""
+"""Heat maps of an evaluation as PNG files. They are rendered by Agg, so no window opens."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -25,12 +25,12 @@ LINES = {
     WHITTLE: "C7x:",
     "bound": "k-",
 }
-"""Of the picture of what the live fit is worth, and their styles."""
+"""Estimators in the picture of the live fit's errors, and their line styles."""
 GREY = "#d9d9d9"
 
 
 class Map(NamedTuple):
-    """A figure: which column of the scores of which quantity is shown, and in which colours."""
+    """A figure: the quantity and the column of its scores that are shown, and the colours."""
 
     title: str
     quantity: str
@@ -56,14 +56,21 @@ MAPS = {
 
 
 def draw(rows: list[Row]) -> dict[str, bytes]:
-    """PNGs by name: one of each of `MAPS`, the changed settings, and errors before and after the live fit."""
+    """Return PNG files by name.
+
+    There is one for each of `MAPS`, one for the changed settings, and one for the errors before and after the
+    live fit.
+    """
     scores, changes = shown(frame(rows, "rows")), shown(frame(rows, "changes"))
     maps = {name: _grid_map(scores, one) for name, one in MAPS.items()}
     return maps | {"settings": _settings_map(changes), "live": _live_lines(scores)}
 
 
 def shown(scores: DataFrame) -> DataFrame:
-    """The scores of noises with an order, with the error of f as a share of it; NaN where half have none."""
+    """Return the scores of noises with an order, with the relative error of f.
+
+    NaN where half of the series have no estimate.
+    """
     found = scores[scores.alpha.notna()].assign(error_of_f=lambda some: some.median_error / some.f.abs())
     columns = [one.column for one in MAPS.values()]
     found[columns] = found[columns].mask(found.without * 2 >= found.seeds)
@@ -71,7 +78,7 @@ def shown(scores: DataFrame) -> DataFrame:
 
 
 def _grid_map(scores: DataFrame, one: Map) -> bytes:
-    """A panel for each estimator and length: noises by s2/R."""
+    """Draw a panel for each estimator and record length; each panel shows the noises by s2/R."""
     some = scores[scores.quantity == one.quantity]
     lengths = some.samples.unique()
     dynamics = some[["alpha", "f"]].drop_duplicates()
@@ -83,7 +90,7 @@ def _grid_map(scores: DataFrame, one: Map) -> bytes:
     for line, estimator in zip(panels, SHOWN, strict=True):
         for axes, n in zip(line, lengths, strict=True):
             panel = some[(some.estimator == estimator) & (some.samples == n)]
-            # f falls from row to row, as in the plan
+            # f decreases from row to row, as in the plan of the evaluation
             values = panel.assign(f=-panel.f).pivot(
                 index=["alpha", "f"], columns="step_ratio", values=one.column
             )
@@ -102,7 +109,7 @@ def _grid_map(scores: DataFrame, one: Map) -> bytes:
 
 
 def _live_lines(scores: DataFrame) -> bytes:
-    """The median error of α over the noises of each s2/R, a panel a length."""
+    """Draw the median error of α over the noises of each s2/R, in one panel for each record length."""
     found = medians(scores)
     ratios, lengths = list(found.columns), scores.samples.unique()
     figure = new_figure(2.6 + 2.7 * len(lengths), 3.6)
@@ -123,7 +130,7 @@ def _live_lines(scores: DataFrame) -> bytes:
 
 
 def _settings_map(changes: DataFrame) -> bytes:
-    """The error of α of every changed setting on every noise it was tried on, after the longest length."""
+    """Draw the error of α by changed setting and noise, at the greatest record length."""
     n = changes.samples.max()
     some = changes[(changes.samples == n) & (changes.quantity == "alpha")]
     figure = new_figure(4.6 + 2.3 * some.noise.nunique(), 1.6 + 0.27 * some.estimator.nunique())
@@ -143,7 +150,7 @@ def _settings_map(changes: DataFrame) -> bytes:
 
 
 def _paint(axes: "Axes", values: Array, one: Map) -> "AxesImage":
-    """A heat map with its numbers; grey where there is none."""
+    """Draw a heat map with numbers in its cells; cells without a number are grey."""
     image = axes.imshow(values, cmap=one.colours, vmin=one.low, vmax=one.high, aspect="auto")
     axes.set_facecolor(GREY)
     axes.tick_params(length=0)

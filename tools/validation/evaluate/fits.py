@@ -1,7 +1,7 @@
-"""The order that is published of the same series: of the whole record, and live.
+"""The order that is published for the same series: from the whole record, and by the live fit.
 
-Both are the verdict's, from the same search. What differs is the spectrum: every ordinate of the record's
-periodogram, or what the accumulators of the daemon have kept of it.
+Both orders come from the same model search and verdict. Only the spectrum differs: all ordinates of the
+record's periodogram, or the sums that the daemon's accumulators keep.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,18 +22,18 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 
 
 class FitReading(NamedTuple):
-    """What is published of all series, (seeds,) each."""
+    """The published results for all series; each array is (seeds,)."""
 
     estimates: dict[str, Array]
-    """by the names of QUANTITIES; NaN where none is published"""
+    """Estimates by the names of QUANTITIES; NaN if no estimate is published."""
     covered: dict[str, Mask]
-    """whether the 95 % interval holds the truth. Empty without a truth"""
+    """Whether the 95 % interval holds the true value, by quantity; empty if no true value is known."""
     published: Mask
-    """the verdict has an order, and the data define it"""
+    """Whether the verdict has an order that the data determine."""
 
 
 def truths(case: Case) -> dict[str, float]:
-    """By the names of QUANTITIES; none of white noise."""
+    """Return the true values by the names of QUANTITIES; empty for white noise."""
     if case.alpha is None or case.f is None:
         return {}
     noise = case.noise
@@ -41,17 +41,20 @@ def truths(case: Case) -> dict[str, float]:
 
 
 def whole_reading(y: Array, h: float, truth: dict[str, float]) -> FitReading:
-    """Judge the periodograms of the whole records y (n, seeds)."""
+    """Return the results from the periodograms of the whole records y (n, seeds)."""
     return read_fits([periodogram(one, h) for one in y.T], truth)
 
 
 def live_readings(y: Array, h: float, lengths: Sequence[int], truth: dict[str, float]) -> list[FitReading]:
-    """Judge what the accumulators hold of y (n, seeds) after each of `lengths` samples, rising."""
+    """Return the results from the accumulators after each of `lengths` samples of y (n, seeds)."""
     return [read_fits(spectra, truth) for spectra in live_spectra(y, h, lengths)]
 
 
 def live_spectra(y: Array, h: float, lengths: Sequence[int]) -> Iterator[list[Periodogram]]:
-    """Feed y (n, seeds) to the accumulators; yield what is kept after each of `lengths`, lane by lane."""
+    """Feed y (n, seeds) to the accumulators.
+
+    Yield the periodogram of each series after each of `lengths` samples.
+    """
     octaves, at = Octaves(y.shape[1]), 0
     for n in lengths:
         octaves.add(y[at:n])
@@ -60,7 +63,7 @@ def live_spectra(y: Array, h: float, lengths: Sequence[int]) -> Iterator[list[Pe
 
 
 def read_fits(spectra: Sequence[Periodogram], truth: dict[str, float]) -> FitReading:
-    """Judge one series after the other."""
+    """Return the results for one spectrum after the other."""
     found = [published(one) for one in spectra]
     values: dict[str, Array] = {name: np.array([_value(one, name) for one in found]) for name in QUANTITIES}
     covered = {name: np.array([holds(one, name, value) for one in found]) for name, value in truth.items()}
@@ -68,22 +71,22 @@ def read_fits(spectra: Sequence[Periodogram], truth: dict[str, float]) -> FitRea
 
 
 def published(p: Periodogram) -> OrderFit:
-    """Return the order that the verdict on one series has; all of it is null where it has none."""
+    """Return the order in the verdict on one series; all its values are null if the verdict has no order."""
     return decide(examine(p, p.n * p.h, p.n).evidence).order
 
 
 def holds(found: OrderFit, name: str, truth: float) -> bool:
-    """Return whether an interval has the truth in it; where an end is not known, none is beyond it."""
+    """Return whether an interval holds the true value; an unknown end counts as infinitely far away."""
     one = getattr(found, name)
     above_low, below_high = one.low is None or one.low <= truth, one.high is None or truth <= one.high
     return one.value is not None and above_low and below_high
 
 
 def fitted_variances(y: Array, h: float, Q: float, power: float) -> tuple[Array, Array]:
-    """Q = s2 and R of the fits of y (n, seeds), (seeds,) each.
+    """Return Q = s2 and R by the fits of y (n, seeds), each (seeds,).
 
-    Where no order is published they are the given Q and the variance `power` of y. None is below a thousandth
-    of `power`: the fit may say 0, and the filters need R > 0.
+    If no order is published, they are the given `Q` and the variance `power` of y. Both are at least a
+    thousandth of `power`: the fit may give 0, and the filters need R > 0.
     """
     found = whole_reading(y, h, {})
     least = power / 1000

@@ -1,4 +1,4 @@
-"""The online filters on many series at once, as the daemon runs them: each series is an axis of a sensor."""
+"""Run the online filters on many series at once, as the daemon does; each series is an axis of a sensor."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,24 +11,26 @@ from fltea.settings.estimator import EstimatorConfig
 from numpy.typing import NDArray
 
 BLOCK = 100
-"""Samples of all lanes that are taken at once; divides the lengths."""
+"""Number of samples of all series that are filtered in one call; all lengths are multiples of it."""
 
 
 class Reading(NamedTuple):
-    """What the page shows after some number of samples; (seeds,) each."""
+    """The estimates that the page would show after some number of samples; each array is (seeds,)."""
 
     alpha: Array
     alpha_std: Array
     f: Array
     f_std: Array
     valid: NDArray[np.bool_]
-    """False: the supervisor would not publish it, or has had to begin again on the way"""
+    """False if the supervisor would not publish the estimate, or has restarted the filters on the way."""
 
 
 class Tuning(NamedTuple):
-    """What takes the place of the filters' variances after so many samples, (seeds,); NaN: they stay.
+    """New variances for the filters after some number of samples, each (seeds,).
 
-    beliefs: with what they go on, one a series if any.
+    NaN leaves a variance as it is.
+
+    `beliefs`: the filter model with which each series continues, if it gets one.
     """
 
     samples: int
@@ -47,14 +49,16 @@ def read(
     R: Array | None = None,
     tunings: Sequence[Tuning] = (),
 ) -> list[Reading]:
-    """Run one filter over y (n, seeds) at a period of h s, and read it after each of `lengths` samples.
+    """Run one filter over y (n, seeds), and read its estimates after each of `lengths` samples.
 
-    Q, R: (seeds,) in (deg/s)², in place of those of `config`. tunings: others, rising, while it runs, of
-    which those within the start-up window come too early.
+    `h`: sampling period [s].
 
-    Lengths count from the first sample of the start-up window; they are rising multiples of BLOCK beyond it.
-    A lane that the supervisor has withdrawn once is not valid from there on, though it begins again as it
-    does in the daemon.
+    `Q`, `R`: variances (seeds,) [(deg/s)²] in place of those in `config`. `tunings`: further variances while
+    the filter runs, in rising order; those within the start-up window are ignored.
+
+    Lengths count from the first sample of the start-up window. They are rising multiples of BLOCK and longer
+    than the window. After the supervisor has withdrawn a series once, its estimates stay invalid, although
+    its filters restart as in the daemon.
     """
     seeds, nothing = y.shape[1], np.full(y.shape[1], np.nan)
     bank = Bank(tuple(f"series {i}" for i in range(seeds)), config, h, None)

@@ -1,4 +1,4 @@
-"""The exact likelihood beside Whittle's, of the whole record and live, on the same short series."""
+"""Compare the exact likelihood with Whittle's, for whole records and live fits, on the same short series."""
 
 import math
 
@@ -12,7 +12,7 @@ from tools.validation.evaluate.exact_fit import ExactSeries
 from tools.validation.runner import Row
 
 SAMPLES = 3_000
-"""The cost grows with the square."""
+"""Number of samples of a series; the computing time grows with its square."""
 CASES: tuple[Case, ...] = (
     Case(0.4, -1.0, 3.0),
     Case(0.6, -3.0, 0.3),
@@ -20,13 +20,14 @@ CASES: tuple[Case, ...] = (
     Case(0.8, -1.0, 0.3),
     Case(0.8, -10.0, 3.0),
 )
-"""Of the grid, where 3,000 samples say something of α."""
+"""Noises of the grid whose α can be estimated from 3,000 samples."""
 
 
 def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
     """Fit every series three times.
 
-    Errors of α and shares of its intervals that hold it are of series of which both publish an order.
+    Errors of α, and shares of intervals that hold the true α, count only series for which both likelihoods
+    give an order.
     """
     y, truth = cases.samples(case, seeds, samples), fits.truths(case)
     whole = fits.whole_reading(y, H, truth)
@@ -48,10 +49,10 @@ def judge(case: Case, seeds: int, samples: int = SAMPLES) -> list[Row]:
 
 
 def rms(error: Array) -> float | None:
-    """Root mean square; None of nothing."""
+    """Return the root mean square; None without values."""
     return round(math.sqrt(float(np.mean(error**2))), 6) if len(error) else None
 
 
 def share(flags: NDArray[np.bool_]) -> float | None:
-    """Of those that are set; None of nothing."""
+    """Return the share of the flags that are set; None without flags."""
     return round(float(np.mean(flags)), 6) if len(flags) else None

@@ -1,8 +1,8 @@
-"""The evaluation: bias, spread and coverage of the live fit and of the filters, on noises that are known.
+"""The evaluation: bias, spread and coverage of the live fit and of the filters, on known noises.
 
-Every noise is y = x + v with D^α x = f x + ω, stationary, at 100 Hz. `live` is the fit of what the daemon
-keeps, Whittle the same of the whole record. `triple` and `joint` run as the daemon runs them, then tuned by
-the live fit, and with what is true.
+Every noise is y = x + v with D^α x = f x + ω, stationary, at 100 Hz. `live` is the fit of the sums that the
+daemon keeps; `Whittle` is the same fit of the whole record. The filters `triple` and `joint` run as in the
+daemon; then with the Q and R of the live fit; then with the true Q and R.
 """
 
 from collections.abc import Sequence
@@ -23,46 +23,57 @@ from tools.validation.runner import Options, Row, Task
 from tools.validation.tables import Table
 
 SEEDS, QUICK_SEEDS = 20, 10
-"""Series of each noise. Of fewer, all intervals have to hold the truth for a figure to be called right."""
+"""Number of series of each noise. With fewer series, all intervals have to hold the true value for a figure
+to be called right.
+"""
 FITS_TO_FILTERS = 4
-"""A fit costs less than a filter, and a ratio of errors needs more series than an error."""
+"""Number of fitted series for each filtered one: a fit takes less time than a filter, and a ratio of errors
+needs more series than an error.
+"""
 MIXED_TO_FILTERS, CLAIMS_TO_FILTERS = 10, 15
-"""Series of each composite noise, and mixtures of each length."""
+"""Number of series of each composite noise, and number of mixtures of each length, for each filtered
+series.
+"""
 COVERAGE_TO_FILTERS = 50
-"""A share of 95 % needs most."""
+"""Number of series for the coverage for each filtered series: to measure a share of 95 % takes the most
+series.
+"""
 
 
 # Over 12 attributes: each is one choice of what to evaluate, with its default.
 class Plan(NamedTuple):
-    """What to evaluate: by default 53 noises, and the changed settings on six."""
+    """What to evaluate: by default 53 noises, and the changed settings on six of them."""
 
     seeds: int
-    """series of each noise that the filters get"""
+    """Number of series of each noise for the filters."""
     fit_seeds: int
-    """that are fitted"""
+    """Number of series of each noise for the fits."""
     coverage_series: int
-    """of each point, and of each of `coverage.LENGTHS`"""
+    """Number of series for each noise and length in `coverage`."""
     grid: tuple[Case, ...] = cases.grid(cases.ORDERS, cases.PARAMETERS, cases.STEP_RATIOS)
     lengths: tuple[int, ...] = cases.LENGTHS
     changed_on: tuple[Case, ...] = settings.CHANGED_ON
-    """noises for the changed settings"""
+    """Noises on which the changed settings are tried."""
     changed_lengths: tuple[int, ...] = cases.LENGTHS[:2]
     fitted_samples: int = cases.LENGTHS[2]
-    """of the other record, from which "fitted" Q and R are"""
+    """Number of samples of the separate record to which Q and R are fitted for settings with `fitted`."""
     refereed: tuple[Case, ...] = referee.CASES
-    """noises for the exact likelihood"""
+    """Noises for the comparison with the exact likelihood."""
     shifts: tuple[Shift, ...] = shifts.SHIFTS
-    """noises that change"""
+    """Noises that change during the measurement."""
     coverage: tuple[Point, ...] = coverage.POINTS
-    """noises whose intervals are counted"""
+    """Noises for which the coverage of intervals is counted."""
     mixed: tuple[str, ...] = tuple(composites.COMPOSITES)
-    """noises without an order whose intervals are counted"""
+    """Noises without an order for which the coverage of intervals is counted."""
     claimed: tuple[int, ...] = composites.LENGTHS
-    """lengths of mixtures that nobody may call fractional"""
+    """Lengths of the mixtures, which have no order, so that a verdict "fractional" is false."""
 
 
 def plan_of(seeds: int, *, quick: bool = False) -> Plan:
-    """Return the whole plan, or five noises of up to 20,000 samples, and the changed settings on two."""
+    """Return the whole plan.
+
+    For a quick run, five noises of up to 20,000 samples, and the changed settings on two.
+    """
     plan = Plan(seeds, FITS_TO_FILTERS * seeds, COVERAGE_TO_FILTERS * seeds)
     if not quick:
         return plan
@@ -136,15 +147,15 @@ def filters_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
 def changed_case(
     case: Case, seeds: int, lengths: Sequence[int], filters: Sequence[Setting], fitted_samples: int
 ) -> list[Row]:
-    """Score filters with changed settings; fitted_samples: as in `Plan`, for those that want it."""
+    """Score filters with changed settings. `fitted_samples`: as in `Plan`, for settings with `fitted`."""
     y = cases.samples(case, seeds, lengths[-1])
     return _filter_rows("changes", case, _readings(case, y, filters, lengths, fitted_samples), lengths)
 
 
 def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
-    """Score the fits of one noise, of the whole records and live.
+    """Score the fits of whole records and the live fits of one noise.
 
-    A pair has the errors of α of both, on the series of which both publish an order.
+    A row of the kind `pair` has the errors of α by both fits, for the series for which both publish an order.
     """
     y, truth = cases.samples(case, seeds, lengths[-1]), fits.truths(case)
     rows: list[Row] = []
@@ -171,7 +182,7 @@ def fits_case(case: Case, seeds: int, lengths: Sequence[int]) -> list[Row]:
 
 
 def _row(kind: str, case: Case, n: int, estimator: str, quantity: str) -> Row:
-    """Return which figure a row is of: after n samples, with the start-up window."""
+    """Return the columns that name a row's figure. `n`: number of samples, including the start-up window."""
     return {"kind": kind, **case.columns, "samples": n, "estimator": estimator, "quantity": quantity}
 
 
@@ -202,10 +213,10 @@ def _filter_rows(
 def _readings(
     case: Case, y: Array, filters: Sequence[Setting], lengths: Sequence[int], fitted_samples: int
 ) -> dict[str, list[Reading]]:
-    """By the name of the filter."""
+    """Return the readings by the name of the filter."""
     noise, seeds = case.noise, y.shape[1]
     default_Q = filters[0].config.state.Q
-    # White noise has no steps: there Q stays as it is.
+    # White noise has no steps, so Q stays as it is.
     Q: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.s2 or default_Q)}
     R: dict[str, Array | None] = {"config": None, "true": np.full(seeds, noise.R)}
     if any("fitted" in (one.Q, one.R) for one in filters):

@@ -1,4 +1,4 @@
-"""What estimates are worth against the truth (pure)."""
+"""Score estimates against the true values."""
 
 import numpy as np
 from fltea.records.arrays import Array
@@ -19,14 +19,16 @@ def score(
 ) -> Row:
     """Score estimates (seeds,) of one quantity, those that are `valid`.
 
-    covered: whether the interval of each holds the truth; if not given, that is ±Z `reported`.
+    `covered`: whether the interval of each estimate holds the true value; by default the interval is ±Z times
+    `reported`.
 
-    Columns, None where there is no value or no truth: `seeds`; `without`, seeds without a value, since the
-    lane was lost, or white noise is not rejected, so that it is undefined; `mean`; `sd`, the spread over the
-    seeds; `q05` and `q95`; `bias`; `rmse`; `median_error`, than which half of the seeds are nearer to the
-    truth; `reported_sd`, the median of the estimator's own; `coverage`, the share of the 95 % intervals that
-    hold the truth; `beyond_zero`, the share of the estimates that are more than Z of their own σ from 0;
-    `cramer_rao_sd`; `sd_over_bound`, which is below 1 only with a bias.
+    The row has these columns, None if there is no estimate or no true value: `seeds`; `without`, number of
+    seeds without an estimate, since the filter was restarted or white noise was not rejected; `mean`; `sd`,
+    the standard deviation over the seeds; `q05` and `q95`, quantiles; `bias`; `rmse`; `median_error`, the
+    median of the absolute error; `reported_sd`, the median of the σ that the estimator reports; `coverage`,
+    the share of the 95 % intervals that hold the true value; `beyond_zero`, the share of the estimates that
+    differ from 0 by more than Z of their own σ; `cramer_rao_sd`; `sd_over_bound`, which is below 1 only for
+    biased estimates.
     """
     good = valid & np.isfinite(estimate)
     values, number = estimate[good], int(good.sum())
@@ -54,6 +56,6 @@ def score(
                 covered = np.abs(estimate - truth) <= Z * reported
         if covered is not None:
             figures["coverage"] = covered[good].mean()
-    # Six digits: the seventh is the rounding of whatever library did the sums.
+    # Six digits, since the seventh depends on the rounding of the library that computed the sums.
     rounded = {name: None if one is None else float(f"{one:.6g}") for name, one in figures.items()}
     return found | rounded

@@ -1,4 +1,4 @@
-"""The online filters that are judged: the daemon's defaults, and one change of them at a time."""
+"""The online filters that are evaluated: the daemon's defaults, and one changed setting at a time."""
 
 from typing import Any, Literal
 
@@ -15,10 +15,10 @@ from tools.validation.evaluate.cases import POWER, Case
 
 
 class Setting(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A filter under a name, and where its Q and R come from.
+    """The settings of a filter with a name, and the source of its Q and R.
 
-    true: what they are in the noise, which a user does not know. fitted: what the Whittle fit gives of
-    another record of the same noise, if that is not white, as a user can find out with `fltea identify`.
+    `true`: Q and R are those of the noise, which a user does not know. `fitted`: they are the Whittle fit's
+    for another record of the same noise, if that is not white; a user gets them by `fltea identify`.
     """
 
     name: str
@@ -38,7 +38,7 @@ def _with(config: EstimatorConfig, **changes: Any) -> EstimatorConfig:
 WHITTLE = "Whittle"
 """Name of the maximum-likelihood fit of the whole record."""
 LIVE = "live"
-"""Name of the same fit of what the daemon keeps of the record."""
+"""Name of the same fit of the sums that the daemon keeps."""
 
 MAIN: tuple[Setting, ...] = (
     Setting("triple", _TRIPLE),
@@ -47,10 +47,10 @@ MAIN: tuple[Setting, ...] = (
     Setting("joint, R known", _JOINT, R="true"),
     Setting("joint, Q and R known", _JOINT, R="true", Q="true"),
 )
-"""On the whole grid."""
+"""Settings that are run on the whole grid of noises."""
 
 TUNED: dict[str, EstimatorConfig] = {"triple, tuned live": _TRIPLE, "joint, tuned live": _JOINT}
-"""On the whole grid too, with Q and R of the live fit (`tuned.py`)."""
+"""Settings that are run on the whole grid, with Q and R from the live fit (`tuned.py`)."""
 
 CHANGES: tuple[Setting, ...] = (
     Setting("joint, as it is", _JOINT),
@@ -91,7 +91,7 @@ CHANGES: tuple[Setting, ...] = (
         ),
     ),
 )
-"""On a few noises."""
+"""Changed settings, which are run on a few noises."""
 
 CHANGED_ON: tuple[Case, ...] = (
     Case(),
@@ -101,4 +101,4 @@ CHANGED_ON: tuple[Case, ...] = (
     Case(0.8, -1.0, 0.03),
     Case(0.8, -10.0, 3.0),
 )
-"""Those noises."""
+"""The noises on which the changed settings are run."""

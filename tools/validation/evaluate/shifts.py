@@ -1,8 +1,8 @@
-"""Noises that change while they are measured: what the daemon's live fit makes of them.
+"""Measure what the daemon's live fit gives for noises that change while they are measured.
 
-With a memory that forgets, the fit is to be right again three of its time constants after the change;
-without one, the verdict is to say that the noise is not stationary. A knock is to be left out, and a slow
-drift of the offset to change nothing.
+With a fading memory, the fit should be right again three time constants of the memory after the change.
+Without fading, the verdict should be that the noise is not stationary. A knock should be left out, and a slow
+drift of the offset should change nothing.
 """
 
 from collections import Counter
@@ -18,28 +18,28 @@ from tools.validation.evaluate.cases import POWER, Case, H
 from tools.validation.runner import Row
 
 CONSTANT = 10_000
-"""Samples of the memory's time constant."""
+"""Time constant of the fading memory, in samples."""
 BEFORE, AFTER = 30_000, 3 * CONSTANT
-"""Samples before and after the change."""
+"""Numbers of samples before and after the change."""
 BLOCK = 1_000
-"""Samples that are handed over at once."""
+"""Number of samples that are passed to the fit in one call."""
 KNOCK_SAMPLES, KNOCK_SIGMAS = 80, 60.0
 DRIFT_SIGMAS, DRIFT_S = 20.0, 200.0
-"""The offset comes up by so much, exponentially with this time constant."""
+"""Size of the offset's change [deg/s], and the time constant of its exponential rise."""
 
 
 class Shift(NamedTuple):
-    """A noise, and what happens to it in mid-run."""
+    """A noise, and the change that happens in the middle of the run."""
 
     name: str
     before: Case
     after: Case
     gain: float = 1.0
-    """of the power after the change"""
+    """Factor of the power after the change."""
     knock: bool = False
     drift: bool = False
     stationary: bool = False
-    """nothing of it is a change of the noise"""
+    """Whether the noise itself stays the same."""
 
 
 SHIFTS: tuple[Shift, ...] = (
@@ -52,7 +52,7 @@ SHIFTS: tuple[Shift, ...] = (
 
 
 def samples(shift: Shift, seeds: int) -> Array:
-    """Draw y of all seeds, (BEFORE + AFTER, seeds)."""
+    """Draw y for all seeds, (BEFORE + AFTER, seeds)."""
     y = np.concatenate(
         [
             cases.samples(shift.before, seeds, BEFORE, record=2),
@@ -70,7 +70,7 @@ def samples(shift: Shift, seeds: int) -> Array:
 
 
 def score_shift(shift: Shift, seeds: int) -> list[Row]:
-    """Return what the live fit says at the end, without forgetting and with it."""
+    """Return the scores of the live fit at the end, with and without a fading memory."""
     y = samples(shift, seeds)
     return [_score(shift, y, memory) for memory in (None, CONSTANT * H)]
 
@@ -91,10 +91,10 @@ def _score(shift: Shift, y: Array, memory_s: float | None) -> Row:
         "change": shift.name,
         "memory_s": memory_s,
         "series": len(found),
-        # 95 % intervals that hold the α after the change, and its error against that
+        # share of 95 % intervals that hold the α after the change, and the error of α
         "holds": sum(low is not None and high is not None and low <= truth <= high for low, high in ends),
         "median_error": round(float(np.median(errors)), 6) if errors else None,
         "verdicts": dict(sorted(Counter(str(one.verdict) for one in found).items())),
-        # series in which samples were left out, by cause
+        # number of series in which samples were left out, by cause
         "left_out": dict(sorted(causes.items())),
     }

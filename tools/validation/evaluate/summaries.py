@@ -1,4 +1,4 @@
-"""What the evaluation says, as tables and in words (pure)."""
+"""Summarise the evaluation in tables and in words."""
 
 from typing import Any
 
@@ -11,19 +11,22 @@ from tools.validation.runner import Row
 from tools.validation.tables import NONE, Table, number, share_within, table
 
 ERROR = 0.1
-"""Largest root mean square error of α of a figure that is called right."""
+"""Largest root mean square error of α for which a figure is called right."""
 COVERAGE = 0.9
-"""Least share of its 95 % intervals that hold the truth."""
+"""Least share of 95 % intervals that hold the true value, for a figure to be called right."""
 STRONG = 0.9
-"""Share of the power from which on x is nearly all there is."""
+"""Share of the power above which the state x dominates the noise."""
 FEWEST = 10
-"""Series in which white noise is rejected by both fits, for a ratio to be shown."""
+"""Least number of series in which both fits reject white noise, for a ratio to be shown."""
 
 
 def frame(rows: list[Row], kind: str) -> DataFrame:
-    """Return the rows of a kind; what has a name is sorted as it first appears, and no value is NaN.
+    """Return the rows of a kind. Columns of names keep the order in which names first appear.
 
-    right: α within ERROR, an interval that holds it, and hardly ever no value: a figure to rely on.
+    Missing values are NaN.
+
+    The column `right` says whether a figure can be relied on: the error of α is within ERROR, intervals hold
+    the true α, and few values are missing.
     """
     found = DataFrame([row for row in rows if row["kind"] == kind])
     gaps = found.columns[found.isna().any()]
@@ -56,7 +59,7 @@ def tables(rows: list[Row]) -> list[Table | str]:
 
 
 def medians(scores: DataFrame) -> DataFrame:
-    """Return the median over the noises of α's error, by s2/R, and of its bound, by estimator and length."""
+    """Return the median of α's error and of its bound over the noises of each s2/R."""
     alpha = _of_order(scores)
     bound = alpha[alpha.estimator == WHITTLE].assign(estimator="bound", rmse=lambda some: some.cramer_rao_sd)
     both = concat([alpha, bound])
@@ -67,17 +70,17 @@ def medians(scores: DataFrame) -> DataFrame:
 
 
 def errors(scores: DataFrame) -> Table:
-    """Errors of α before and after the live fit, and the bound."""
+    """Return the errors of α before and after the live fit, and the Cramér–Rao bound."""
     found = medians(scores)
     cells = [(*_names(at), *(number(one, ".3f") for one in row)) for at, *row in found.itertuples()]
     return Table("Error of α", ("error of α at s2/R", "samples", *(f"{one:g}" for one in found)), cells)
 
 
 def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
-    """Errors of the live fit over the whole record's, by s2/R and length.
+    """Return the errors of the live fit divided by those of the whole record's fit, by s2/R and length.
 
-    median and worst are of noises; all are all series of all noises, those of each noise in units of the
-    whole record's error.
+    `median` and `worst` are taken over noises. `all` is taken over all series of all noises, with errors in
+    units of the noise's whole-record error.
     """
     live = _of_order(scores)[lambda some: some.estimator == LIVE]
     over_bound = (live.rmse / live.cramer_rao_sd).groupby([live.step_ratio, live.samples]).median()
@@ -94,7 +97,7 @@ def ratios(pairs: DataFrame, scores: DataFrame) -> Table:
 
 
 def coverages(scores: DataFrame) -> Table:
-    """Shares of all 95 % intervals of all noises that hold the truth."""
+    """Return the share of the 95 % intervals of all noises that hold the true value."""
     fits = scores[scores.estimator.isin([LIVE, WHITTLE]) & scores.coverage.notna()]
     known = fits.seeds - fits.without
     cells = []
@@ -108,10 +111,10 @@ def coverages(scores: DataFrame) -> Table:
 
 
 def held(counts: DataFrame) -> Table:
-    """The same of a few noises each by itself, with the interval of the share.
+    """Return the share of intervals that hold the true value, for each of a few noises.
 
-    Where there are undefined ones, which hold everything, their share comes after, and how many of the others
-    hold the truth.
+    If some intervals are undefined, and so hold every value, their share follows, and the share of the others
+    that hold the true value.
     """
     cells = []
     for at, some in counts.groupby(["noise", "samples"], observed=True):
@@ -131,7 +134,7 @@ def _held(series: int, held: int, undefined: int) -> str:
 
 
 def parts(counts: DataFrame) -> Table:
-    """Intervals of the parts of composite noises, of the series whose model is of the same parts."""
+    """Return the coverage for the parts of composite noises, if the model has the same parts."""
     columns = {
         "composite noise": lambda one: one.noise,
         "quantity": lambda one: one.quantity,
@@ -143,7 +146,7 @@ def parts(counts: DataFrame) -> Table:
 
 
 def claims(counts: DataFrame) -> Table:
-    """Verdicts on mixtures of relaxations and something that rises."""
+    """Return the verdicts on mixtures of relaxations and a part that rises with frequency."""
     columns = {
         "samples": lambda one: f"{one.samples:,}",
         "mixtures": lambda one: f"{one.series}",
@@ -154,7 +157,7 @@ def claims(counts: DataFrame) -> Table:
 
 
 def referee(judged: DataFrame) -> Table:
-    """The exact likelihood beside Whittle's."""
+    """Return the comparison of the exact likelihood with Whittle's."""
     columns = {
         "noise": lambda one: one.noise,
         "series": lambda one: str(one.series),
@@ -169,7 +172,7 @@ def referee(judged: DataFrame) -> Table:
 
 
 def shifts(scored: DataFrame) -> Table:
-    """Noises that change."""
+    """Return the results on noises that change."""
     columns = {
         "change": lambda one: one.change,
         "memory": lambda one: "all" if np.isnan(one.memory_s) else f"{one.memory_s:g} s",
@@ -186,7 +189,7 @@ def _counts(counts: dict[str, int]) -> str:
 
 
 def summary(scores: DataFrame) -> Table:
-    """A row for each estimator and length, over the noises that have an order."""
+    """Return one row for each estimator and length, over the noises that have an order."""
     columns = {
         "estimator": lambda some: str(some.estimator.iloc[0]),
         "samples": lambda some: f"{some.samples.iloc[0]:,}",
@@ -201,7 +204,7 @@ def summary(scores: DataFrame) -> Table:
 
 
 def white(scores: DataFrame) -> Table:
-    """What each estimator gives for white noise, where there is no order."""
+    """Return the estimates of each estimator for white noise, which has no order."""
     cells = []
     for at, some in scores[scores.alpha.isna()].groupby(["estimator", "samples"], observed=True):
         by_quantity = {one.quantity: one for one in some.itertuples()}
@@ -214,7 +217,7 @@ def white(scores: DataFrame) -> Table:
 
 
 def changes(scores: DataFrame) -> Table:
-    """A row for each setting, over the noises with an order, after the longest length."""
+    """Return one row for each changed setting, over the noises with an order, at the greatest length."""
     last = scores[(scores.samples == scores.samples.max()) & scores.alpha.notna()]
     relative = last[last.quantity == "f"].assign(error=lambda some: some.median_error / some.f.abs())
     errors_of_f = relative.groupby("estimator", observed=True).error.median()
@@ -232,7 +235,7 @@ def changes(scores: DataFrame) -> Table:
 
 
 def conclusion(scores: DataFrame) -> str:
-    """In plain words."""
+    """Return the conclusion in plain words."""
     n = scores.samples.max()
     alpha = _of_order(scores)[lambda some: some.samples == n]
     of = dict(iter(alpha.groupby("estimator", observed=True)))
@@ -247,7 +250,7 @@ def conclusion(scores: DataFrame) -> str:
 
 
 def _of_order(scores: DataFrame) -> DataFrame:
-    """What is said of α where there is one."""
+    """Return the scores of α for the noises that have an order."""
     return scores[(scores.quantity == "alpha") & scores.alpha.notna()]
 
 

@@ -1,7 +1,8 @@
-"""The online filters with the Q and R that the live fit hands to them: `estimator.tuning = "live"`.
+"""The online filters with the Q and R of the live fit: `estimator.tuning = "live"`.
 
-A fit of what has come so far is made whenever the record has grown by 30 %. Where there is an order, the
-fit's s2 and R take the place of the filters' Q and R, and the filters go on with its α and f, as live.
+A fit of the samples so far is made whenever the record has grown by 30 %. If the noise has an order, the
+fit's s2 and R replace the filters' Q and R, and the filters continue with the fit's α and f, as in the
+daemon.
 """
 
 import numpy as np
@@ -14,13 +15,16 @@ from tools.validation.evaluate.fits import live_spectra, published
 from tools.validation.evaluate.online import BLOCK, Tuning
 
 FIRST = 600
-"""Samples before the first fit."""
+"""Number of samples before the first fit."""
 GROWTH = 1.3
-"""Of the record, between fits."""
+"""Growth factor of the record between two fits."""
 
 
 def tunings(y: Array, h: float, last: int) -> list[Tuning]:
-    """What the live fits of y (n, seeds), before its sample `last`, hand over; h in s."""
+    """Return the variances and filter models that live fits of y (n, seeds) give before sample `last`.
+
+    `h`: sampling period [s].
+    """
     points = fit_points(FIRST, last)
     return [
         _tuning(n, [_handed(one) for one in lanes])
@@ -40,7 +44,7 @@ def _tuning(samples: int, handed: list[HandedOver | None]) -> Tuning:
 
 
 def fit_points(first: int, last: int) -> list[int]:
-    """Lengths after which there is a fit: multiples of BLOCK, `last` not among them."""
+    """Return the lengths after which a fit is made: multiples of BLOCK below `last`."""
     points, n = [], float(first)
     while n < last:
         points.append(round(n / BLOCK) * BLOCK)
