@@ -1,4 +1,7 @@
-"""The bank compared with the oracle that takes one sample at a time, and with itself in other blocks."""
+"""The bank of filters, compared with a plain Python oracle, and with itself for other blocks.
+
+The oracle processes one sample at a time.
+"""
 
 from math import nan
 from pathlib import Path
@@ -58,7 +61,7 @@ def test_equals_the_oracle_with_gaps(changes: dict[str, object]) -> None:
 
 def test_equals_the_oracle_with_runaways_and_tells_each() -> None:
     y = noise(2500)
-    y[:, 1] += 1.0  # an offset that is not removed
+    y[:, 1] += 1.0  # an offset that the settings do not remove
     changes = PRINTED | {"bias": [0.5, -1.0, 2.0], "R": [0.0235, 0.0235, 0.002]}
     found, expected = (f(y, config(**changes), LSB, {1200: 40}) for f in (by_bank, by_sample))
     assert sum(expected.restarts.values()) > 3
@@ -67,7 +70,7 @@ def test_equals_the_oracle_with_runaways_and_tells_each() -> None:
 
 
 def test_equals_the_oracle_where_the_guard_has_to_hold() -> None:
-    """The lane is invalid while a quarter of the samples are limited, and starts over later."""
+    """The lane is invalid while a quarter of the samples are limited, and restarts later."""
     y = noise(2000)
     y[600:1100, 0] += 30 * np.random.default_rng(1).choice([-1, 1], 500)
     found = by_bank(y, config(), LSB)
@@ -115,7 +118,10 @@ def test_any_cut_of_the_rows_gives_the_same_to_the_bit(
 
 
 def test_each_row_tells_whether_the_innovations_are_white_however_rows_are_cut() -> None:
-    """It refers to the last full hundred: behind a low-pass, white, and coloured for a while."""
+    """It refers to the last full hundred of innovations.
+
+    The three axes have noise behind a low-pass, white noise, and noise that is coloured for a while.
+    """
     y = noise(4000, quantised=False)
     y[:, 0] = lfilter(*butter(2, 20.0, fs=1 / H), y[:, 0])
     y[1500:2100, 2] = lfilter(*butter(2, 20.0, fs=1 / H), y[1500:2100, 2])
@@ -160,8 +166,9 @@ BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
     ("none", 0.02, None, [], Baseline((0, 0), (0.02, 0.02), ())),
     (0.5, 0.02, None, [], Baseline((0.5, 0.5), (0.02, 0.02), ())),
     ([0.5, -1], "auto", None, [[1, 1], [3, 2]], Baseline((0.5, -1), (2, 0.5), ())),
-    ("startup", 0.1, None, [[1, 1], [1, 2]], Baseline((1, 1.5), (0.1, 0.1), ())),  # constant, with a given R
-    # The resolution is the lower limit of R: x hardly ever changes, y always does.
+    # a constant axis, with R given in the settings
+    ("startup", 0.1, None, [[1, 1], [1, 2]], Baseline((1, 1.5), (0.1, 0.1), ())),
+    # The resolution limits R from below: x hardly ever changes, y always does.
     (
         "startup",
         "auto",
@@ -170,7 +177,7 @@ BASELINES: list[tuple[Any, Any, float | None, list[list[float]], Baseline]] = [
         Baseline((0.006, 0.3), (0.03, 1 / 11), ()),
     ),
     ("startup", "auto", 0.6, [[0.6, 0], [0.6, 0.6], [0.6, 1.2]], Baseline((0.6, 0.6), (nan, 0.36), ("x",))),
-    # The mean of many 0.1 is not 0.1, so that the computed variance is not zero.
+    # The computed mean of many values 0.1 is not exactly 0.1, so that the computed variance is not zero.
     (
         "startup",
         "auto",

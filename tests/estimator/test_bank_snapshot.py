@@ -1,4 +1,4 @@
-"""Snapshots of a bank: which state continues to the bit, and which snapshots are refused with a reason."""
+"""Snapshots of a bank of filters: valid ones continue bit by bit, all others are refused with a reason."""
 
 import math
 import struct
@@ -159,7 +159,7 @@ def with_engine(state: OnlineState, engine: bytes) -> OnlineState:
 def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
     changes: dict[str, object], data: st.DataObject, value: float
 ) -> None:
-    """Idle lanes and tables have no effect: a snapshot that is accepted continues as the original."""
+    """An accepted snapshot continues as the original does: bytes of idle lanes and tables have no effect."""
     config = configured(**changes)
     _bank, state = saved(config)
     native = bytearray(state.engine)
@@ -177,7 +177,7 @@ def test_a_single_number_that_is_not_finite_is_refused_or_does_not_matter(
 
 @given(data=st.data())
 def test_bytes_that_somebody_made_end_in_a_reason_or_in_estimates(data: st.DataObject) -> None:
-    """Any bytes in any of its parts lead to a ValueError, or to a bank that works and is soon valid."""
+    """Arbitrary bytes in a snapshot lead to a ValueError, or to a bank that works and is soon valid."""
     _, state = saved()
     native = bytearray(state.engine)
     parts = {

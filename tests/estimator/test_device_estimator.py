@@ -1,9 +1,10 @@
-"""The device's estimator, float over integers, compared with the host's in double with a memory of nine
-digits.
+"""The device's estimator, compared with the host's.
 
-They differ by rounding and by what the device's memory leaves out. When the guard acts, the two may come to
-different sides of a bound and differ for a while. They also differ when P or x exceeds what the device's
-memory can hold. From then on the tests only require what must hold for any input.
+The device computes in single precision, with integers in its memory. The host computes in double precision,
+with a memory of nine digits. Their results differ by rounding and by what the device's memory leaves out.
+When the guard acts, the two may come to different sides of a bound and differ for a while. They also differ
+from the moment when P or x exceeds what the device's memory can hold. Then the tests only require what must
+hold for any input.
 """
 
 from pathlib import Path
@@ -32,18 +33,18 @@ SAMPLES = 1_000
 
 
 class Scenario(NamedTuple):
-    """What one axis may meet: the start-up window and SAMPLES more samples."""
+    """What happens to one axis in the start-up window and in SAMPLES more samples."""
 
     seed: int
     level: float
-    """variance in (deg/s)²"""
+    """variance of the noise in (deg/s)²"""
     order: float
     """order of integration of the noise: 0 is white, 0.5 pink, 1 a random walk"""
     offset_dps: float
     spikes: list[tuple[int, float]]
-    """sample after the start-up window, height in deg/s"""
+    """for each spike, its sample after the start-up window, and its height in deg/s"""
     gaps: list[tuple[int, int]]
-    """sample after the start-up window, length"""
+    """for each gap, its sample after the start-up window, and its number of samples"""
 
     def counts(self) -> NDArray[np.int16]:
         n = STARTUP + SAMPLES
@@ -104,7 +105,7 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
     for name, expected, unit in (
         ("alpha", host.alpha[:n, 0], 1),
         ("alpha_std", np.sqrt(host.alpha_var[:n, 0]), 1),
-        ("f", f, 5 * (1 + np.abs(f))),  # beta h^-alpha: an error of alpha times ln h
+        ("f", f, 5 * (1 + np.abs(f))),  # f is beta h^-alpha, so that an error of alpha is multiplied by ln h
         ("state", host.x[:n, 0], 10 * np.sqrt(R)),
     ):
         worst = np.max(np.abs(rows[name][:n] - expected) / unit, initial=0)
@@ -113,7 +114,10 @@ def assert_close(scenario: Scenario, variant: str, bound: float) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_like_the_hosts_without_gaps(variant: str) -> None:
-    """Largest error of alpha in 2,700 random runs: 3.4e-5 (joint), 9.6e-5 (triple); half stay below 1e-6."""
+    """The largest error of alpha in 2,700 random runs is 3.4e-5 (joint) and 9.6e-5 (triple).
+
+    Half of the errors are below 1e-6.
+    """
 
     @given(scenario=scenarios())
     @settings(max_examples=40, phases=NO_SHRINKING)
@@ -138,7 +142,10 @@ def test_like_the_hosts_with_gaps(variant: str) -> None:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_half_of_the_runs_agree_though_the_guard_acts(variant: str) -> None:
-    """Every guard acts on knocks of 20 to 100 sigma: single runs diverge, and most converge again."""
+    """Every guard acts on knocks of 20 to 100 sigma.
+
+    Some runs then differ from the host's, and most of these agree again later.
+    """
     last = []
     for seed in range(40):
         random = np.random.default_rng(seed)
@@ -169,7 +176,7 @@ def test_whatever_comes_estimates_are_finite_and_in_the_box(variant: str) -> Non
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_counts_of_full_scale_from_one_end_to_the_other(variant: str) -> None:
-    """Including the start-up window: the largest sums, and an R of 1,600 deg/s squared."""
+    """The start-up window has such counts, too: they give the largest sums, and an R of (1,600 deg/s)²."""
     counts = np.where(np.random.default_rng(1).integers(0, 2, STARTUP + 3_000) == 0, -32768, 32767)
     device = Device(variant)
     rows = device.run(counts)
@@ -194,7 +201,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     rows = device.run(counts)
     valid = rows["flags"].astype(int) & EstimateFlags.VALID != 0
 
-    # The host's rules, applied to the device's output: counts of the guard begin at 0 again when it restarts.
+    # The host's rules are applied to the device's output. The guard's counts begin again at 0 when the axis
+    # restarts.
     supervisor, bound, expected, restarts = Supervisor(), 0.0, [], 0
     for count in rows["state_bound"].tolist():
         verdict = supervisor.judge(0, 0, 0, state_bound=count > bound)
@@ -210,7 +218,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
     theirs = host.run(counts[STARTUP:, np.newaxis] / LSB_PER_DPS).valid[:, 0]
     assert host.restarts == {"x": 1}
     assert 100 < np.sum(~theirs) < 1_000
-    assert np.sum(valid != theirs) <= 10  # with R they may become invalid at slightly different samples
+    # R differs a little, so that they may become invalid at slightly different samples
+    assert np.sum(valid != theirs) <= 10
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -219,8 +228,8 @@ def test_an_axis_is_withdrawn_and_begun_anew_as_on_the_host(variant: str) -> Non
 def test_real_sensors(recordings: Path, name: str, variant: str, rescaled: bool) -> None:
     """Noise of real sensors, at the device's sensitivity: with the same deg/s, or eight times as many.
 
-    Largest error of alpha: 8.3e-6 (joint) and 3.6e-6 (triple) with the same deg/s. It is 1.9e-5 and 6.0e-5
-    where the recording's counts are taken for the device's; there the guard acts up to 2,562 times on an
+    Largest error of alpha: 8.3e-6 (joint) and 3.6e-6 (triple) with the same deg/s. It is 1.9e-5 and 6.0e-5 if
+    the recording's counts are interpreted as the device's counts; then the guard acts up to 2,562 times on an
     axis.
     """
     recording = open_npz(recordings / f"{name}.npz").whole()

@@ -1,5 +1,6 @@
-"""The native engine equals the reference, and itself for any partition of lanes, and obeys the physics of
-scale."""
+"""The native engine equals the numpy reference, gives the same results for any division into lanes, and
+scales as physics demands.
+"""
 
 import itertools
 from typing import Any
@@ -40,9 +41,9 @@ def kind(engine_settings: LaneSettings) -> str:
 
 
 def relative_difference(estimates: Array, expected: Array) -> Array:
-    """Return the relative difference by sample and quantity, (n, quantities).
+    """Return the relative difference for each sample and quantity, (n, quantities).
 
-    Where an estimate is near zero, the difference is relative to the quantity's size over the run.
+    Where an estimate is near zero, the difference is relative to the typical size of the quantity in the run.
     """
     size = np.maximum(np.abs(expected), np.sqrt(np.nanmean(expected**2, axis=0)))
     return np.asarray(np.abs(estimates - expected) / size)
@@ -52,9 +53,9 @@ def relative_difference(estimates: Array, expected: Array) -> Array:
     ("number", "seed"), [(0, 1), (0, 2), (1, 1), (1, 2), (2, 1), (2, 3), (3, 1), (3, 2)], ids=str
 )
 def test_every_estimate_equals_the_reference(number: int, seed: int) -> None:
-    # The accuracy is limited by the order of summation of the past and the last digit of h^α. Both stay near
-    # 1e-14 as long as the filters are stable; a filter that diverges amplifies them, in the reference as
-    # well.
+    # The accuracy is limited by the sequence in which the past is summed, and by the last digit of h^α. Both
+    # stay near 1e-14 as long as the filters are stable; a filter that diverges amplifies them, in the
+    # reference as well.
     n = 2500
     tuning = EXAMPLE if number else GYROSCOPE
     y, u = example(number, n, seed) if number else (white(n, 1, seed)[:, 0], np.zeros(n))
@@ -142,7 +143,7 @@ def test_lanes_do_not_know_of_each_other(tuning: LaneSettings) -> None:
     for index in (order, order[:3], order[:1]):
         engine = Engine(len(index), with_(tuning, h=h[index], R=R[index]))
         assert same(engine.run(y[:, index], u[:, index], missing[:, index]), lane(every, index))
-    # Other lanes get bad data: they overflow (guard off) or are limited at every sample.
+    # The other lanes get bad data: their estimates overflow (guard off) or are limited at every sample.
     rubbish = y.copy()
     rubbish[:, ::2] = rng.choice([-1, 1], (n, 6)) * 10.0 ** rng.uniform(-100, 100, (n, 6))
     beside = Engine(lanes, with_(tuning, h=h, R=R)).run(rubbish, u, missing)

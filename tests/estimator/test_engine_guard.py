@@ -1,5 +1,6 @@
-"""The guard: no estimate leaves the bounds, every intervention is counted, and without one nothing
-changes."""
+"""The guard: no estimate leaves the bounds, every intervention is counted, and without an intervention
+nothing changes.
+"""
 
 import itertools
 import math
@@ -39,8 +40,9 @@ def counted(estimates: Estimates) -> dict[str, int]:
 
 
 def assert_within_bounds(tuning: LaneSettings, estimates: Estimates, y: Array, missing: Flags) -> None:
-    """Check that estimates are finite, in the box, non-negative, and near the measurement where there is
-    one."""
+    """Check that estimates are finite and within their bounds, that variances are not negative, and that the
+    state is near the measurement if there is one.
+    """
     for name in ESTIMATES:
         assert np.isfinite(getattr(estimates, name)[~missing if name == "innovation" else ...]).all(), name
     beta = np.asarray(tuning.h) ** estimates.alpha * estimates.f
@@ -205,8 +207,8 @@ def unscented(walk: Walk, y: float, output: Callable[[float], float]) -> Walk:
 
 
 def test_consistent_equals_a_straight_loop() -> None:
-    # The printed filters with the state's variance added to R: for KFo the weighted past of the last sample,
-    # for KFw the whole P̃ of KFx.
+    # These are the printed filters with a variance of the state added to R: for KFo that of the weighted past
+    # at the last sample, for KFw the whole P̃ of KFx.
     n, h, Q, R = 60, 0.01, 0.15, 0.0235
     y = white(n, 1, 12)[:, 0]
     order, parameter = Walk(1.0, 0.01, 0.1, R, 0.5), Walk(0.0, 0.01, 0.1, R, 0.5)
@@ -238,8 +240,8 @@ def test_consistent_equals_a_straight_loop() -> None:
 
 
 def test_faithful_gate_softens_the_update_to_its_width() -> None:
-    # Sample 1 with u = 1 and a far y: the innovation becomes `gate` standard deviations, so the correction is
-    # gate² Pαy / e.
+    # At sample 1, u = 1 and y is far away. The innovation is limited to `gate` standard deviations, so the
+    # correction is gate² Pαy / e.
     gate, y = 4.0, np.array([[50.0]])
     tuning = with_(GYROSCOPE, guard="faithful", gate=gate, order__P0=0.001, order__Q0=0.001)
     estimates = run(tuning, y, np.array([[1.0]]))
@@ -251,7 +253,7 @@ def test_faithful_gate_softens_the_update_to_its_width() -> None:
     assert estimates.alpha[0, 0] == pytest.approx(expected, rel=1e-12)
     assert counted(estimates)["order_gate"] == 1
     assert counted(estimates)["state_bound"] == 1
-    # 4 standard deviations: |y - x| = 16 R / e.
+    # The innovation is limited to 4 standard deviations: |y - x| = 16 R / e.
     assert abs(50.0 - estimates.x[0, 0]) == pytest.approx(16 * 0.0235 / estimates.innovation[0, 0], rel=1e-9)
 
 

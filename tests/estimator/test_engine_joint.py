@@ -1,5 +1,6 @@
-"""The joint variant, compared with an implementation with matrices, and on noise of known order and
-parameter."""
+"""The variant "joint", compared with a plain implementation with matrices, and tested on noise of known order
+and parameter.
+"""
 
 from collections.abc import Mapping
 
@@ -116,7 +117,7 @@ def test_joint_finds_order_and_parameter_within_its_own_deviation(alpha: float, 
     beta = h ** estimates.alpha[-1] * estimates.f[-1]
     assert abs(estimates.alpha[-1].mean() - alpha) < 0.06
     assert beta.mean() == pytest.approx(h**alpha * f, abs=0.04)
-    # The reported deviation is honest: the errors' spread is of that size.
+    # The reported standard deviation is right: the errors scatter by about as much.
     alpha_errors = (estimates.alpha[-1] - alpha) / np.sqrt(estimates.alpha_var[-1])
     f_errors = (estimates.f[-1] - f) / np.sqrt(estimates.f_var[-1])
     assert np.sqrt(np.mean(alpha_errors**2)) < 2
@@ -145,7 +146,7 @@ def test_joint_with_nothing_to_learn_keeps_its_start() -> None:
     np.testing.assert_allclose(estimates.f, -0.2 * 0.01**-0.7, rtol=1e-14)
     assert (estimates.alpha_var == 0).all()
     assert (estimates.f_var == 0).all()
-    # With order and parameter held, the state filter equals that of the triple variant.
+    # With fixed order and parameter, the state filter equals that of the variant "triple".
     fixed = with_(
         GYROSCOPE,
         order__P0=0,

@@ -1,5 +1,6 @@
-"""The engine on long series: the compressed memory compared with the exact one, and estimates with lost
-samples."""
+"""The engine on long series: the compressed memory is compared with the exact one, and estimates are tested
+with lost samples.
+"""
 
 from pathlib import Path
 
@@ -23,9 +24,9 @@ from tests.rig.tiers import slow
     ],
 )
 def test_many_real_samples(recordings: Path, variant: str, guard: str, samples: int) -> None:
-    """Two axes of the ten-minute recording one after the other.
+    """The series is that of two axes of the ten-minute recording, one after the other.
 
-    Memory does not grow from one half to the next.
+    The memory in use does not grow from the first half to the second.
     """
     recording = open_npz(recordings / "mpu6050_sunsided_10min.npz").whole()
     rates = recording.gyro / recording.lsb_per_dps
@@ -61,8 +62,9 @@ def fractional() -> np.ndarray:
     ("variant", "guard"), [("triple", "off"), ("triple", "consistent"), ("joint", "consistent")]
 )
 def test_random_losses_do_not_move_the_estimates(noise, variant: str, guard: str) -> None:
-    """The tolerance is the spread of the lanes, which differ only in their noise, or the filter's own σ if
-    larger."""
+    """The tolerance is the scatter of the lanes, which differ only in their noise, or the filter's σ if this
+    is larger.
+    """
     y = noise()
     settings = with_(GYROSCOPE, memory="compressed", variant=variant, guard=guard)
     whole = Engine(LANES, settings).run(y)

@@ -1,4 +1,7 @@
-"""Lanes under the supervisor give the oracle's verdicts and estimates, in blocks of any size."""
+"""Lanes under the supervisor equal a plain Python oracle, in blocks of any size.
+
+Their verdicts and estimates are compared.
+"""
 
 import math
 from dataclasses import replace
@@ -33,8 +36,10 @@ def thrown_about(n: int, lanes: int) -> Array:
 
 
 def on_and_off(n: int, lanes: int) -> Array:
-    """Return motion that resumes as soon as a lane is valid again: its supervisor must have forgotten the
-    earlier motion."""
+    """Return motion that begins again as soon as a lane is valid again.
+
+    The supervisor of the lane must have forgotten the earlier motion.
+    """
     y = white(n, lanes)
     loud = (np.random.default_rng(1).random(y.shape) < 0.45) & (np.arange(n)[:, np.newaxis] % 350 < 200)
     return y + 20 * loud * np.random.default_rng(2).choice([-1, 1], y.shape)
@@ -71,7 +76,7 @@ def test_equals_the_oracle_to_the_bit(changes: dict[str, object], R: float, make
 
 
 def test_the_cases_are_there_for_something() -> None:
-    """Lanes do run away, become invalid and return in these cases."""
+    """In these cases lanes really diverge, become invalid and become valid again."""
     reasons = []
     for changes, R, make in CASES:
         runner = Lanes(11, tuning(11, R, **changes))
@@ -104,7 +109,7 @@ def test_what_cannot_be_run_is_refused_and_changes_nothing() -> None:
 
 
 def test_threads_wait_for_each_other() -> None:
-    """Calls release Python's lock, and each block is processed as a whole."""
+    """Calls release Python's global lock, and each block is processed as a whole."""
     from concurrent.futures import ThreadPoolExecutor
 
     runner = Lanes(3, tuning(3))

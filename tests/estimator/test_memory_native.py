@@ -1,4 +1,4 @@
-"""The native memories: elementary functions, exact sums, compressed weights, and forbidden states."""
+"""The native memories of past samples: elementary functions, sums, compressed weights, invalid states."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
@@ -26,7 +26,10 @@ def history(n: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def exact_sums(a: float, x: np.ndarray, P: np.ndarray, window: int = 0) -> tuple[float, float]:
-    """Return S and V by the reference's weights; x and P oldest first."""
+    """Return the sums S and V with the weights of the numpy reference.
+
+    X and P begin with the oldest sample.
+    """
     n = min(len(x), window) if window else len(x)
     if n == 0:
         return 0.0, 0.0
@@ -142,9 +145,11 @@ def test_integer_orders_are_ordinary_differences(digits: int, instruction_set: s
 def weight_errors(
     memory: Memory, ages: dict[float, list[int]]
 ) -> dict[float, tuple[list[float], list[float]]]:
-    """Return relative errors of c_j and c_j^2 of each order at its ages j, from the response to one impulse.
+    """Return the relative errors of c_j and c_j^2 for each order at its ages j.
 
-    The memory's content does not depend on the order; only its sums do.
+    They come from the response to an impulse.
+
+    One memory serves all orders, since only its sums depend on the order, not its content.
     """
     memory.reset()
     memory.push([1.0], [1.0])
@@ -178,7 +183,7 @@ def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
         far = np.unique(np.exp(random.uniform(3, np.log(farthest), 12)).astype(int)).tolist()
         ages[float(order)] = [1, 2, 14, 15, 16, 17, *far]
     for order, (state, variance) in weight_errors(Memory(digits), ages).items():
-        # 1e-8: rounding over ten million samples, of weights that have become very small.
+        # 1e-8 allows for rounding over ten million samples, of weights that have become very small.
         assert max(state[:4]) < 1e-14
         assert max(state) < bounds(order, digits)[0] + 1e-9
         assert max(variance) < bounds(order, digits)[1] + 1e-8
@@ -188,7 +193,7 @@ def test_weights_over_millions_of_samples(digits: int, farthest: float) -> None:
 @settings(max_examples=80)
 def test_weights_anywhere(order: float, j: int) -> None:
     if order in (0, 1, 2, 3) or min(abs(order - n) for n in range(4)) < 1e-100:
-        return  # there is no weight to compare with
+        return  # there is no weight for a comparison
     state, variance = weight_errors(Memory(8), {order: [j]})[order]
     assert state[0] < bounds(order, 8)[0]
     assert variance[0] < bounds(order, 8)[1]
@@ -238,7 +243,10 @@ def test_sums_are_those_of_the_direct_memory(window: int, kind: str) -> None:
 def assert_like_direct(
     memory: Memory, direct: Memory, orders: Iterable[float], S: Mapping[str, float], V: float
 ) -> None:
-    """Check S with the tolerances of sums of states, and V with the relative one of sums of variances."""
+    """Check S and V.
+
+    S has the tolerances for sums of states, and V the relative tolerance for sums of variances.
+    """
     for order in orders:
         found, expected = memory.sums(order), direct.sums(order)
         assert found[0][0] == pytest.approx(expected[0][0], **S)
@@ -296,7 +304,8 @@ def test_variance_is_not_negative_when_rounding_is_all_there_is() -> None:
 def test_nothing_grows_over_ten_million_steps(window: int) -> None:
     worn, fresh = Memory(6, window), Memory(6, window)
     worn.stir(10_000_000, 7)
-    if window == 0:  # the remainder of the past is part of the result, so only its size can be judged
+    # with unlimited memory the result depends on all ten million samples, so only its size is tested
+    if window == 0:
         for order in (-0.5, 0.3, 0.8):
             S, V = worn.sums(order)
             assert abs(S[0]) < 10
@@ -332,7 +341,7 @@ def test_float32_is_good_for_six_digits() -> None:
 def test_cost_in_modes() -> None:
     """Digits and window determine the number of modes.
 
-    The numbers are pinned, so that a change of the rule is seen.
+    The numbers are stated here, so that a change of the rule makes the test fail.
     """
     by_digits = [Memory(digits, 3000).modes for digits in (3, 6, 9, 11)]
     assert by_digits == [(16, 16), (32, 28), (48, 48), (64, 64)]

@@ -86,7 +86,7 @@ def test_all_three_filters_for_two_steps() -> None:
 
 
 ROOT = Path(__file__).resolve().parents[2]
-# Columns of the files in the order of engine_cases.ESTIMATES, without the walks' Q.
+# The files have the columns of engine_cases.ESTIMATES, in that order, without Q of the random walks.
 COLUMNS = [4, 5, 7, 8, 2, 3]
 
 

@@ -1,5 +1,6 @@
-"""The offset's walk in addition to the noise in the spectrum, and how certain the heading's band is about
-it."""
+"""The random walk of an offset in addition to the noise in the spectrum, and how wide it makes the interval
+of the heading.
+"""
 
 import math
 
@@ -35,7 +36,7 @@ def found_in(y: Array, *parts: Part) -> System:
 
 
 def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
-    """Return the heading t_s after y, and its deviation."""
+    """Return the heading error `t_s` seconds after the samples y, and its standard deviation."""
     tracker = Tracker([None])
     tracker.set(0, s)
     tracker.run(y[:, None])
@@ -45,7 +46,7 @@ def predicted(s: System, y: Array, t_s: float) -> tuple[float, float]:
 
 
 def width(s: System, t_s: float, *truth: Part) -> float:
-    """Return the width of the heading's band relative to that of a filter that knows the truth."""
+    """Return the σ of the heading as a ratio to that of a filter that knows the true noise."""
     known = system(truth, H, N)
     known = known if known.walks else known.with_offset()
     return heading_std(s, rested(s, N), H, t_s) / heading_std(known, rested(known, N), H, t_s)
@@ -58,7 +59,7 @@ def test_a_ramp_goes_on_within_its_band(seed: int) -> None:
     heading, std = predicted(found_in(y, WHITE), y, 300.0)
     seen = 300 * (3.0 + slope * (N * H + 150))
     assert abs(heading - seen) < 2.6 * std
-    assert std < 1.0  # the ramp makes 4.3 deg
+    assert std < 1.0  # the ramp of the offset changes the heading by 4.3 deg
 
 
 def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
@@ -76,7 +77,7 @@ def test_the_slope_is_that_of_the_verdict_with_its_interval() -> None:
     assert verdict.high is not None
     assert slope == pytest.approx(verdict.value, rel=0.03)
     half = 1.96 * abs(per_s) * math.sqrt(P[ramp, ramp])
-    # The offset may walk in addition.
+    # The tracker's interval is wider, since the offset may also walk.
     assert 1 <= half / ((verdict.high - verdict.low) / 2) < 1.3
 
 
@@ -87,7 +88,7 @@ def test_an_offset_that_stays_has_no_slope_and_hardly_a_wider_band() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_walk_of_the_spectrum_may_have_bounds(seed: int) -> None:
-    """For a relaxation of 10 s, ten minutes show neither the spectrum's corner nor a walk."""
+    """In ten minutes, the spectrum of a relaxation of 10 s may look like that of a random walk."""
     y = noise(seed) + relaxing(seed, 0.05, 10.0)
     s = found_in(y, WHITE, Walk(0.05 * math.sqrt(2 / 10)))
     assert not s.walks
@@ -95,7 +96,7 @@ def test_a_walk_of_the_spectrum_may_have_bounds(seed: int) -> None:
 
 
 def test_a_relaxation_of_the_spectrum_may_be_a_walk() -> None:
-    """In ten minutes a spectrum may well show 9 s where the samples walk without bounds, and the reverse."""
+    """In ten minutes, the spectrum of a random walk may look like a relaxation of 9 s, and the reverse."""
     walking = noise(1) + np.cumsum(np.random.default_rng(2).normal(0, 2e-3, N))
     for parts in ([WHITE, Relaxation(0.047, 9.4)], [WHITE, Relaxation(0.06, 20.0)]):
         s = found_in(walking, *parts)

@@ -1,4 +1,4 @@
-"""The oracle's figures of innovations, which the native estimators reproduce (test_bank)."""
+"""The oracle's figures of innovations (plain Python); the native estimators reproduce them (test_bank)."""
 
 import math
 
@@ -39,4 +39,4 @@ def test_few_innovations_the_past_and_neighbours_of_a_gap_do_not_count() -> None
     apart = [row for k, one in enumerate(pairs) for row in ([one, None] if k % 2 else [one])]
     assert whiteness(apart).lag1 == pytest.approx(
         0.5
-    )  # all remaining pairs are equal; half as many as squares
+    )  # all remaining pairs are equal, and there are half as many pairs as squares

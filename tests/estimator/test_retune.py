@@ -146,7 +146,10 @@ BELIEF = FilterModel(0.7, 0.05, 0.6, 0.02, -2.5, 0.8)
 def test_an_axis_goes_on_with_the_order_that_belongs_to_its_variances(
     variant: Literal["joint", "triple"],
 ) -> None:
-    """Its state and memory continue; where α is certain, it stays; the other axes are not affected."""
+    """State and memory of the axis continue. An α that is certain stays as it is.
+
+    The other axes are not affected.
+    """
     certain = BELIEF._replace(alpha_std=1e-6, F_std=1e-6, f_std=1e-6)
     (told, y), (plain, _) = begun(variant=variant), begun(variant=variant)
     a, b = told.run(y[:300]), plain.run(y[:300])
@@ -166,7 +169,7 @@ def test_deviations_count_what_the_fit_leaves_open_and_how_far_the_filter_has_go
     bank.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
     other, _ = begun()
     other.retune({"gyro_y": Variances(0.003, 0.011)}, {"gyro_y": BELIEF})
-    other.native.know([None] * 3)  # its columns are the filters' own
+    other.native.know([None] * 3)  # `other` then gives the results of the filters themselves
     found, own = bank.run(y), other.run(y)
     for std, own_std, value, believed, open_ in (
         (found.alpha_std, own.alpha_std, own.alpha, 0.7, 0.05),

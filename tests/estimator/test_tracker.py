@@ -1,4 +1,4 @@
-"""The tracker compared with a Kalman filter in numpy, through all incidents that a sensor may have."""
+"""The tracker, compared with a Kalman filter in numpy, for everything that may happen to a sensor."""
 
 import itertools
 import math
@@ -15,7 +15,7 @@ from tests.rig.tiers import slow
 from tests.rig.tracker_support import SYSTEMS, kalman, lanes, run, simulated, tracker, white
 
 EXACT = 512
-"""Number of samples after a start for which gains are exact."""
+"""Number of samples after a start for which the tracker's gains are exact."""
 every = pytest.mark.parametrize("name", SYSTEMS)
 
 
@@ -23,14 +23,14 @@ every = pytest.mark.parametrize("name", SYSTEMS)
 def test_it_is_the_filter_of_textbooks(name: str) -> None:
     s = SYSTEMS[name]
     y, _ = simulated(s, 4000, 1)
-    y[0] = 0  # the tracker's origin is there
+    y[0] = 0  # the tracker subtracts the first sample from all samples
     found, expected = run(tracker(s), y), kalman(s, y)
     for column in ("state", "state_std", "bias", "bias_std", "innovation"):
         own, wanted = getattr(found, column), expected[column]
         np.testing.assert_allclose(own[:EXACT], wanted[:EXACT], rtol=1e-6, atol=1e-6, err_msg=column)
     scale = math.sqrt(expected["S"][-1])
     still = name in ("walk", "quantisation, walk", "relaxation, fixed offset", "walking offset")
-    # Gains are then held for 256 samples, which matters until they have settled.
+    # Later, the gains are computed only once in 256 samples. This makes a difference until they are steady.
     apart = (1e-3 if still else 0.05) * scale
     np.testing.assert_allclose(found.bias[EXACT:], expected["bias"][EXACT:], atol=apart)
     np.testing.assert_allclose(found.innovation[EXACT:], expected["innovation"][EXACT:], atol=apart)
@@ -43,7 +43,7 @@ def test_an_offset_in_white_noise_is_known_by_one_over_the_root_of_n(n: int) -> 
     y = np.random.default_rng(2).standard_normal(n)
     found = run(tracker(white(1.0).with_offset()), y)
     at = np.arange(EXACT, n)
-    # A possible step widens the band for a moment, once in a while.
+    # Now and then, a possible step of the bias makes σ larger for a short time.
     usual = np.abs(found.bias_std[at] * np.sqrt(at + 1) - 1) < 0.03
     assert usual.mean() > 0.99
     mean = np.cumsum(y)[at] / (at + 1)
@@ -65,7 +65,7 @@ def test_the_offset_is_within_what_is_said() -> None:
 
 @cache
 def disturbed() -> Array:
-    """Return samples with incidents: knocks, spikes, motion, a step of the bias, steps of one count."""
+    """Return samples with knocks, spikes, motion, a step of the bias, and steps of one count."""
     y = 0.5 + np.random.default_rng(4).standard_normal((4000, 2)) * [1.0, 0.1]
     y[700:900] += 300 * np.sin(np.arange(200) / 9)[:, None]
     y[1500, 0] += 1e4
@@ -112,7 +112,7 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
     one.run(y[:at])
     other.load(one.save())
     assert other.save() == one.save()
-    newest = {"bias": None, "bias_std": None}  # for samples that it has seen itself
+    newest = {"bias": None, "bias_std": None}  # for samples that this tracker has processed itself
     assert other.figures() == [figures._replace(**newest) for figures in one.figures()]
     np.testing.assert_array_equal(lanes(other.run(y[at:])), lanes(one.run(y[at:])))
     assert other.save() == one.save()
@@ -121,7 +121,7 @@ def test_what_was_saved_goes_on_to_the_bit(modelled: bool, at: int) -> None:
 @settings(max_examples=20)
 @given(saved=st.integers(0, 600), gap=st.integers(0, 600))
 def test_the_gains_that_all_banks_share_give_the_bits_of_its_own(saved: int, gap: int) -> None:
-    """After loading, a bank uses the covariance in place of the gains, as it does after each gap."""
+    """After loading, a bank of filters computes the gains from the covariance, as it does after each gap."""
     y, one, other = disturbed()[:700], pair(False), pair(False)
     found: list[list[np.ndarray]] = [[], []]
     for low, high in itertools.pairwise(sorted({0, saved, gap, 700})):

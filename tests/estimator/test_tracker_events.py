@@ -1,4 +1,4 @@
-"""The tracker when a sensor moves, changes its offset, rounds, or when a fit finds a different noise."""
+"""The tracker if a sensor moves, changes its offset or rounds samples, or if a fit finds another noise."""
 
 import math
 from typing import Any
@@ -20,7 +20,7 @@ kinds = pytest.mark.parametrize("name", KINDS, ids=str)
 
 
 def measured(name: str | None) -> tuple[Array, float]:
-    """Return noise, and its deviation."""
+    """Return noise, and its standard deviation."""
     y, _ = simulated(SYSTEMS[name or "walk"], N, 5)
     return y + 3, float(y.std())
 
@@ -30,7 +30,7 @@ def made(name: str | None, **rules: Any) -> Tracker:
 
 
 def apart(found: Tracks, clean: Tracks) -> Array:
-    """Return the difference of two biases, in deviations."""
+    """Return the difference of two biases, in standard deviations."""
     return np.abs(found.bias - clean.bias) / clean.bias_std
 
 
@@ -95,7 +95,7 @@ def test_what_was_known_when_motion_began_is_known_in_it() -> None:
     y[600] = 1000
     found = run(made("white"), y)
     assert found.moving[600]
-    # Gains are held at this time, but the covariance is not.
+    # At this time the gains are not computed anew, but the covariance is.
     np.testing.assert_allclose(found.bias_std[600:650], found.bias_std[599], rtol=0.03)
     assert abs(found.bias[650] - y[:600].mean()) < 0.02
 
@@ -147,7 +147,7 @@ def test_heavy_tails_are_no_motion(name: str | None) -> None:
         assert one.figures()[0].begun == 0
         late = slice(6000, None)
         errors.append(np.sqrt(np.mean((found.bias - state)[late] ** 2)))
-        if name != "white":  # one offset, one answer
+        if name != "white":  # white noise with a constant offset has only one bias
             assert 0.93 < np.mean(np.abs(found.bias - state)[late] < 2 * found.bias_std[late]) < 0.98
     assert errors[1] < 1.05 * errors[0] or name == "white"
     assert max(errors) < 3 / math.sqrt(6000) or name != "white"
@@ -166,7 +166,7 @@ def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
     one = made(name)
     found = run(one, y)
     assert one.figures()[0].moved == 0
-    # A constant signal has no noise: with the first change the bank begins.
+    # A constant signal has no noise, so the bank of filters begins with the first change of the signal.
     woken = np.s_[2000:2016] if axis == "stepping once" and name is None else np.s_[:0]
     seen, std = (np.delete(column, woken)[20:] for column in (found.bias, found.bias_std))
     assert np.all(np.isfinite(seen))
@@ -176,7 +176,7 @@ def test_axes_that_hardly_change(name: str | None, axis: str) -> None:
 
 
 def test_an_axis_that_wakes_up_is_at_rest() -> None:
-    """The constant samples had no noise, so real noise was once taken for motion for ten minutes."""
+    """Once, real noise after constant samples, which have no noise, counted as motion for ten minutes."""
     y = np.zeros(9000)
     y[3000:] = 0.5 + 0.1 * np.random.default_rng(2).standard_normal(6000)
     found = run(tracker(None, largest_step=2.0), y)
@@ -265,7 +265,7 @@ def test_a_system_found_after_hours(s: System) -> None:
 
 @pytest.mark.parametrize("name", ["white", "order", "resonance"])
 def test_means_of_samples_tell_bounds_of_a_walk_as_the_samples_do(name: str) -> None:
-    """A relaxation evolves during the time of a mean, and faster parts are not white in the means."""
+    """A relaxation changes within the time of a mean, and faster parts are not white in the means."""
     bare = {"white": white(1.0), "order": of(Order(0.7, -1.0, 0.3 / H**1.4)), "resonance": RESONANT}[name]
     q, a = 2e-3, math.exp(-1 / 1000)
 
@@ -328,7 +328,10 @@ def test_systems_of_which_no_filter_can_be_made_change_nothing() -> None:
 
 
 def test_an_order_with_a_slow_pole_pair_behind_a_sharpening_is_filtered_or_refused() -> None:
-    """The filter of its means has no covariance: once every bias was NaN."""
+    """The filter for means of its samples has no valid covariance.
+
+    Once, every bias was NaN because of this.
+    """
     parts = [
         White(0.009609324474215877),
         Sharpening(-0.09692657484116714),

@@ -1,4 +1,4 @@
-"""A model computed in another thread has the same effect on a tracker as one computed in place."""
+"""A model has the same effect on a tracker if another thread has computed it."""
 
 import threading
 from collections.abc import Callable
@@ -41,7 +41,7 @@ def after(tracker: Tracker) -> Tracks:
 
 
 def begun(samples: int) -> tuple[Tracker, Tracker, Remembered]:
-    """Return two trackers that have seen the same samples, and the saved state of one."""
+    """Return two trackers that have processed the same samples, and what one of them remembers."""
     one, other = Tracker([None], RULES), Tracker([None], RULES)
     for tracker in (one, other):
         tracker.run(noise(samples))
@@ -69,13 +69,13 @@ def test_what_was_filtered_before_the_last_samples_is_the_same_to_the_bit(
 
 
 def knocked(tracker: Tracker) -> None:
-    """Move the sensor."""
+    """Give the tracker samples of a sensor that is moved."""
     tracker.run(noise(100, seed=2) + 500 * np.sin(np.arange(100.0))[:, None])
     assert tracker.events[0].kind == EventKind.MOVES
 
 
 def stepped(tracker: Tracker) -> None:
-    """Step the bias, by the amount that was reported."""
+    """Give the tracker samples with a step of the bias, and check that it reports a step."""
     tracker.run(noise(100, seed=2) + 1.5)
     assert [event.kind for event in tracker.events] == [EventKind.STEP]
 

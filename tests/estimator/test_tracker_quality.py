@@ -1,4 +1,4 @@
-"""How close the tracker is to the optimum, and whether its σ holds, on independently generated noise.
+"""How close the tracker is to the optimum, and whether its σ is right, on independently generated noise.
 
 The generators and the optimum share no code with the filter. States are made of white noise by
 `scipy.signal.lfilter`, or from their spectrum by circulant embedding (Davies & Harte, 1987). The optimum is
@@ -33,7 +33,10 @@ def covariances(spectrum: Callable[[Array], Array], n: int) -> Array:
 
 
 class Family(NamedTuple):
-    """A state and the other noise in a sample: their covariances (None for a walk) and the model."""
+    """A kind of noise: the covariances of its state and of its other noise, and the model.
+
+    Those of a state are None for a random walk.
+    """
 
     parts: Sequence[p.AnyPart]
     state: Callable[[Array], Array] | None
@@ -151,7 +154,7 @@ def no_series_left() -> Iterator[None]:
 
 
 class Quality(NamedTuple):
-    """Figures of the states between two samples, over 60 series."""
+    """Figures of the estimated states between two sample numbers, over 60 series."""
 
     rmse: float
     over_best: float
@@ -234,7 +237,7 @@ def test_innovations_of_any_noise_are_white_and_as_small_as_can_be(name: str) ->
     figures = one.figures()
     assert np.mean([each.nis or 0 for each in figures]) == pytest.approx(1, abs=0.06)
     assert sum(describes(each.innovations, each.ljung_box or math.inf) for each in figures) >= lanes - 1
-    # Kolmogorov's bound: the geometric mean of the spectrum.
+    # Kolmogorov's bound of the innovation variance is the geometric mean of the spectrum.
     lam = np.pi * (np.arange(4096) + 0.5) / 4096
     bound = math.exp(np.mean(np.log(p.spectrum(parts, lam, H))))
     assert np.mean(innovations**2) < 1.03 * bound

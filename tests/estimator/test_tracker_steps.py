@@ -1,4 +1,4 @@
-"""Steps of a bias: how soon they are detected, what the estimate knows of them, and what is not a step."""
+"""Steps of a bias: how soon they are detected, how the estimate follows them, and what is not a step."""
 
 import math
 
@@ -18,7 +18,7 @@ WHITE = white(1.0).with_offset()
 
 
 def of(s: System, n: int = LANES, **rules: float) -> Tracker:
-    """Return a tracker of this many axes with this noise."""
+    """Return a tracker of `n` axes with the noise of the system `s`."""
     one = Tracker([None] * n, TrackerRules(**rules))  # type: ignore[arg-type]
     for lane in range(n):
         one.set(lane, s)
@@ -32,7 +32,7 @@ def steps(one: Tracker) -> list[TrackerEvent]:
 @pytest.mark.parametrize("before", [12_000, 100_000])
 @pytest.mark.parametrize("size", [1.0, 0.3])
 def test_a_step_is_seen_about_as_soon_as_any_test_can_see_it(size: float, before: int) -> None:
-    """Lorden's bound, at one false alarm a week: 30 (σ/δ)² samples."""
+    """Lorden's bound for steps of size δ is 30 (σ/δ)² samples, at one false alarm a week."""
     rng = np.random.default_rng(1)
     one = of(WHITE)
     one.run(rng.standard_normal((before, LANES)))
@@ -65,7 +65,7 @@ def test_the_bias_after_a_step_is_that_of_the_samples_since_then() -> None:
     since = 14_000 - (event.row + 1 - event.ago)
     assert found.bias[-1, 0] == pytest.approx(y[-since:].mean(), abs=0.01)
     assert found.bias_std[-1, 0] == pytest.approx(1 / math.sqrt(since), rel=0.05)
-    # The band widens at once, before the estimate has been wrong for long.
+    # σ becomes larger at once, before the estimate has been wrong for long.
     assert found.bias_std[event.row + 1, 0] > 10 * found.bias_std[11_999, 0]
 
 
@@ -103,7 +103,10 @@ NOISES = {
 
 @pytest.mark.parametrize("name", NOISES)
 def test_there_are_no_false_steps(name: str) -> None:
-    """Three hours of six axes: at one false step a week, one in ten such tests would show one."""
+    """The test has three hours of six axes.
+
+    At one false step a week, one in ten such tests would show one.
+    """
     s, noise = NOISES[name]
     rng = np.random.default_rng(4)
     y = np.stack([noise(rng, 180_000) for _ in range(6)], axis=1)
@@ -124,7 +127,7 @@ def test_a_drift_is_no_step_and_its_error_is_in_the_deviation() -> None:
 
 
 def test_what_grows_beyond_a_step_is_motion_and_what_it_taught_is_undone() -> None:
-    """A turn that begins slowly looks like one step after another."""
+    """A turn that begins slowly first looks like a series of steps."""
     rng = np.random.default_rng(6)
     turn = np.zeros(20_000)
     turn[12_000:14_000] = 100 * np.sin(np.pi * np.arange(2000) / 2000)
@@ -170,7 +173,7 @@ def test_a_turn_that_the_record_begins_with_is_over_when_the_rate_is_nearer_to_z
 def test_the_accelerometer_shows_motion_that_the_gyroscope_does_not() -> None:
     rng = np.random.default_rng(9)
     y, accel = rng.standard_normal((12_000, 3)), 0.02 * rng.standard_normal((12_000, 3)) + [0, 0, 9.81]
-    accel[6000:7000, 0] += np.linspace(0, 5, 1000)  # tilted slowly
+    accel[6000:7000, 0] += np.linspace(0, 5, 1000)  # the sensor is tilted slowly
     accel[7000:, 0] += 5
     one = of(WHITE, 3)
     found = one.run(y, accel)
@@ -219,7 +222,7 @@ def eventful() -> tuple[Array, Array]:
 
 @pytest.mark.parametrize("name", ["relaxation", "walking offset", "order", "low-pass"])
 def test_the_bias_is_the_mean_of_what_comes(name: str) -> None:
-    """Compared with a filter in numpy, and with the mean that its state predicts for the next samples."""
+    """It equals the mean that the state of a filter in numpy predicts for the next samples."""
     s, ahead = SYSTEMS[name], 50
     y, _ = simulated(s, 500, 1)
     y[0] = 0
@@ -233,7 +236,7 @@ def test_the_bias_is_the_mean_of_what_comes(name: str) -> None:
         last, covariance = x, P
         x, P = A @ x, A @ P @ A.T + s.Q
     powers = [np.linalg.matrix_power(A, k) for k in range(ahead + 1)]
-    sums = np.cumsum(powers[:ahead], axis=0)  # of A^0 … A^k
+    sums = np.cumsum(powers[:ahead], axis=0)  # sums of A^0 … A^k
     row = s.bias @ sum(powers[1:]) / ahead
     added = sum(s.bias @ one_sum @ s.Q @ one_sum.T @ s.bias for one_sum in sums) / ahead**2
     assert found.bias[-1, 0] == pytest.approx(row @ last, rel=1e-6, abs=1e-9)

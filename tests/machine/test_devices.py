@@ -1,4 +1,4 @@
-"""Connected devices, including those with kernel drivers, and how they are printed."""
+"""Checks which connected devices are found, including those with kernel drivers, and how they are printed."""
 
 import json
 import os
@@ -299,7 +299,7 @@ def test_a_sensor_that_is_ready(system: FakeSystem, tmp_path: Path) -> None:
 
 
 def test_the_driver_of_the_mpus(system: FakeSystem, tmp_path: Path) -> None:
-    """It accepts its own trigger only, and its low-pass follows the rate."""
+    """This driver accepts only its own trigger, and sets its low-pass filter by the sampling rate."""
     device = imu(tmp_path)
     (device.folder.parent / "driver").symlink_to(tmp_path / "sys/bus/i2c/drivers/inv-mpu6050-i2c")
     device.trigger("fltea", 1)

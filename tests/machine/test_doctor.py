@@ -1,4 +1,4 @@
-"""`fltea doctor` on simulated machines: each finding, and its advice."""
+"""Tests `fltea doctor` on simulated machines: each finding, and the advice with it."""
 
 import os
 import socket
@@ -210,13 +210,13 @@ def test_a_folder_that_cannot_be_one(system: FakeSystem, tmp_path: Path) -> None
     assert (found.level, found.message) == ("problem", f"{file} is no folder.")
     assert outputs(system, state__file=str(tmp_path / "state")) == []
     assert levels(outputs(system, state__file=str(file / "state"))) == {"state": "problem"}
-    # fltea run makes the folder of recordings, but not that of the snapshot.
+    # `fltea run` creates the folder of recordings, but not the folder of the snapshot.
     missing = finding_of(outputs(system, state__file=str(tmp_path / "no/state")), "state")
     assert (missing.level, missing.message) == ("problem", f"there is no folder {tmp_path / 'no'}.")
     assert levels(outputs(system, state__file=str(tmp_path))) == {"state": "problem"}
     tilde = finding_of(
         outputs(system, record__folder="~/rec"), "disk"
-    )  # fltea run takes it for a folder of that name
+    )  # `fltea run` takes this text for the name of a folder
     assert " free for ~/rec:" in tilde.message
 
 

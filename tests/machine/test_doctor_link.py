@@ -1,4 +1,4 @@
-"""`fltea doctor` on a serial port: from the cable to the device's messages."""
+"""Tests what `fltea doctor` says of a device on a serial port, from the cable to the device's messages."""
 
 import msgspec
 import pytest

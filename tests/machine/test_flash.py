@@ -1,5 +1,6 @@
-"""`fltea flash` with fake tools that only record their arguments, and a pseudo-terminal in place of a
-board."""
+"""Tests `fltea flash` with fake tools that only record their arguments, and with a pseudo-terminal in place
+of a board.
+"""
 
 import re
 import struct
@@ -34,11 +35,11 @@ def board() -> Iterator[SpeakingPort]:
 
 
 UNKNOWN = "--erase-unknown-board"
-"""Needed here, since a pseudo-terminal has no USB id."""
+"""Option that these tests need, since a pseudo-terminal has no USB id."""
 
 
 class Desk:
-    """A board, an image, and a folder of tools that is the command's whole PATH."""
+    """What a test needs: a board, an image, and a folder of tools, which is the command's whole PATH."""
 
     def __init__(self, folder: Path, board: SpeakingPort) -> None:
         self.folder, self.board = folder, board
@@ -75,7 +76,7 @@ class Desk:
 def desk(tmp_path: Path, board: SpeakingPort, monkeypatch: pytest.MonkeyPatch) -> Desk:
     monkeypatch.setenv("PATH", str(tmp_path / "bin"))
     monkeypatch.setenv("HOME", str(tmp_path))
-    monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # only for commands within this process
+    monkeypatch.setattr(flash, "HOLD_S", 1e-3)  # this shortens the wait only for commands within this process
     monkeypatch.setattr(flash, "SETTLE_S", 1e-3)
     return Desk(tmp_path, board)
 
@@ -260,7 +261,10 @@ def test_no_other_port_is_ever_touched(
 def test_a_port_that_nothing_names_a_due_is_opened_only_with_the_flag(
     usb_id: tuple[int | None, int | None], desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Opening at 1200 baud erases a board; `--yes` alone does not say which board that may be."""
+    """Opening a port at 1200 baud erases the board.
+
+    The option `--yes` alone does not say which board may be erased.
+    """
     ports(monkeypatch, (desk.board.port, *usb_id))
     desk.add("bossac")
     before, given = desk.board.speed(), ("--port", desk.board.port, "--image", desk.image, "--yes")
@@ -279,7 +283,7 @@ def test_the_flag_does_not_open_a_native_port(board: SpeakingPort, monkeypatch: 
 
 
 def test_a_due_needs_no_flag(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`make flash PORT=PORT` calls it so."""
+    """`make flash PORT=PORT` calls `fltea flash` without this option."""
     ports(monkeypatch, (desk.board.port, *DUE))
     desk.add("bossac")
     done = fltea_here("flash", "--port", desk.board.port, "--image", desk.image, "--yes")

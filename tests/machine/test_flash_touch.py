@@ -1,5 +1,6 @@
-"""Before the tool runs: which files are accepted as an image, and the order of steps of the touch at 1200
-baud."""
+"""Tests what happens before the flashing tool runs: which files are accepted as an image, and in which order
+the port is opened and closed at 1200 baud.
+"""
 
 import errno
 import struct
@@ -23,7 +24,7 @@ def board() -> Iterator[SpeakingPort]:
 
 
 class Line:
-    """Records what happens to the port, with the terminal's speed at that time."""
+    """A port that records what happens to it, each time with the terminal's speed."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> None:
         self.seen: list[tuple[str, object, int]] = []
@@ -69,7 +70,9 @@ def line(monkeypatch: pytest.MonkeyPatch, board: SpeakingPort) -> Line:
 
 
 ERASE_AND_RESET_S = 180 * 256 * 256 / 16e6
-"""Ticks of the USB chip's timer (16 MHz through two divisions by 256)."""
+"""Time in which the USB chip erases and resets the board [s]: 180 ticks of its timer (16 MHz, divided twice
+by 256).
+"""
 
 
 def test_the_touch_holds_1200_baud_until_erased_and_leaves_another_rate(

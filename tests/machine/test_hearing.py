@@ -1,4 +1,4 @@
-"""Listen briefly to a device: a pseudo-terminal that sends, and the fit of one clock to the other."""
+"""Tests listening to a device (a pseudo-terminal that sends), and comparing its clock with the host's."""
 
 from collections.abc import Iterator
 
@@ -22,7 +22,10 @@ def speaker() -> Iterator[SpeakingPort]:
 
 
 def frames(turn: int, hello: wire.Hello = WIRE_HELLO) -> bytes:
-    """Return HELLO and STATUS now and then, and a sample each turn, except every tenth, which is lost."""
+    """Return the frames of one turn: a sample, but none in every tenth turn.
+
+    In every fifth turn, HELLO and STATUS come before the sample.
+    """
     said = b"\0"
     if turn % 5 == 0:
         said += encode(hello, turn, turn * 10_000)
@@ -90,7 +93,7 @@ def test_a_port_that_is_not_there_or_cannot_be() -> None:
 
 @pytest.mark.parametrize("ppm", [-80.0, 0.0, 5000.0])
 def test_drift_is_found_within_its_error(ppm: float) -> None:
-    """The delays are like a USB bridge's: never negative, sometimes long."""
+    """The delays of the samples are like those of a USB bridge: never negative, and sometimes long."""
     z_scores = []
     for seed in range(30):
         delay_s = np.random.default_rng(seed).exponential(1e-3, 400)

@@ -122,6 +122,6 @@ def test_a_broker_that_refuses_one_topic_is_reported_and_the_other_is_received(s
 def test_a_topic_that_is_not_utf8_is_received_as_none_and_the_connection_stays(scenes: list[Scene]) -> None:
     odd, plain = b"\x30\x08\x00\x05a/\xff/x\x00", b"\x31\x09\x00\x05a/1/x\x007"
     scenes.append(scene := Scene(FakeBroker([GRANTED, GRANTED], odd + plain)))
-    wait_until(lambda: len(scene.received) == 2, "both messages")
+    wait_until(lambda: len(scene.received) == 2 and scene.subscriber.is_up.is_set(), "both messages")
     assert scene.received == [("", b"", False), ("a/1/x", b"7", True)]
     assert (scene.subscriber.connections, scene.subscriber.outages, scene.told) == (1, 0, [])

@@ -1,4 +1,4 @@
-"""Allan deviation of a spectrum, compared with closed forms of 40 digits, and with noise of that spectrum."""
+"""Allan deviation of a spectrum, compared with closed forms (40 digits) and with simulated noise."""
 
 import mpmath
 import numpy as np
@@ -21,8 +21,10 @@ def ar1(lam: np.ndarray, phi: float) -> np.ndarray:
 
 
 def ar1_deviation(phi: float, m: float) -> float:
-    """Return the deviation of x_k = φ x_{k-1} + noise of variance 1, from variances of sums of m and 2m
-    values."""
+    """Return the Allan deviation of x_k = φ x_{k-1} + noise of variance 1.
+
+    It follows from the variances of sums of m and of 2m values.
+    """
     with mpmath.workdps(40):
         p = mpmath.mpf(phi)
 
@@ -46,7 +48,10 @@ def test_ar1(phi, factors):
 
 
 def test_a_random_walk_at_its_corner():
-    """σ² = s2 (2 m² + 1) / (6 m) for a sum of steps; the relaxation's corner is far away."""
+    """σ² = s2 (2 m² + 1) / (6 m) for a random walk.
+
+    The corner frequency of the relaxation that stands for it is far lower.
+    """
     m = OCTAVES[:12]
     found = model_adev(lambda lam: ar1(lam, 1 - 1e-9), m)
     np.testing.assert_allclose(found, np.sqrt((2 * m**2 + 1) / (6 * m)), rtol=2e-4)

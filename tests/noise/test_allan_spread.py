@@ -1,4 +1,4 @@
-"""The spread of Allan variances, compared with simulations and with the known sums for power-law spectra."""
+"""The scatter of Allan variances, compared with simulations and with the known sums for power-law spectra."""
 
 import itertools
 
@@ -33,8 +33,10 @@ MODELS = {
 
 @pytest.mark.parametrize("name", MODELS)
 def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
-    """The mean agrees within its own error, the degrees of freedom within theirs, which allows for
-    skewness."""
+    """Mean and degrees of freedom agree within their errors.
+
+    The error of the latter takes skewness into account.
+    """
     model, factors = MODELS[name], averaging_factors(N)
     deviation, degrees = expected(model, H, factors, differences(factors, [N]))
     simulated = itertools.islice(draws(model, H, N, np.random.default_rng(5)), SIMULATIONS)
@@ -50,7 +52,10 @@ def test_mean_and_spread_are_those_of_simulations(name: str) -> None:
 
 @pytest.mark.parametrize("power", [0, -1, -2])
 def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) -> None:
-    """Greenhall's and Riley's, for times of many samples, where sampling does not matter."""
+    """They equal the sums of Greenhall and Riley, at averaging times of many samples.
+
+    At such times, sampling does not matter.
+    """
     samples, factors = 1 << 15, np.array([64, 200, 1000, 4000, 8192])
 
     def spectrum(lam: np.ndarray) -> np.ndarray:
@@ -64,7 +69,7 @@ def test_degrees_of_powers_of_the_frequency_are_those_of_their_sums(power: int) 
 
 
 def test_of_neighbours_of_white_noise_it_is_exact() -> None:
-    """r = 1, -1/2 for differences of neighbours: M / (1 + 2/4)."""
+    """For differences of neighbouring samples r is 1 and -1/2, which gives M / (1 + 2/4) degrees."""
     found = allan_degrees(np.ones_like, [1], [1.0], [10**6])
     assert found == pytest.approx(10**6 / 1.5, rel=1e-5)
 
@@ -79,7 +84,10 @@ def test_a_line_alone_has_two_degrees_for_each_time_that_it_remembers(
 
 
 def test_the_deviation_of_a_narrow_line_is_that_of_its_cosine() -> None:
-    """A narrow line behaves as sin⁴: the quadrature has panels as narrow as the line."""
+    """The deviation varies with the averaging time as sin².
+
+    This needs panels of the quadrature as narrow as the spectral line.
+    """
     line = Lorentzian(7.3, 1e-5, 2.0)
     factors = np.array([1, 3, 10, 31, 100])
     found, _ = expected(AxisModel((White(1e-12),), (line,)), H, factors, np.full(5, 1e6))

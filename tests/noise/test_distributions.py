@@ -23,7 +23,10 @@ DEGREES = st.floats(math.log(0.3), math.log(1e6)).map(math.exp)
 
 @given(st.floats(1e-3, 10), DEGREES)
 def test_the_tail_of_chi_squared(ratio: float, degrees: float) -> None:
-    """As a probability, and in its far tail also as a ratio, as far as the digits of lgamma reach."""
+    """The absolute error is small.
+
+    In the far tail the relative error is small as well, as far as the digits of lgamma reach.
+    """
     expected = stats.chi2.sf(ratio * degrees, degrees)
     found = chi2_tail(ratio * degrees, degrees)
     assert found == pytest.approx(expected, rel=1e-12 * max(degrees, 1e3), abs=1e-13)
@@ -59,14 +62,14 @@ def test_what_has_no_quantile(probability: float, degrees: float) -> None:
 @given(st.floats(0, 50), DEGREES, DEGREES)
 def test_the_tail_of_f(ratio: float, first: float, second: float) -> None:
     expected = stats.f.logsf(ratio, first, second)
-    if expected > -600:  # scipy's own function ends there
+    if expected > -600:  # scipy's own function underflows below this
         assert math.exp(f_log_tail(ratio, first, second)) == pytest.approx(math.exp(expected), abs=1e-8)
     if -600 < expected < -0.01 and max(first, second) < 1e4:
         assert f_log_tail(ratio, first, second) == pytest.approx(expected, rel=1e-8)
 
 
 def test_the_tail_of_f_where_it_has_a_closed_form() -> None:
-    """With two degrees of freedom it is (1 + 2 ratio / second)^(-second / 2), however small."""
+    """With two degrees of freedom the tail is (1 + 2 ratio / second)^(-second / 2), even where it is tiny."""
     for ratio in (3.0, 1e9):
         assert f_log_tail(ratio, 2, 96) == pytest.approx(-48 * math.log1p(ratio / 48), rel=1e-12)
     assert f_log_tail(-1.0, 2, 96) == 0

@@ -1,4 +1,4 @@
-"""The error of a heading after a rest."""
+"""The error of a heading, predicted from the samples of a sensor at rest."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None
     s, rest, more, many = _system(name), 300, 137, 4000
     rng = np.random.default_rng(29)
     root = np.linalg.cholesky(s.Q + 1e-30 * np.eye(len(s.a)))
-    # The prior deviation of the bias, in case the true bias is large.
+    # The true states are drawn from the prior distribution, in which the bias may be large.
     x = rng.normal(size=(many, len(s.a))) * np.sqrt(np.diag(s.P0))
     mean, P, angle = np.zeros_like(x), s.P0, np.zeros(many)
     for k in range(rest + more):
@@ -67,7 +67,8 @@ def test_headings_of_many_simulated_sensors_spread_as_is_said(name: str) -> None
         x = x @ s.A.T + rng.normal(size=x.shape) @ root.T
         mean, P = mean @ s.A.T, s.A @ P @ s.A.T + s.Q
     expected = heading_std(s, rested(s, rest), H, more * H)
-    assert angle.std() == pytest.approx(expected, rel=0.04)  # 3.5 deviations of a spread of 4000
+    # 3.5 standard errors of a standard deviation of 4000 values
+    assert angle.std() == pytest.approx(expected, rel=0.04)
 
 
 def test_the_heading_of_white_noise_is_its_random_walk_and_that_of_its_mean() -> None:
@@ -108,8 +109,9 @@ def test_a_drive_is_the_inverse_of_a_rest(name: str) -> None:
 
 
 def test_a_drive_ends_when_the_heading_is_off_for_the_first_time() -> None:
-    """Behind a resonance of 1 Hz the error swings: too large after half a period, small again after a whole
-    one."""
+    """With a resonance at 1 Hz the error oscillates: it is too large after half a period, and small again
+    after a whole period.
+    """
     s = system((White(1e-8), Resonance(1.0, 1.0, 0.02)), H, 60000)
     half, whole = heading_stds(s, rested(s, 1), H, [0.5, 1.0])
     assert whole < 0.5 * half
@@ -126,11 +128,14 @@ def test_a_drive_may_be_none_and_may_have_no_end() -> None:
 
 
 def _summed(s: System, samples: int) -> tuple[np.ndarray, float]:
-    """Return row and variance of the mean of the bias, summed sample by sample without matrix powers."""
+    """Return row and variance of the mean of the bias.
+
+    They are summed sample by sample, without matrix powers.
+    """
     rows = [s.bias]
     for _ in range(samples):
         rows.append(rows[-1] @ s.A)
-    # A step j samples before the last one is in j + 1 of the biases.
+    # A step of the state that comes j samples before the last one affects j + 1 of the biases.
     to_come = np.cumsum(rows[:-1], axis=0)
     variance = sum(float(one @ s.Q @ one) for one in to_come)
     return np.sum(rows[1:], axis=0) / samples, variance / samples**2

@@ -14,7 +14,10 @@ LAM = np.geomspace(0.01, math.pi, 50)
 
 @pytest.mark.parametrize("found", [p.Order(0.916, -13.4, 21.4), p.Order(0.354, -0.97, 1.03)], ids=str)
 def test_white_noise_beside_an_order_that_is_nearly_white_is_open(found: p.Order) -> None:
-    """Both models were found in a minute of NEARLY_WHITE; the truth is between their white noises."""
+    """Both models were once fitted to a minute of NEARLY_WHITE in white noise.
+
+    The true variance of the white noise lies between theirs.
+    """
     white = p.White(0.0326 if found.alpha > 0.5 else 0.0026)
     mean, power = mean_order([white, found], found, LAM, H, 6000)
     assert abs(mean - R) < 0.7 * abs(white.R - R)

@@ -1,5 +1,6 @@
-"""Parts of noise: spectra compared with closed forms, derivatives, and conversions to free parameters and
-back."""
+"""Parts of noise: their spectra are compared with closed forms, and their derivatives and the conversion to
+free parameters and back are tested.
+"""
 
 import math
 
@@ -100,7 +101,7 @@ def test_fractional_is_the_square_of_its_transfer_function(alpha: float, g: floa
 
 
 def test_recursion_has_the_spectrum() -> None:
-    """Averages of I/S over frequency and series are 1, at low and at high frequencies."""
+    """The mean ratio of periodogram to spectrum is 1, both at low and at high frequencies."""
     alpha, f = 0.6, -3.0
     p = periodogram(recursion(alpha, f, 1500, 64, 1, 1000), H)
     ratio = (p.power / spectrum.fractional(p.lam, alpha, spectrum.g_of(alpha, f, H))).mean(axis=0)

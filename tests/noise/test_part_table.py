@@ -1,7 +1,7 @@
-"""The table of parts is whole: what a new part needs, and where it is missing, is told by name.
+"""The table of noise parts is complete. If a new part lacks something, the test names what and where.
 
-These walk the table (`kTable` in host/native/whittle_parts.hpp), so that a new part is tested without a line
-here, but for an example in tests/rig/model_support.py.
+The tests go through the table (`kTable` in host/native/whittle_parts.hpp). So a new part is tested without a
+change here; it only needs an example in tests/rig/model_support.py.
 """
 
 import re
@@ -24,13 +24,13 @@ from tests.rig.model_support import EXAMPLES, PARTS, bins
 LAM = np.geomspace(1e-4, np.pi, 300)
 SAMPLES = 200_000
 EXACT_SHARE = 0.06
-"""What a system may be wrong by at low frequencies."""
+"""Largest relative error of a system's spectrum at low frequencies."""
 
 kinds = pytest.mark.parametrize("kind", p.CODES, ids=lambda kind: kind.tag())
 
 
 def defines(kind: type[Part], method: str) -> bool:
-    """Whether a part says this itself, and not as the base of all parts, which only refuses."""
+    """Whether a part defines this method itself. The method of the base class only raises an error."""
     return getattr(kind, method).__qualname__ != getattr(Part, method).__qualname__
 
 
@@ -96,9 +96,12 @@ def test_a_part_is_a_system(kind: type[Part]) -> None:
 
 @kinds
 def test_a_part_is_found_and_said(kind: type[Part]) -> None:
-    """Of an exact spectrum: the search finds it, it has intervals, and the verdict says it by its words."""
+    """In the exact spectrum of a part, the search finds the part, and the verdict describes it.
+
+    Its parameters have intervals.
+    """
     if kind in (p.White, p.Floor):
-        return  # which stand beside all others
+        return  # these parts only occur together with other parts
     example = EXAMPLES[kind.tag()]
     f = CandidateModels(bins([p.White(1.0), example], SAMPLES, H, None), H, 0)
     best = f.ordered if kind.has("ordered") else f.plain

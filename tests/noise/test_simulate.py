@@ -9,7 +9,7 @@ H = 0.01
 
 
 def spectrum(omega: np.ndarray, alpha: float, f: float, Q: float, R: float) -> np.ndarray:
-    """Return the closed form for unlimited memory: S = h^2α Q / |(1 - z)^α - h^α f z|² + R, z = e^-iω."""
+    """Return the spectrum for unlimited memory: S = h^2α Q / |(1 - z)^α - h^α f z|² + R, z = e^-iω."""
     z = np.exp(-1j * omega)
     return H ** (2 * alpha) * Q / np.abs((1 - z) ** alpha - H**alpha * f * z) ** 2 + R
 
@@ -22,7 +22,7 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
         [FractionalNoise(alpha, f, Q, R, H, 2 * n, seed, warmup=n).samples(n)[0] for seed in range(series)]
     )
     omega = 2 * np.pi * np.arange(n // 2 + 1) / n
-    # The three lowest ordinates leak and depend on the finite warm-up.
+    # The three lowest ordinates are left out, since they contain leakage and depend on the finite warm-up.
     keep = slice(3, n // 2)
     ratio = (np.abs(np.fft.rfft(y)) ** 2 / n)[:, keep] / spectrum(omega[keep], alpha, f, Q, R)
     # Each ordinate is exponential with mean 1: 16 series x 1021 ordinates give a standard error of 0.8 %, an
@@ -31,7 +31,8 @@ def test_mean_variance_and_spectrum_are_the_models(alpha: float, f: float) -> No
     for band in np.array_split(ratio, 8, axis=1):
         assert band.mean() == pytest.approx(1, abs=0.11)
     if f:
-        # Variance is the mean of the spectrum over all frequencies; midpoints, away from any pole at zero.
+        # The variance is the mean of the spectrum over all frequencies. Midpoints are used, since the
+        # spectrum may be infinite at 0.
         fine = (np.arange(1 << 16) + 0.5) * np.pi / (1 << 16)
         assert y.var() == pytest.approx(spectrum(fine, alpha, f, Q, R).mean(), rel=0.08)
         assert y.mean() == pytest.approx(
@@ -99,7 +100,7 @@ def test_warmup_starts_near_the_stationary_variance() -> None:
         ]
         return float(np.var(starts))
 
-    # 300 starts: the variance has a relative standard error of 8 %.
+    # With 300 runs, the variance has a relative standard error of 8 %.
     assert first(500) == pytest.approx(stationary, rel=0.3)
     assert first(0) < 0.7 * stationary
 

@@ -1,4 +1,4 @@
-"""A noise as a linear system: its spectrum is that of its parts."""
+"""A noise as a linear system: the spectrum of the system is that of the noise's parts."""
 
 import math
 
@@ -22,7 +22,10 @@ LOW = LAM < 1
 
 
 def ratio(parts: list[p.Part], samples: int = N) -> np.ndarray:
-    """Return the ratio of spectra at LAM: the system's over that of its parts, without a filter's zeros."""
+    """Return the ratio of the system's spectrum to that of its parts, at LAM.
+
+    Zeros of filters are left out.
+    """
     wanted = p.spectrum(parts, LAM, H)
     found: np.ndarray = 1 + (system(parts, H, samples).spectrum(LAM) - wanted) / np.maximum(
         wanted, 0.003 * np.median(wanted)
@@ -101,8 +104,10 @@ HIGH_PASSED: dict[str, list[p.Part]] = {
 
 @pytest.mark.parametrize("name", HIGH_PASSED)
 def test_behind_a_high_pass_it_is_right_but_for_what_no_filter_can_do_without(name: str) -> None:
-    """Compared with the noise before the filter: of the frequencies that the filter stops only R is left,
-    which is small."""
+    """The error is small compared with the noise before the filter.
+
+    At the frequencies that the filter stops, only a small R is left, without which no Kalman filter works.
+    """
     parts = HIGH_PASSED[name]
     s = system(parts, H, N)
     floor = sum(part.R for part in parts if isinstance(part, p.Floor))
@@ -151,11 +156,11 @@ def test_any_sentence_is_a_system(parts: list[p.Part], samples: int) -> None:
     s = system(parts, H, samples)
     check(s)
     check(s.with_offset())
-    # P0 is the stationary covariance of all states that have one.
+    # P0 is the stationary covariance of all states that have a stationary covariance.
     still = np.hypot(s.a, s.b) < 1
     apart = s.A @ s.P0 @ s.A.T + s.Q - s.P0
     np.testing.assert_allclose(apart[np.ix_(still, still)], 0, atol=1e-9 * np.abs(s.P0).max(initial=1.0))
-    Tracker([0.0]).set(0, s)  # a filter can work with it
+    Tracker([0.0]).set(0, s)  # the tracker accepts the system
 
 
 @pytest.mark.parametrize("alpha", [1e-6, 0.1, 0.49])
@@ -196,11 +201,12 @@ def test_coordinates_do_not_cancel_each_other(poles: float) -> None:
     ("parts", "signal"),
     [
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045)], [0.0]),  # an exponential average of white noise
-        ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),  # the same, rounded
+        ([p.White(2e-6), p.Relaxation(0.0335, 0.045)], [0.0]),  # the same, rounded to counts
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Relaxation(0.05, 2.0)], [0.0, 1.0]),
         ([p.White(1e-10), p.Relaxation(0.0335, 0.045), p.Walk(0.01)], [0.0, 1.0]),
-        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),  # a floor is visible
-        ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),  # no filter of a sensor is so slow
+        ([p.White(0.01), p.Relaxation(0.05, 0.2)], [1.0]),  # white noise is visible as a floor
+        # this relaxation is slower than any filter of a sensor
+        ([p.White(1e-10), p.Relaxation(0.05, 2.0)], [1.0]),
     ],
 )
 def test_without_white_noise_the_fastest_relaxation_is_that_behind_a_filter(

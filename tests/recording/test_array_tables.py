@@ -1,4 +1,4 @@
-"""Arrays in .npy files and tables in Parquet: the same columns, times and gaps as text."""
+"""Arrays in .npy files and tables in Parquet files give the same columns, times and gaps as text."""
 
 import sys
 from pathlib import Path

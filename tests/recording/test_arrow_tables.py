@@ -1,4 +1,4 @@
-"""Parquet and Feather: lists and structures, times of all kinds, and the meaning of their metadata."""
+"""Tests Parquet and Feather files: lists, structures, times of all kinds, and metadata."""
 
 import itertools
 import json
@@ -24,7 +24,7 @@ COUNT = itertools.count()
 
 
 def table(folder: Path, content: Any, **how: Any) -> Stored:
-    """Write columns, in several batches, as both kinds of file; both have to be read alike."""
+    """Write columns, in several batches, to a Parquet and a Feather file; return what both give alike."""
     made = content if isinstance(content, pa.Table) else pa.table(content)
     path = folder / f"{next(COUNT)}.parquet"
     parquet.write_table(made, path, row_group_size=128)

@@ -1,4 +1,4 @@
-"""One refusal asks for all that is missing, and its command, once completed, reads the file."""
+"""The first error asks for all missing facts, and the command in it, once completed, reads the file."""
 
 from pathlib import Path
 
@@ -41,7 +41,7 @@ def test_a_rate_that_is_given_needs_no_unit_of_times(tmp_path: Path) -> None:
 
 
 def test_a_sensor_is_asked_for_together_with_columns_and_unit(tmp_path: Path) -> None:
-    """The examples shown are rows of one sensor."""
+    """The example rows in the message are all from one sensor."""
     rows = "".join(
         f"{k / 100},gyro,{a:.4f},{b:.4f},{c:.4f}\n{k / 100},accel,0.01,0.02,9.81\n"
         for k, (a, b, c) in enumerate(GYRO)
@@ -56,7 +56,10 @@ def test_a_sensor_is_asked_for_together_with_columns_and_unit(tmp_path: Path) ->
 
 @pytest.mark.parametrize("head", ["timestamp_ns,type,x,y,z\n", ""])
 def test_kinds_of_events_at_their_own_rates_are_asked_for_at_once(head: str, tmp_path: Path) -> None:
-    """Events are numbered as by Android; the accelerometer has half the rate."""
+    """Kinds of events have the numbers that Android gives them.
+
+    The accelerometer has half the gyroscope's rate.
+    """
     rows = "".join(
         f"{1_000_000_000 + k * 10_000_000},4,{a:.4f},{b:.4f},{c:.4f}\n"
         + (f"{1_001_000_000 + k * 10_000_000},1,0.01,0.02,9.81\n" if k % 2 else "")

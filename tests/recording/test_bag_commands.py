@@ -1,4 +1,4 @@
-"""Bags in the commands that read recordings."""
+"""Tests the commands that read recordings with bags of ROS."""
 
 import os
 import shutil
@@ -61,7 +61,8 @@ def test_identify_has_the_unit_of_acceleration_and_data_checks_of_the_bag(
 
 def test_clocks_that_go_at_different_rates_are_a_data_check(tmp_path: Path) -> None:
     rest = even(N, 50.0)
-    late = (np.array(rest.stamp_ns) + np.arange(N) * 200_000).tolist()  # 1 % slower
+    # the arrival times are 1 % farther apart than the stamps
+    late = (np.array(rest.stamp_ns) + np.arange(N) * 200_000).tolist()
     loaded = load(Request((write_bag(tmp_path / "a.bag", {"/imu": rest._replace(arrival_ns=late)}),)))
     assert loaded.clock_ppm == pytest.approx(-9900, rel=0.02)
     assert "sample rate" in {data_check.kind for data_check in loaded.data_checks}
@@ -103,7 +104,7 @@ def test_a_bag_in_several_files(tmp_path: Path) -> None:
 
 
 def of_two_files(folder: Path, kind: str, topics: Sequence[Messages]) -> list[Path]:
-    """Write a bag of two files, each with these messages."""
+    """Write a bag that consists of two files, each with the same messages."""
     folder.mkdir()
     names = [folder / f"long_{number}.{kind}" for number in range(len(topics))]
     for name, messages in zip(names, topics, strict=True):
@@ -135,7 +136,10 @@ def test_messages_in_two_files_of_a_bag_count_once(kind: str, how: str, tmp_path
 
 @pytest.mark.parametrize("stamped", [True, False])
 def test_messages_that_only_have_the_times_of_others_are_no_copies(stamped: bool, tmp_path: Path) -> None:
-    """One sensor's clock began again; another has no stamps, so that only arrivals would show copies."""
+    """The clock of one sensor began again.
+
+    Another sensor has no stamps, so that only arrival times could show copies.
+    """
     rest = even(60)
     if stamped:
         again = even(60, seed=2)._replace(arrival_ns=[ns + 10**9 for ns in rest.stamp_ns])

@@ -1,4 +1,4 @@
-"""Several sensors in one topic of a bag: the user chooses one, and samples of two are never mixed."""
+"""If one topic of a bag holds several sensors, the user chooses one, and samples of two are never mixed."""
 
 import itertools
 from collections.abc import Sequence
@@ -35,7 +35,7 @@ BOTH = np.stack([LEFT, RIGHT], axis=1).reshape(N, 3)
 
 
 def frames(path: Path, names: Sequence[str], topics: Sequence[str] = ("/imu",)) -> Path:
-    """Write a bag of Imu messages whose frames alternate."""
+    """Write a bag of Imu messages that have these frame ids in turn."""
     return write_bag(path, dict.fromkeys(topics, Messages(STAMPS, np.radians(BOTH), frame=names)))
 
 
@@ -187,7 +187,7 @@ def test_devices_of_px4_by_their_fifos(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])
 def test_two_programs_that_write_one_topic(tmp_path: Path, kind: str) -> None:
-    """Both have the same frame id, so only the publisher of a message distinguishes them."""
+    """Both programs write the same frame id, so only the publisher of a message distinguishes them."""
     left, right = (Messages(STAMPS[k::2], np.radians(BOTH[k::2])) for k in range(2))
     path = write_publishers(tmp_path / f"a.{kind}", {"/left": left, "/right": right})
     with pytest.raises(NotStated, match=r"publisher tells several apart \(/left, /right\)"):
@@ -203,7 +203,7 @@ def test_two_programs_that_write_one_topic(tmp_path: Path, kind: str) -> None:
 
 
 def pairs(left: str, right: str, **more: Any) -> list[dict[str, Any]]:
-    """Write messages that hold both sensors; names as of `imu.gyro`."""
+    """Return messages that each hold both sensors. `left`, `right`: names such as `imu.gyro`."""
 
     def put(name: str, row: list[float], into: dict[str, Any]) -> None:
         group, _, leaf = name.rpartition(".")

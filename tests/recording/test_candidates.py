@@ -1,5 +1,6 @@
-"""The figures that a refusal shows for a file: they are correct, and no value is shown that nothing
-states."""
+"""The figures that an error message shows about a file are correct, and it shows no value that nothing
+states.
+"""
 
 import math
 import re
@@ -31,7 +32,7 @@ OPTION = re.compile(r"--([\w-]+) (\S+)")
 
 
 def lines_of(table: str) -> dict[str, tuple[str, list[float], list[float]]]:
-    """Return the rows of a table of units, by unit: what is shown, its figures, and the means."""
+    """Return the rows of a table of units, by unit: name of the figure, its values, and the means."""
     found = {}
     for line in table.split("\n"):
         if (option := OPTION.search(line)) is not None:
@@ -55,7 +56,7 @@ LOGARITHM = st.floats(-3, 3).map(lambda exponent: 10**exponent)
 def test_noise_and_mean_are_those_of_the_data(
     n: tuple[float, ...], mean: tuple[float, ...], rate_hz: float | None, unit: str, slope: float
 ) -> None:
-    """White noise with N in deg/√h, and a drift over the rows; two digits are shown."""
+    """The data are white noise with a density N in deg/√h, with a drift. The table shows two digits."""
     std = np.array(n) * math.sqrt(rate_hz or 3600) / 60
     drift = slope * std * np.linspace(-0.5, 0.5, ROWS)[:, np.newaxis] * 20
     dps = NOISE * std + drift + mean
@@ -127,7 +128,7 @@ def test_gravity_tells_the_unit_whatever_the_orientation(
 def test_whole_numbers_may_be_counts_and_are_never_taken_for_others(
     direction: tuple[float, ...], offset: tuple[float, ...], unit: str
 ) -> None:
-    """Slightly more than 8192 counts is close to 9,807 mm/s²: then nothing is said."""
+    """Slightly more than 8192 counts could also be 9,807 mm/s². In this case, no unit is shown."""
     g = OF_COUNTS.get(unit) or GRAVITY[unit]
     found = gravity_units(np.rint(at_rest(direction, offset, g)))
     alike = ["mg", "cm/s^2"] if unit == "mg" else [unit]
@@ -185,7 +186,7 @@ def test_units_of_times_are_shown_with_the_rate_that_each_means(step: float) -> 
         rate_hz = 1 / (step * unit_s)
         if PLAUSIBLE_HZ[0] <= rate_hz <= PLAUSIBLE_HZ[1]:
             assert float(shown[unit]) == pytest.approx(rate_hz, rel=1e-5)
-        elif unit in shown:  # somewhat slower or faster ones are shown, too
+        elif unit in shown:  # somewhat slower or faster sampling rates are shown, too
             assert PLAUSIBLE_HZ[0] / 6 < rate_hz < PLAUSIBLE_HZ[1] * 3
     assert times_table(-step) == times_table(0.0) == []
 

@@ -1,4 +1,4 @@
-"""Whether times are a sensor's clock: rounded ones, bursts, impossible units, times of day as numbers."""
+"""Tests which times count as a sensor's clock: rounded ones, bursts, wrong units, times of day as numbers."""
 
 import math
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def fixed(times: Floats, digits: int = 6) -> list[str]:
 
 
 def assert_asks_the_rate(text: str) -> None:
-    """Check that uneven times are only remarked upon, and give no value of an option."""
+    """Check that the message asks for the rate, and suggests no value for it from the uneven times."""
     command = text.partition(ASK)[2].partition("\n")[0]
     assert command == "--rate ?"
 
@@ -100,7 +100,7 @@ def test_how_many_lines_are_left_out_is_told(tmp_path: Path) -> None:
 def test_times_of_day_without_colons_go_on_at_each_minute(
     begin_s: int, name: str, per_s: int, tmp_path: Path
 ) -> None:
-    """95959.99 and 100000.00 are 0.01 s apart; at midnight the number returns to 0."""
+    """As times of day, 95959.99 and 100000.00 are 0.01 s apart. At midnight, the number returns to 0."""
     lost = {1005, 5000, 5001}
     k = np.array([one for one in range(7000) if one not in lost])
     s = (begin_s * 100 + k) % 8_640_000

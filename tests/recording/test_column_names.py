@@ -1,4 +1,4 @@
-"""The meaning of column names: which axis of which sensor, in which unit, and which are times."""
+"""Tests what names of columns mean: axes of which sensor, in which unit, and which are times."""
 
 import pytest
 from fltea.recording.column_names import (

@@ -1,4 +1,4 @@
-"""Compressed text, archives with several files, libraries that are not installed, and topics of PX4."""
+"""Tests compressed text, archives with several files, missing libraries, and topics of PX4 logs."""
 
 import bz2
 import gzip

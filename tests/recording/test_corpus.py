@@ -1,4 +1,4 @@
-"""Files as users have them, of each format and each logger: their content, and what the user is asked for."""
+"""Tests example files of each format and each logger: what is read, and what the user is asked for."""
 
 import re
 import shlex
@@ -24,16 +24,18 @@ from tests.rig.corpus_reading import BY_NAME, OPTIONS, UNREAD_DIALECTS, how_of, 
 EVIDENCE = {"given", "stated", "dialect", "convention", "measured"}
 
 OURS = {"fltea.npz", "fltea.mcap", "fltea.ndjson"}
-"""Files of fltea itself: nothing has to be asked, so there is no reading. fltea.mcap is of another rest."""
+"""Files of fltea itself, for which nothing has to be asked. fltea.mcap holds other data than the other
+files.
+"""
 
 READ = [name for name in OPTIONS if name not in UNREAD_DIALECTS]
 SLOW = {"asam.mf4"}
-"""Files whose library takes seconds to load."""
+"""Files for which a library is needed that takes seconds to load."""
 
 NOT_LIVE = {*BY_NAME, "excel_unicode.txt", "xsens_mtw.txt"}
-"""Files that live lines cannot match: a pipe has no file name; nobody sends UTF-16 line by line.
+"""Text files that cannot be read as live text: a pipe has no file name, and nobody sends UTF-16 line by line.
 
-And a few rows do not show that the column of times is empty.
+In addition, the first few rows do not show that a column of times is empty.
 """
 LIVE = [name for name in READ if name.endswith((".txt", ".csv", ".gcsv")) and name not in NOT_LIVE]
 
@@ -46,7 +48,7 @@ def gyro_of(events: Sequence[Event]) -> np.ndarray:
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in READ]
 )
 def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is opened once for both the replay and `summarise`, since a reader process takes a while."""
+    """Each file is opened once for both the replay and `summarise`, since a reader process takes a while."""
     how = how_of(OPTIONS[name])
     if name != "fltea.mcap":
         opened = open_recording(HERE / name, how)
@@ -74,8 +76,9 @@ def test_a_file_of_each_kind_is_read(name: str, monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("name", [name for name in READ if OPTIONS[name]])
 def test_what_a_file_does_not_say_is_asked_for(name: str) -> None:
-    """Without all its options, and without each one, since nothing else in the file states what the option
-    does."""
+    """Each file is read without any of its options, and then without each single one, since nothing in the
+    file states what the option states.
+    """
     truth = pairs(OPTIONS[name])
     for left_out in (set(truth), *({flag} for flag in truth)):
         given = {flag: value for flag, value in truth.items() if flag not in left_out}

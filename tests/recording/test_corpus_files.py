@@ -1,4 +1,4 @@
-"""The corpus is written identically at each run, so a difference after a run shows a manual change."""
+"""The generator writes the same example files at each run, so any difference shows a manual change."""
 
 import datetime
 import shutil
@@ -13,7 +13,7 @@ from tests.rig import corpus_files
 
 
 def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
-    """Return what the libraries write, by the name of the file."""
+    """Return the content of the example files that are written with libraries, by the files' names."""
     folder.mkdir()
     for text in corpus_files.HERE.glob("*.csv"):
         shutil.copy(text, folder)
@@ -26,7 +26,7 @@ def written(folder: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, bytes]:
 def test_two_runs_write_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = written(tmp_path / "first", monkeypatch)
     begin = time.time()
-    # a file in a zip archive has a time in steps of two seconds
+    # the time of a file in a zip archive has a resolution of two seconds
     while int(time.time() / 2) == int(begin / 2):
         time.sleep(0.05)
     second = written(tmp_path / "second", monkeypatch)

@@ -1,4 +1,4 @@
-"""Logs of flight controllers and measuring devices: which sensor, queues and batches, scales and clocks."""
+"""Tests logs of flight controllers and measuring devices: sensors, queues, batches, scales and clocks."""
 
 import struct
 from collections.abc import Iterable
@@ -26,8 +26,9 @@ OTHER = np.random.default_rng(2).normal(scale=0.02, size=(N, 3)).astype(np.float
 
 
 def opened(kind: str, path: Path, **how: Any) -> Stored:
-    """Open a file in the reader process, since these libraries keep files open, or are patched to write
-    nothing."""
+    """Open a file with a reader process, since these libraries keep files open, or are patched so that they
+    write no files.
+    """
     return (
         open_here(kind, path, **how)
         if kind == "ulg"
@@ -99,14 +100,14 @@ def test_the_unit_of_a_px4_topic_is_its_documentations(tmp_path: Path) -> None:
 
 
 def queue(counts: Iterable[int], true_us: float, dt_us: float) -> tuple[bytes, Any]:
-    """Return a log of a sensor's queue, with several samples in each message, and the samples."""
+    """Return a log of a sensor's queue, and its samples. Each message holds several samples."""
     counts = list(counts)
     raw = np.random.default_rng(3).integers(-200, 200, size=(sum(counts), 3))
     rows, end = [], 0
     for count in counts:
         one = np.zeros((3, 32), np.int16)
         one[:, :count] = raw[end : end + count].T
-        one[:, count:] = 9999  # entries behind the samples are left over from earlier
+        one[:, count:] = 9999  # entries of the message after its samples are left over from earlier messages
         end += count
         last_us = round((end - 1) * true_us) + 1_000_000
         rows.append((0, "QIffB96h", last_us + 90, last_us, 7, dt_us, 0.001, count, *one.reshape(-1)))
@@ -144,7 +145,7 @@ def test_one_of_several_ardupilot_sensors_is_asked_for_by_number(tmp_path: Path)
     data = dataflash({"IMU": IMU_FORM}, [row for pair in pairs for row in pair])
     text = refusal("ardupilot", path, data)
     assert "which sensor is meant of IMU:0 (240 messages), IMU:1 (240 messages)" in text
-    with pytest.raises(NotStated):  # its message shows the whole command
+    with pytest.raises(NotStated):  # the message of this error shows the whole command
         opened("ardupilot", path)
     for topic, values in (("IMU:1", OTHER), ("0", RADS), ("IMU[1]", OTHER)):
         found = opened("ardupilot", path, topic=topic)
@@ -172,7 +173,10 @@ def test_ardupilots_raw_messages_come_before_the_filtered_ones(tmp_path: Path) -
 
 
 def test_batches_of_ardupilot_have_a_scale_and_a_rate(tmp_path: Path) -> None:
-    """Batches of the accelerometer and of other sensors come between them; one message is lost."""
+    """Batches of the accelerometer and of other sensors stand between those of the gyroscope.
+
+    One message is lost.
+    """
     rng, rows, expected = np.random.default_rng(4), [], []
     for batch in range(6):
         kind, sensor = (1, 0) if batch % 2 == 0 else ((0, 0) if batch % 4 == 1 else (1, 1))

@@ -1,5 +1,6 @@
-"""The table of dialects: what each row describes is present in its file, and an incomplete match is not
-recognised."""
+"""Tests the table of dialects: each dialect's example file holds everything that its row describes, and a
+file that matches only in part is not recognised.
+"""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -46,21 +47,22 @@ class Seen(NamedTuple):
 
     @property
     def columns(self) -> Sequence[str]:
-        """Return the names, with the names given by neighbouring lines, or the positions if there are no
-        names."""
+        """Return the names of columns, with those that neighbouring lines give, or positions without
+        names.
+        """
         return (*self.names, *self.facts.beside) or [str(place + 1) for place in range(self.fields)]
 
     def dialect(self) -> Dialect | None:
         return dialect_of(self.names, self.facts, tag=self.tag, fields=self.fields)
 
     def all(self) -> list[Dialect]:
-        """Return every dialect that matches the file, not only the first."""
+        """Return all dialects that match the file, not only the first."""
         return [one for one in TABLE if dialects._is_in(one, self.names, self.facts, self.tag, self.fields)]
 
 
 @cache
 def seen(name: str) -> Seen:
-    """Return what is known of a corpus file when its columns are chosen."""
+    """Return what is known of an example file when its columns are chosen."""
     calls: list[Seen] = []
 
     def watched(names: Sequence[str], facts: Facts, *, tag: str = "", fields: int = 0) -> Dialect | None:
@@ -83,7 +85,7 @@ def seen(name: str) -> Seen:
 
 
 def patterns(one: Dialect) -> list[str]:
-    """Return all regular expressions of a row."""
+    """Return all regular expressions of a dialect."""
     triples = [pattern for triple in (*one.gyro, *one.accel) for pattern in triple]
     return [*one.names, *one.head, one.tag, one.file, one.rate, one.sensor, *one.no_time, *triples, *one.time]
 
@@ -138,7 +140,7 @@ def test_the_file_of_a_row_is_in_it_and_has_its_columns(one: Dialect, name: str)
 
 @of_each
 def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
-    """Otherwise a mistyped name would never be noticed."""
+    """Without this test, a mistyped name in the table would never be noticed."""
     files = [seen(name).columns for name in one.corpus if (one, name) in FILES]
     has_accel = any(accel_axis_of(name) for names in files for name in names) or not one.names
     assert not (one.accel and has_accel) or any(columns_of(one.accel, names) for names in files)
@@ -148,7 +150,7 @@ def test_each_column_of_a_row_is_in_one_of_its_files(one: Dialect) -> None:
 
 @of_each_file
 def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, name: str) -> None:
-    """Then some file of the general row does not match the special one."""
+    """This means that some example file of the general row does not match the special row."""
     first, *others = seen(name).all()
     assert first is one
     for other in others:
@@ -156,7 +158,7 @@ def test_of_several_rows_for_a_file_the_special_one_stands_first(one: Dialect, n
 
 
 def without_a_fact(one: Dialect, found: Seen) -> Iterator[tuple[str, Seen]]:
-    """Yield a file's facts, each time without one of the facts by which it is recognised."""
+    """Yield what is known of a file, each time without one fact by which its dialect is recognised."""
     for pattern in one.names:
         names, beside = (
             tuple(name for name in some if not re.fullmatch(pattern, name))
@@ -189,7 +191,7 @@ def test_without_any_one_fact_it_is_not_recognised_nor_taken_for_another(one: Di
     for what, found in lacking:
         other = found.dialect()
         assert other is not one, what
-        # A more general dialect may still match; but it gives the same columns, or asks.
+        # A more general dialect may still match. It has to give the same columns, or ask the user.
         if other is not None and not one.unread:
             assert other.gyro_unit in ("", one.gyro_unit), (what, other.name)
             assert bool(other.unread or other.gyro)
@@ -244,7 +246,7 @@ def test_numbers_of_a_head(head: str, number: float | None) -> None:
 
 
 def test_two_columns_of_one_axis_are_a_doubt() -> None:
-    """The columns are ambiguous unless the prefix of the sensor's names distinguishes them."""
+    """Such columns are ambiguous, unless the beginning of the sensor's column names distinguishes them."""
     assert columns_of([["a", "b", "c"], ["p|q", "r", "s"]], ["s", "r", "q"]) == (2, 1, 0)
     assert columns_of([["a", "b", "c"]], ["a", "b"]) == ()
     assert columns_of([["p|q", "r", "s"]], ["p", "q", "r", "s"]) == ()

@@ -1,4 +1,4 @@
-"""Workbooks of Excel: which sheet is meant, and the meaning of empty cells and of the names of sheets."""
+"""Tests workbooks of Excel: which sheet is read, and what empty cells and names of sheets mean."""
 
 import gc
 from collections.abc import Iterator, Sequence
@@ -18,12 +18,12 @@ from fltea.settings.limits import DEFAULT_LIMITS
 pytestmark = pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
-"""Ignore files left open: normally they are closed when the reader process ends."""
+"""Ignores warnings about files left open. Normally they are closed when the reader process ends."""
 
 
 @pytest.fixture(autouse=True)
 def closed_files() -> Iterator[None]:
-    """Close what the reader left open here, and not in the middle of another test."""
+    """Close at once the files that the reader left open, and not in the middle of another test."""
     yield
     gc.collect()
 
@@ -38,12 +38,12 @@ Rows = list[Sequence[Any]]
 
 
 def sheet(values: np.ndarray, *names: str) -> Rows:
-    """Return a row of names, and rows of a time with three numbers."""
+    """Return a row of names, and rows that consist of a time and three numbers."""
     return [names, *([t, *row] for t, row in zip(TIMES_S, values.tolist(), strict=True))]
 
 
 def workbook(folder: Path, sheets: dict[str, Rows], **how: Any) -> Stored:
-    """Write sheets by their names, and read the workbook."""
+    """Write a workbook with these sheets, given by their names, and read it."""
     path = folder / "rest.xlsx"
     book = openpyxl.Workbook()
     book.remove(book.active)

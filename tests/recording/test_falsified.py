@@ -1,5 +1,6 @@
-"""If one fact of a file is removed or falsified, the user is asked, or the file is refused, or the change is
-shown."""
+"""If one fact of a file is removed or falsified, the program asks the user, refuses the file, or shows the
+change.
+"""
 
 import gc
 from collections.abc import Callable, Iterator
@@ -28,7 +29,7 @@ from tests.rig.corpus_reading import OPTIONS, UNREAD_DIALECTS, how_of, pairs
 pytestmark = pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )
-"""Ignore files left open: normally they are closed when the reader process ends."""
+"""Ignores warnings about files left open. Normally they are closed when the reader process ends."""
 
 TEXT = [n for n in OPTIONS if n.endswith((".txt", ".csv", ".gcsv")) and n not in UNREAD_DIALECTS]
 
@@ -40,7 +41,7 @@ def states_unit(case: Case, found: Figures) -> bool:
 
 
 def times_alone(case: Case, found: Figures) -> bool:
-    """Whether all times of the file are falsified, and the reading shows that the rate comes from them."""
+    """Return whether all times are falsified, and the reading shows that the rate comes from them."""
     return case.what == "all of them" and found.says("clock", "measured", "the times of")
 
 
@@ -54,7 +55,10 @@ def head_is_shown(case: Case, found: Figures) -> bool:
 
 
 def given(case: Case, found: Figures) -> bool:
-    """Whether the user's word decides: the file says nothing, or its logger contradicts, which is noted."""
+    """Return whether the user's option decides, as a note says.
+
+    It decides if the file states nothing, or if only the logger's dialect contradicts the option.
+    """
     flag = case.kind.removeprefix("claimed ")
     noted = f"as {flag} says" in found.notes or flag in pairs(case.of.options)
     return noted and (flag == "--time-unit" or any(found.says(q, "given", flag) for q in ("unit", "clock")))
@@ -77,8 +81,9 @@ UNDETECTABLE: dict[str, tuple[str, Shown]] = {
         lambda case, found: found.says("accelerometer", "missing"),
     ),
 }
-"""Falsifications that the figures follow, since the file stays consistent: the reason, and how the reading
-shows it."""
+"""Falsifications that change the resulting figures, since the file stays consistent: for each, the reason,
+and a function that tells whether the reading shows it.
+"""
 
 OTHER_CLOCK_WITHOUT_UNIT = {
     *(name for name in TEXT if name.startswith("mavlink_")),
@@ -91,7 +96,7 @@ OTHER_CLOCK_WITHOUT_UNIT = {
 
 
 def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
-    """Whether only the rate differs, or all axes by the same factor."""
+    """Return whether only the rate differs, or all axes differ by the same factor."""
     if case.kind in ("two sensors by turns", "names of the sensors swapped"):
         return True
     factors = found.noise / truth.noise
@@ -101,9 +106,9 @@ def is_of_one_fact(case: Case, found: Figures, truth: Figures) -> bool:
 
 
 def wrong_in_silence(case: Case, truth: Figures, read: Callable[[], Figures]) -> str:
-    """Return the wrong result if the file is neither refused nor read as before and nothing is shown.
+    """Return a text on the result if it is wrong and nothing shows that it is. Otherwise, return "".
 
-    Else "".
+    The result is right if the file is refused, or is read as before the change.
     """
     try:
         found = read()
@@ -144,9 +149,10 @@ def renamed(names: dict[str, str]) -> Columns:
 
 
 class Table(NamedTuple):
-    """A falsified table.
+    """A table in which one fact is falsified.
 
-    `columns`: arrays, and numbers that are rates. `shows`: question, evidence and value.
+    `columns`: arrays, and single numbers, which are sampling rates. `shows`: question, evidence and value of
+    the answer that shows the change.
     """
 
     columns: Columns
@@ -170,7 +176,9 @@ TABLES = {
     "an axis is shorter": Table({**WHOLE, "gyro_y_dps": GYRO_DPS[:-1, 1]}),
     "an axis is no number": Table({**WHOLE, "gyro_y_dps": np.full(len(TIMES_S), "0.1")}),
 }
-"""By the falsified fact: what shows it if nothing else in the file could reveal it."""
+"""For each falsified fact, a table in which nothing else could reveal the change, and the answer that shows
+it.
+"""
 
 
 def write_hdf5(path: Path, columns: Columns) -> None:
@@ -189,7 +197,7 @@ WRITERS: dict[str, Callable[[Path, Columns], None]] = {
 
 @pytest.fixture(autouse=True, scope="module")
 def closed_files() -> Iterator[None]:
-    """Close what readers left open here, and not in the middle of another test."""
+    """Close at once the files that readers left open, and not in the middle of another test."""
     yield
     gc.collect()
 
@@ -213,7 +221,8 @@ def read_here(path: Path, how: How) -> Figures:
 def test_no_falsified_table_is_wrong_in_silence(name: str, fact: str, tmp_path: Path) -> None:
     table, write = TABLES[fact], WRITERS[name]
     if name == "rest.parquet" and not all(np.size(one) == len(TIMES_S) for one in table.columns.values()):
-        return  # such a file cannot exist: its columns are all alike, and hold no single number
+        # such a file cannot exist, since its columns all have the same length, and it holds no single numbers
+        return
     write(tmp_path / name, WHOLE)
     truth = read_here(tmp_path / name, How())
     assert truth.noise == pytest.approx(GYRO_DPS.std(axis=0))

@@ -1,4 +1,4 @@
-"""What files state next to their arrays, or in attributes: units, scales, and names of columns."""
+"""Tests what files state next to their arrays, or in attributes: units, scales, and names of columns."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -107,7 +107,7 @@ COLUMNS = {"columns": ["t", "gx", "gy", "gz", "ax"], "units": ["s", *["rad/s"] *
 
 
 def beside(array: str, attributes: dict[str, Any], mark: str) -> dict[str, Any]:
-    """Return facts of an array, as attributes (@) or as neighbouring arrays (_)."""
+    """Return facts about an array, as its attributes (`mark` @) or as neighbouring arrays (`mark` _)."""
     return {f"{array}{mark}{name}": value for name, value in attributes.items()}
 
 

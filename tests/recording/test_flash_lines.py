@@ -1,4 +1,4 @@
-"""Logs of ArduPilot as text: names from the FMT rows, one kind of rows, one instance."""
+"""Tests text logs of ArduPilot: names from FMT rows, and rows of one kind and one sensor."""
 
 import itertools
 from pathlib import Path
@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 N = 300
 RATES = np.round(np.random.default_rng(4).normal(size=(N, 2, 3)) / 100, 6)
-"""Rates of two instances, in rad/s."""
+"""Angular rates of two sensors (instances), in rad/s."""
 HEAD = [
     "FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns",
     "FMT, 129, 31, GYR, QBQfff, TimeUS,I,SampleUS,GyrX,GyrY,GyrZ",

@@ -1,5 +1,6 @@
-"""The tables of formats and dialects are complete: each row has a file, its extra, and an entry in the
-documentation."""
+"""The tables of formats and dialects are complete: each row has an example file, the extra that installs its
+library, and an entry in the documentation.
+"""
 
 import fnmatch
 import re
@@ -128,7 +129,10 @@ def test_what_begins_as_a_document_in_a_file_is_not_called_a_stream(tmp_path: Pa
 
 
 def test_the_table_is_cheap_to_load() -> None:
-    """Help lists all extensions, and the program's start on a Raspberry Pi already takes a second."""
+    """Help texts list all endings of file names, so each start of the program loads the table.
+
+    On a Raspberry Pi, the start already takes a second.
+    """
     program = "import sys; from fltea.recording import formats; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert {"numpy", "h5py", "pyarrow", "fltea.recording.kind"} & {*done.stdout.split()} == set()

@@ -1,4 +1,4 @@
-"""A header before each row: its columns are chosen once, and no new run begins."""
+"""If a header is repeated before each row, its columns are chosen only once, and no new run begins."""
 
 import pytest
 from fltea.recording import text_layout
@@ -21,7 +21,7 @@ OTHERS = {
 
 @pytest.fixture
 def chosen(monkeypatch: pytest.MonkeyPatch) -> list[object]:
-    """Collect the names of each header from which columns were chosen."""
+    """Collect the column names of each header for which columns are chosen."""
     found: list[object] = []
 
     def counted(where: str, names: object, *rest: object) -> object:

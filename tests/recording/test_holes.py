@@ -1,4 +1,4 @@
-"""Holes and false lengths in the middle of a recording: everything before and after them is read."""
+"""If a recording has holes or wrong lengths in the middle, everything before and after them is read."""
 
 import re
 from itertools import chain
@@ -25,8 +25,8 @@ from tests.rig.mcap_support import files, kill, record, replay, transport
 class Case:
     """A recording in many chunks, for each test to change.
 
-    `places`: kind, begin and end of each record. `chunks`: begin and end of each chunk. `messages`: content
-    of each chunk.
+    `places`: kind, begin and end of each record. `chunks`: begin and end of each chunk. `messages`: messages
+    in each chunk.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -160,7 +160,7 @@ def test_of_a_wrong_length_it_is_not_said_that_the_recording_is_short(case: Case
 
 
 def test_a_search_among_chunks_that_are_none_has_an_end(case: Case) -> None:
-    """False chunk heads within chunks cost a few passes over the file, not one pass each."""
+    """False chunk headers within chunks cost a few passes over the file in all, not one pass each."""
     size, fake = 3_000_000, bytearray()
     while len(fake) < size:
         length = min(10**6, size - len(fake))

@@ -1,5 +1,6 @@
-"""Whatever size a file claims, refusing it takes little memory, with exit code 2 and a reason, never a
-traceback."""
+"""Whatever size a file claims, it is refused with little memory, with exit code 2 and a reason, and never
+with a traceback.
+"""
 
 import json
 import subprocess
@@ -27,7 +28,9 @@ from tests.rig.tiers import slow_but
 RIG = Path(__file__).parents[1] / "rig"
 SMALL = ["--set", "estimator.startup=2", "--format", "none", "--once"]
 MOST_MB = 350
-"""A limit of 64 MB, momentarily held twice, and what the commands load in the meantime."""
+"""Largest growth of the process [MB]: twice the limit of 64 MB, which is in memory twice for a moment, and
+the modules that the commands load.
+"""
 
 
 def probed(*commands: Sequence[object]) -> tuple[list[tuple[object, str]], float]:
@@ -70,7 +73,8 @@ def test_a_chunk_that_lies_about_its_size_is_damaged_and_costs_little(name: str,
     record(tmp_path, transport(samples=60), channels=())
     (path,) = tmp_path.glob("*.mcap")
     data = path.read_bytes()
-    path.write_bytes(data[:8] + hostile_files.MCAP_LIES[name]() + data[8:])  # before all that was recorded
+    # the bytes are inserted before everything that was recorded
+    path.write_bytes(data[:8] + hostile_files.MCAP_LIES[name]() + data[8:])
     results, grown_mb = probed(["info", path], ["recover", path, "--in-place"])
     assert [code for code, _ in results] == [1, 0], results
     assert grown_mb < MOST_MB
@@ -98,7 +102,7 @@ def test_the_limit_of_a_chunk_can_be_raised(tmp_path: Path) -> None:
     assert len(samples_of(ReplaySource(path, limits=high).events())) > 190
     for command in all_commands(path, tmp_path / "out.npz"):
         if command[0] == "identify":
-            continue  # two seconds of samples are too short for this command
+            continue  # two seconds of samples are too few for this command
         results, _ = probed(
             [*command, "--set", "replay.max_chunk_mb=0.001"],
             [*command, "--set", "replay.max_chunk_mb=1"],
@@ -142,7 +146,10 @@ def test_the_limit_of_arrays_can_be_raised(tmp_path: Path) -> None:
 
 
 def test_a_day_at_100_hz_passes_as_it_is() -> None:
-    """A day with all that `export` writes: counts and m/s² of three axes, two times, number, epoch."""
+    """The recording of a day has everything that `export` writes.
+
+    These are counts and m/s² of three axes, two times, sequence number and epoch.
+    """
     rows = 24 * 3600 * 100
     assert rows * 8 * (3 + 3 + 4) < Limits().whole_bytes
 
@@ -159,7 +166,7 @@ HELLO = b'{"class":"hello","source":"x","host_ns":0,"rate_hz":100,"sampling_mode
 
 
 def hostile_texts() -> dict[str, tuple[bytes, str]]:
-    """Return the bytes of each file, 300 MB in total, and what is said of it."""
+    """Return the bytes of each text file, 300 MB in total, and the expected message about it."""
     return {
         "deep.ndjson": (b'{"a":' * 100_000 + b"\n", "deep.ndjson:1: is not JSON"),
         "deep_array.ndjson": (b"[" * 500_000 + b"\n", "deep_array.ndjson:1: is not JSON"),

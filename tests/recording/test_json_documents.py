@@ -1,4 +1,4 @@
-"""JSON documents: several sensors as parts of one, facts next to a table, and what pandas writes."""
+"""Tests JSON documents: several sensors in one document, facts next to a table, and documents by pandas."""
 
 import json
 from pathlib import Path
@@ -35,7 +35,7 @@ def refusal(folder: Path, content: Any, **how: Any) -> str:
 
 
 def rows(values: np.ndarray, names: str = "x y z", *, timed: bool = True) -> list[dict[str, float]]:
-    """Return objects, each with a sample's numbers by name, and its time."""
+    """Return an object for each sample, with its numbers by name and, if `timed`, its time."""
     found = [dict(zip(names.split(), row, strict=True)) for row in values.tolist()]
     return [{"t": t, **row} for t, row in zip(TIMES_S.tolist(), found, strict=True)] if timed else found
 
@@ -150,7 +150,7 @@ def test_an_index_of_dates_is_the_times(
 ) -> None:
     how = {"orient": orient, "date_format": date_format, "double_precision": 12}
     if orient == "table" and date_format == "epoch":
-        return  # pandas refuses to write it
+        return  # pandas refuses to write such a document
     text = frame(dated=True).to_json(date_unit=date_unit, **how)
     assert is_right(document(tmp_path, text))
 

@@ -1,4 +1,4 @@
-"""Reading takes linear time: twice the rows take twice the work, whatever lies between the rows.
+"""Reading takes linear time: twice as many rows take twice the work, whatever lines stand between the rows.
 
 Work is counted, not timed: calls, and the bytes and lines that each call examines.
 """
@@ -33,7 +33,9 @@ from fltea.settings.how import How
 from fltea.sources.text_events import TextEvents
 
 ROWS = 4000
-"""More rows than the sample by which the meaning of columns is found; that sample is examined repeatedly."""
+"""Number of rows. It exceeds the number of first rows by which the columns' meaning is found, since these are
+examined repeatedly.
+"""
 
 HEADER = "time_s,gyro_x_dps,gyro_y_dps,gyro_z_dps\n"
 VALUES = np.round(np.random.default_rng(4).normal(size=(2 * ROWS, 3)), 3)
@@ -45,7 +47,7 @@ def row(k: int) -> str:
 
 
 def every(rows: int, line: str, head: str = HEADER) -> Callable[[int], Iterator[str]]:
-    """Insert a line before the first of every few rows."""
+    """Return a function that makes a text in which a line is inserted before every group of a few rows."""
 
     def lines(n: int) -> Iterator[str]:
         yield head
@@ -63,7 +65,7 @@ def plain(n: int) -> Iterator[str]:
 
 
 def pages(n: int) -> Iterator[str]:
-    """Return pages with an unused column whose name differs on each page."""
+    """Yield pages, each with a header. An unused column has another name on each page."""
     for k in range(n):
         if k % 10 == 0:
             yield HEADER.strip() + f",page {k}\n"
@@ -109,7 +111,10 @@ def sensors(n: int) -> Iterator[str]:
 
 
 def by_position(before: int) -> dict[str, Any]:
-    """Return columns behind many others, the first of which holds the times."""
+    """Return options that name columns by their positions behind `before` other columns.
+
+    The first of the named columns holds the times.
+    """
     columns = [str(before + place) for place in (1, 2, 3)]
     return {"columns": columns, "units": "dps", "time_column": "1", "time_unit": "s"}
 
@@ -145,7 +150,7 @@ TEXTS: dict[str, tuple[Callable[[int], Iterator[str]], dict[str, Any]]] = {
 
 @pytest.fixture
 def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """Count the calls, and how many bytes or lines they receive."""
+    """Count the calls of functions that read text, and how many bytes or lines these calls receive."""
     done: Counter[str] = Counter()
 
     def watch(owner: Any, name: str, size: Callable[..., int] = lambda *_: 0) -> None:
@@ -185,7 +190,7 @@ def work(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 
 def assert_linear(done: list[Counter[str]]) -> None:
-    """Check that twice the rows lead to at most twice the work, apart from the beginning of a file."""
+    """Check that twice as many rows take at most twice the work, apart from the beginning of a file."""
     small, large = done
     for what, count in large.items():
         assert count <= 2.1 * small[what] + 200, f"{what}: {small[what]} and {count}"
@@ -255,8 +260,9 @@ JUNK: dict[str, Callable[[int], str]] = {
     "quotes": lambda k: f'"a{k},1,2\n',
     "wrong checksums": lambda k: f"$VNYMR,1,2,3,4,5,6,7,8,9,1,2,{k}*00\n",
 }
-"""Texts in which few or no lines are rows. There calls of Python's own functions would be too many to
-count."""
+"""Texts in which few or no lines are rows. In these, Python's own functions are called too often to be
+counted.
+"""
 JUNK_LINES = 500
 
 
@@ -281,7 +287,7 @@ def test_a_line_that_is_no_row_costs_a_few_calls(name: str, head: str, tmp_path:
 
 
 def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None:
-    """However short the first lines are, and however many bytes have been read."""
+    """This holds however short the first lines are, and however many bytes have been read."""
     path = tmp_path / "rest.csv"
     path.write_text("x\n" * (HEAD_LINES - 2) + "".join(plain(100)))
     assert open_csv(path).samples == 100
@@ -292,7 +298,7 @@ def test_the_columns_have_to_be_named_in_the_first_lines(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("end", ["", "\n"])
 def test_lines_that_are_none_of_a_recording_are_looked_at_once(end: str, work: Counter[str]) -> None:
-    """Before the columns are known: words, numbers with labels, or one endless line."""
+    """The lines come before the columns are known: words, numbers with labels, or one endless line."""
     done = []
     for n in (ROWS // 2, ROWS):
         work.clear()

@@ -1,4 +1,4 @@
-"""Stamps of messages: which samples are missing, and the sampling rate."""
+"""Tests what the stamps of messages show: which samples are missing, and the sampling rate."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ PERIOD_NS = 5_000_000
 
 
 def kept(seed: int, share: float, longest: int = 1) -> Times:
-    """Return numbers of samples, with some samples lost."""
+    """Return the numbers of the samples that remain after some were lost."""
     rng = np.random.default_rng(seed)
     lost = rng.random(N) < share
     for begin in np.flatnonzero(lost):
@@ -43,7 +43,7 @@ def test_samples_are_numbered_as_the_sensor_took_them(
 @given(seed=st.integers(0, 2**32), batch=st.integers(2, 40))
 @settings(max_examples=10)
 def test_samples_that_are_stamped_when_a_batch_is_read(seed: int, batch: int) -> None:
-    """A driver reads a FIFO, so several samples have (almost) the same stamp."""
+    """The driver reads a FIFO, so several samples have the same stamp, or almost the same."""
     rng = np.random.default_rng(seed)
     number = np.arange(N)
     stamps = (number // batch + 1) * batch * PERIOD_NS + (number % batch) * int(rng.integers(0, 3)) * 10_000
@@ -58,7 +58,8 @@ def test_samples_that_are_stamped_when_a_batch_is_read(seed: int, batch: int) ->
 def test_late_stamps_are_no_gap() -> None:
     stamps = np.arange(N) * PERIOD_NS
     late = stamps.copy()
-    for begin in (100, 700, 1500):  # the computer was busy: 20 messages wait, and are then stamped together
+    # the computer was busy at these samples: 20 messages waited, and were then stamped together
+    for begin in (100, 700, 1500):
         late[begin : begin + 20] = np.maximum(late[begin : begin + 20], stamps[begin + 20] - 20_000)
     found = judge(late, None)
     assert not len(found.gap_row)
@@ -79,7 +80,7 @@ def test_a_gap_between_late_stamps() -> None:
 def test_late_stamps_just_before_and_after_a_gap() -> None:
     number = np.setdiff1d(np.arange(N), np.arange(1000, 1007))
     stamps = number * PERIOD_NS
-    # increasingly late, none of them by a whole step
+    # the stamps are increasingly late, but none by a whole period
     stamps[997:1000] += np.array([4, 8, 12]) * PERIOD_NS // 10
     assert judge(stamps, None).missing.tolist() == [7]
     stamps[1000:1003] += np.array([19, 14, 9]) * PERIOD_NS // 10
@@ -137,12 +138,12 @@ def test_any_stamps(stamps: list[int]) -> None:
 def test_a_stamp_that_repeats_the_one_before_is_no_lost_sample(
     seed: int, behind_ns: int, jitter_ns: int, lost: int
 ) -> None:
-    """The driver takes the time before the new one is available: the sample comes with an old stamp."""
+    """The driver reads the time before a new one is available, so the sample gets an old stamp."""
     rng = np.random.default_rng(seed)
     n = 24_000
     number = np.arange(n) + lost * (np.arange(n) >= 12_000)
     stamps = number * PERIOD_NS + np.rint(rng.normal(0, jitter_ns, n)).astype(np.int64)
-    # next to a gap this cannot be decided
+    # next to a gap, it cannot be decided whether a stamp is old
     places = np.setdiff1d(np.arange(2, n - 2, 3), np.arange(11_990, 12_010))
     again = rng.choice(places, 48, replace=False)
     stamps[again] = stamps[again - 1] + behind_ns

@@ -1,4 +1,4 @@
-"""Read fltea's own NDJSON back: all content is kept, and errors name the line and the reason."""
+"""fltea's own NDJSON is read back without loss, and errors name the line and the reason."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Rows of several sensors in one table: the user chooses one, and samples of two are never mixed."""
+"""If one table holds rows of several sensors, the user chooses one, and samples of two are never mixed."""
 
 import itertools
 import json
@@ -27,7 +27,7 @@ from tests.rig.table_support import open_here
 FILES = itertools.count()
 N = 200
 GYRO = np.round(np.random.default_rng(11).normal(size=(N, 3, 3)), 4)
-"""Rates of three sensors."""
+"""Angular rates of three sensors."""
 AXES = [f"gyro_{axis}_dps" for axis in "xyz"]
 NUMBERS, WORDS, DEVICES = ["0", "1", "2"], ["left", "right", "the third"], ["3932170", "3932171", "3932172"]
 
@@ -35,7 +35,10 @@ NUMBERS, WORDS, DEVICES = ["0", "1", "2"], ["left", "right", "the third"], ["393
 def table(
     ids: Sequence[str], which: Sequence[int], column: str = "sensor_id", later_s: float = 0.0
 ) -> dict[str, list[Any]]:
-    """Return rows with each sensor's number, at 100 Hz; the second sensor's times are slightly later."""
+    """Return rows at 100 Hz, each with its sensor's number.
+
+    The second sensor's times are later by `later_s`.
+    """
     count = [0] * len(ids)
     rows = []
     for one in which:
@@ -96,7 +99,7 @@ def of_categories(folder: Path, columns: dict[str, list[Any]], **how: Any) -> St
 
 
 def hdf5(folder: Path, columns: dict[str, list[Any]], **how: Any) -> Stored:
-    path = folder / f"{next(FILES)}.h5"  # a new name each time, as h5py keeps the earlier file open
+    path = folder / f"{next(FILES)}.h5"  # each file gets a new name, since h5py keeps the earlier file open
     with h5py.File(path, "w") as file:
         for name, values in columns.items():
             file[f"imu/{name}"] = values
@@ -133,7 +136,7 @@ def assert_is(stored: Stored, sensor: int, count: int = N) -> None:
 def test_one_of_several_is_asked_for_and_read(
     form: Callable[..., Stored], ids: list[str], later_s: float, tmp_path: Path
 ) -> None:
-    """Whether or not their times are equal, and whatever identifies the sensors."""
+    """This holds whether or not the sensors' times are equal, and whatever identifies the sensors."""
     columns = table(ids, [0, 1, 2] * N, later_s=later_s)
     asked = refusal(form, tmp_path, columns)
     assert f"which sensor is meant: column sensor_id tells several apart ({ids[0]}, {ids[1]}" in asked
@@ -149,7 +152,7 @@ def test_one_of_several_is_asked_for_and_read(
 
 @each_form
 def test_a_second_sensor_that_comes_late_is_asked_for(form: Callable[..., Stored], tmp_path: Path) -> None:
-    """All rows read until then are discarded."""
+    """All rows that were read before the second sensor came are discarded."""
     columns = table(WORDS, [0] * (N - 1) + [1])
     assert "(left, right)" in refusal(form, tmp_path, columns)
     assert_is(form(tmp_path, columns, topic="left"), 0, N - 1)
@@ -230,7 +233,7 @@ def test_rows_by_turns(form: Callable[..., Stored], count: int, tmp_path: Path) 
 
 @pytest.mark.parametrize(("count", "later_s"), [(2, 0.003), (3, 0.002)])
 def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, tmp_path: Path) -> None:
-    """Neither an even clock of a higher rate, nor bursts."""
+    """Such times are not taken for an even clock of a higher rate, nor for bursts."""
     columns = table(NUMBERS, [*range(count)] * N, later_s=later_s)
     del columns["sensor_id"]
     asked = refusal(csv, tmp_path, columns)
@@ -244,7 +247,10 @@ def test_steps_that_come_again_are_sensors_in_turns(count: int, later_s: float, 
 def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
     form: Callable[..., Stored], later_s: float, tmp_path: Path
 ) -> None:
-    """If two rows share a time and only one is there, its sensor is unknown; with two times it is known."""
+    """If both rows of a pair have the same time and one row is missing, the other's sensor is unknown.
+
+    If they have different times, it is known.
+    """
     columns = table(NUMBERS, [0, 1] * N, later_s=later_s)
     lost = [60, 121, 240, 241, 301]
     kept = {name: np.delete(np.array(values), lost).tolist() for name, values in columns.items()}
@@ -257,8 +263,9 @@ def test_rows_by_turns_stay_in_turn_behind_a_lost_row(
 
 
 def test_a_torn_row_of_text_takes_its_turn(tmp_path: Path) -> None:
-    """Without times only the order distinguishes the sensors, and an unreadable line belongs to one of
-    them."""
+    """Without times, only the order of the rows distinguishes the sensors, so an unreadable line counts as a
+    row of one of them.
+    """
     columns = table(NUMBERS, [0, 1] * N)
     del columns["sensor_id"], columns["t_s"]
     columns["gyro_y_dps"][7] = "torn"
@@ -333,7 +340,7 @@ def test_live_rows_of_a_second_sensor_end_the_reading() -> None:
 @pytest.mark.parametrize("ids", [NUMBERS, WORDS], ids=["numbers", "words"])
 @pytest.mark.parametrize("later_s", [0.0, 0.003, 0.005])
 def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s: float) -> None:
-    """The first row alone does not show that rows alternate."""
+    """The first row alone does not show that rows of several sensors alternate."""
     columns = table(ids, [0, 1] * N, column, later_s)
     lines = [",".join(columns), *(",".join(map(str, row)) for row in zip(*columns.values(), strict=True))]
     live = TextEvents("stdin:", How(), fatal=False)
@@ -349,7 +356,7 @@ def test_live_rows_by_turns_end_the_reading(column: str, ids: list[str], later_s
 def test_alike_sensors_are_told_by_their_turns(
     form: Callable[..., Stored], column: str, later_s: float, tmp_path: Path
 ) -> None:
-    """Their figures are of one kind; the column's name does not matter."""
+    """The numbers of all sensors are of the same size. The name of the column does not matter."""
     columns = table(NUMBERS, [0, 1] * N, column, later_s)
     asked = refusal(form, tmp_path, columns)
     assert f"which sensor is meant: column {column} tells several apart (0, 1)" in asked
@@ -361,7 +368,10 @@ def test_alike_sensors_are_told_by_their_turns(
 
 
 def side_by_side(folder: Path, **how: Any) -> Stored:
-    """Return data of two Shimmers as ConsensysPRO writes them; the second has three times the figures."""
+    """Return data of two Shimmer sensors as ConsensysPRO writes them.
+
+    The numbers of the second are three times as large.
+    """
     names = [f"Shimmer_{of}_{name}_CAL" for of in ("B5A1", "B5A12") for name in ("Timestamp_Unix", *SHIMMER)]
     units = ["ms", *["deg/s"] * 3] * 2
     rows = [
@@ -382,7 +392,7 @@ SHIMMER = [f"Gyro_{axis}" for axis in "XYZ"]
 def test_sensors_side_by_side_are_asked_for_and_named(
     by_position: bool, sensor: str, first: int, tmp_path: Path
 ) -> None:
-    """Each sensor has its own times."""
+    """Each sensor has its own column of times."""
     asked = refusal(side_by_side, tmp_path)
     assert asked.startswith(f"{tmp_path}/rest.csv:2: nothing says which columns are the gyroscope's axes")
     assert "6  Shimmer_B5A12_Gyro_X_CAL: mean" in asked

@@ -1,4 +1,4 @@
-"""One file of a recording: its statements about its messages equal those of the library's own writer."""
+"""What a file of a recording states about its messages equals what the MCAP library's own writer states."""
 
 import io
 from pathlib import Path
@@ -85,7 +85,7 @@ def by_the_library(story: list[Any]) -> io.BytesIO:
 
 
 def told(file: Any) -> list[Any]:
-    """Return all messages and metadata, and what the summary states about them."""
+    """Return all messages and metadata of a file, and what its summary states about them."""
     file.seek(0)
     reader = make_reader(file, validate_crcs=True)
     found: list[Any] = [

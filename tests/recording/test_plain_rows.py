@@ -1,4 +1,7 @@
-"""Plain rows are parsed in C++: numbers equal Python's to the bit, and any other line is left to Python."""
+"""Plain rows (lines of numbers only) are parsed in C++.
+
+Their numbers equal Python's to the bit, and any other line is left to Python.
+"""
 
 import math
 import struct
@@ -36,7 +39,7 @@ def bits(value: float) -> bytes:
 @example("123456789012345678")
 def test_a_number_is_what_python_makes_of_it_to_the_bit(text: str) -> None:
     _, passed, _, rows, values = plain_rows(text.encode(), 0, ",", 1, 1, [0], "\0")
-    if passed:  # beyond the range of doubles Python decides
+    if passed:  # numbers beyond the range of doubles are left to Python
         assert rows.tolist() == [0]
         assert bits(values[0, 0]) == bits(float(text))
     else:

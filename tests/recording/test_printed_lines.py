@@ -1,4 +1,4 @@
-"""Lines as printed by Python and ROS, and NMEA-like sentences: the same numbers, wherever the text is cut."""
+"""Lines printed by Python or ROS, and NMEA-like messages, give the same numbers wherever the text is cut."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -24,7 +24,7 @@ NAMED = How(units="dps", time_unit="s")
 
 
 def fed(parts: Sequence[bytes], how: How) -> tuple[np.ndarray, TextReader]:
-    """Return the values of all rows, the axes and then the time, and the reader."""
+    """Return the values in all rows (the axes, then the time), and the reader that read them."""
     reader = TextReader("rest", how)
     rows = [one.values for part in parts for one in reader.feed(part)]
     rows += [one.values for one in reader.finish()]
@@ -137,7 +137,7 @@ def test_a_line_stays_one_line(data: bytes) -> None:
 
 
 def sentence(fields: Sequence[object], wrong: int = 0, wide: bool = False) -> str:
-    """Return a sentence with its correct checksum, or with some bits of it flipped."""
+    """Return a message like NMEA's with its checksum, in which the bits `wrong` are flipped."""
     text = ",".join(map(str, fields))
     checksum = reduce(xor, text.encode(), 0) ^ wrong
     return f"${text}*{checksum:04X}" if wide else f"${text}*{checksum:02X}"
@@ -238,7 +238,7 @@ ECHOED = {
 
 
 def echoed(form: str, count: int = N) -> bytes:
-    """Return messages at 100 Hz, as the tool prints them."""
+    """Return messages at 100 Hz in the form in which the tool prints them."""
     return "".join(
         form.format(
             k=k,
@@ -271,7 +271,7 @@ def test_messages_may_be_cut_anywhere(tool: str, places: list[int], windows: boo
 
 @given(st.sampled_from([*ECHOED]), st.integers(1, 800))
 def test_a_message_that_is_cut_off_is_told_and_never_a_sample(tool: str, missing: int) -> None:
-    """Its last number may be cut, too: 0.002 of 0.00204."""
+    """The last number of the message may be cut, too: 0.002 may be the beginning of 0.00204."""
     data = echoed(ECHOED[tool], 4)[:-missing]
     values, reader = fed([data], How())
     whole, rest = data.count(b"\n---"), data.rpartition(b"\n---")[2]

@@ -1,5 +1,6 @@
-"""Reader processes keep within the session's limits, say what ended them, and end with the process that
-started them."""
+"""Reader processes keep within the limits of the login session, report which limit ended them, and end when
+the process that started them ends.
+"""
 
 import os
 import resource
@@ -124,12 +125,13 @@ def test_what_a_reader_takes_too_much_of_ends_it() -> None:
     assert ended_by(ProcessLimits(here, 1, 60, GB), "busy") == -signal.SIGXCPU
     assert ended_by(ProcessLimits(here, 60, 1, GB), "sleep") == -signal.SIGALRM
     assert ended_by(ProcessLimits(here, 60, 1, GB), "wait") == 0
-    assert ended_by(ProcessLimits(here + 1, 60, 60, GB), "sleep") == 1  # its parent process is gone
+    # the parent process of this process has ended
+    assert ended_by(ProcessLimits(here + 1, 60, 60, GB), "sleep") == 1
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="prctl(2) is of Linux")
 def test_a_reader_ends_with_who_started_it() -> None:
-    """Its stdout, which both processes hold open, ends when both are gone."""
+    """The stdout that both processes hold open reaches its end when both have ended."""
     words = [sys.executable, "-c", PARENT, HELD]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
         assert parent.stdout is not None

@@ -1,4 +1,4 @@
-"""Files of other programs that would fill the memory, or keep a library busy, are refused at little cost."""
+"""Files that would fill the memory, or keep a library busy, are refused with little memory and time."""
 
 import contextlib
 import gzip
@@ -28,7 +28,7 @@ SMALL = Limits(max_mb=64.0)
 
 
 def sheet_of(rows: int, filler: int = 0) -> bytes:
-    """Return an Excel book with this many rows of one number, and this many blanks in its sheet."""
+    """Return an Excel workbook with `rows` rows of one number each, and `filler` blanks in its sheet."""
     cells = b"".join(b'<row r="%d"><c r="A%d"><v>1</v></c></row>' % (k, k) for k in range(1, rows + 1))
     with zipfile.ZipFile(HERE / "phyphox.xlsx") as book:
         files = {info.filename: book.read(info) for info in book.infolist()}
@@ -42,7 +42,7 @@ def sheet_of(rows: int, filler: int = 0) -> bytes:
 
 
 def matlab_of(size_bytes: int) -> bytes:
-    """Return a compressed variable that declares a size."""
+    """Return a MATLAB file with a compressed variable that declares this size."""
     head = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<HH", 0x0100, 0x4D49)
     flags = struct.pack("<IIII", 6, 8, 6, 0) + struct.pack("<IIii", 5, 8, size_bytes // 8, 1)
     data = struct.pack("<II", 1, 4) + b"gyro" + bytes(4) + struct.pack("<II", 9, size_bytes)
@@ -125,7 +125,7 @@ def test_json_in_json_without_end(tmp_path: Path) -> None:
 def test_code_in_the_current_folder_is_not_run(
     entry: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file may come with others in the same folder, named like modules of Python or of a library."""
+    """The folder of a recording may hold files that are named like modules of Python or of a library."""
     for name in ("resource", "random", "numpy", "pyarrow"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'has_run')!r}, 'w')\n")
     shutil.copy(HERE / "pandas.parquet", tmp_path)
@@ -137,7 +137,7 @@ def test_code_in_the_current_folder_is_not_run(
 
 
 def test_what_a_library_prints_is_not_what_it_sends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """C code prints to descriptor 1, wherever Python has redirected its own stdout."""
+    """C code prints to file descriptor 1, even if Python has redirected its own stdout."""
     (tmp_path / "pyulog.py").write_text(
         "import os, sys\n"
         "os.write(1, b'Warning: no subscription found for message id 77.\\n')\n"

@@ -1,6 +1,6 @@
-"""Any bytes, and real files with changes anywhere, lead to records or to an error that says why.
+"""Any bytes, and real files with changes anywhere, give records or an error with a reason.
 
-Nothing else.
+No other result is possible.
 """
 
 import contextlib
@@ -42,14 +42,16 @@ from tests.rig.tiers import slow_but
 
 LIMITS = Limits(max_chunk_mb=1, max_mb=1)
 MOST_BYTES = 40_000_000
-"""Twice the limits, and what a recording within them needs."""
+"""Largest memory that reading may take [bytes]: twice the limits, and what a recording within the limits
+needs.
+"""
 
 Change = tuple[float, bytes, int]
 places = st.floats(0, 1, exclude_max=True)
 LENGTHS = [byte * count for byte in (b"\x00", b"\xff") for count in (1, 2, 4, 8)]
-"""The smallest and the largest length of what follows, as formats write it."""
+"""The smallest and the largest length that a format can state before its data, in 1, 2, 4 or 8 bytes."""
 holes = st.tuples(places, st.integers(13, 3000)).map(lambda hole: (hole[0], bytes(hole[1]), hole[1]))
-"""Zeros, as a file has that was cut short while being written, or in which a hole was punched."""
+"""Holes of zeros, as in a file that was truncated while it was written, or in a sparse file."""
 
 changes = st.lists(
     st.one_of(
@@ -60,7 +62,7 @@ changes = st.lists(
     min_size=1,
     max_size=4,
 )
-"""An offset, the bytes put there, and how many bytes they replace."""
+"""Changes of a file: for each, an offset, the bytes written there, and how many bytes they replace."""
 
 WHOLE = [0, -1, 1, 2**31, 2**32, 2**63 - 1, 2**63, 2**64 - 1, 10**30]
 NUMBERS = [*WHOLE, 1e-320, 1e-9, 1e308, 1e999, True, None]
@@ -76,10 +78,10 @@ def changed(data: bytes, how: list[Change]) -> bytes:
 
 
 def walk(path: Path) -> None:
-    """Run all code that reads recordings, to its end.
+    """Run all code that reads recordings on a file, to its end.
 
-    A file for a library is read once: what follows is the same for every format, and each reading starts a
-    process of the library's own, which takes most of a second.
+    A file that a library reads is read only once. The code after the library is the same for every format,
+    and each reading starts a reader process, which takes most of a second.
     """
     how = How(rate_hz=100.0, units="dps") if path.suffix == ".npy" else AS_IT_SAYS
     out = path.with_name("out.npz")
@@ -102,9 +104,10 @@ def check_finite(found: Loaded) -> None:
 
 
 def check(folder: Path, name: str, data: bytes) -> None:
-    """Walk through a file; of each third, which its checksum chooses, measure the memory.
+    """Read a file by all code; for about a third of the files, chosen by checksum, measure the memory.
 
-    Measuring takes two thirds of the time. The dearest files have tests of their own (test_hostile_files.py).
+    Measuring takes two thirds of the time. The files that need most memory are tested in
+    test_hostile_files.py.
     """
     path = folder / name
     path.write_bytes(data)
@@ -126,7 +129,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def real(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    """Return one file of every kind, as fltea writes it."""
+    """Return one file of every format that fltea writes."""
     folder = tmp_path_factory.mktemp("real")
     lines, _ = record(folder, transport(samples=60, boots=2))
     (mcap,) = folder.glob("*.mcap")
@@ -168,7 +171,7 @@ KINDS = [
 
 
 BY_LIBRARY = ("rest.parquet", "rest.feather", "rest.h5")
-"""Files for which a library is asked, in a process of its own."""
+"""Files that a library reads in a reader process."""
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -180,7 +183,10 @@ def test_the_real_files_are_read(name: str, real: Files, folder: Path) -> None:
 
 @pytest.mark.parametrize("name", slow_but(["rest.npy"], KINDS))
 def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) -> None:
-    """Of files for a library as many as of the logs below: what is tested is what becomes of its errors."""
+    """Files that a library reads get as few examples as the logs below.
+
+    Only the handling of the library's errors is tested.
+    """
 
     @given(how=changes)
     @settings(max_examples=12 if name in BY_LIBRARY else 50)
@@ -195,7 +201,7 @@ def test_files_that_were_changed_anywhere(name: str, real: Files, folder: Path) 
 @settings(max_examples=12)
 @pytest.mark.parametrize("name", ["ardupilot.bin", "labview.tdms", "asam.mf4", "px4.ulg", "matlab.mat"])
 def test_logs_that_were_changed_anywhere(name: str, folder: Path, how: list[Change]) -> None:
-    """Their libraries take a second to start, so each file is read once."""
+    """The libraries for these logs take a second to start, so each file is read once."""
     path = folder / name
     path.write_bytes(changed((HERE / name).read_bytes(), how))
     with contextlib.suppress(FlteaError):
@@ -203,7 +209,7 @@ def test_logs_that_were_changed_anywhere(name: str, folder: Path, how: list[Chan
 
 
 IN_A_PROCESS = ["rest.parquet", "rest.feather", "rest.h5"]
-"""Files that another process reads, and it takes half a second to start."""
+"""Files that a reader process reads, which takes half a second to start."""
 IN_THIS_ONE = [name for name in [*KINDS, "noending"] if name not in IN_A_PROCESS]
 
 
@@ -234,7 +240,7 @@ def test_ndjson_with_odd_values(real: Files, folder: Path, line: int, key: int, 
 
 
 ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
-"""The arrays of counts."""
+"""The arrays of a recording in counts."""
 
 
 @pytest.mark.slow
@@ -248,7 +254,7 @@ ARRAYS = [name for name in NPZ_ARRAYS if name not in ("gyro_dps", "accel_ms2")]
 def test_npz_with_odd_numbers(
     real: Files, folder: Path, name: str, value: Any, row: int | None, kind: str
 ) -> None:
-    """The odd numbers are at one index or everywhere."""
+    """The unusual value stands in one row, or in all rows."""
     with np.load(io.BytesIO(real["rest.npz"])) as archive:
         arrays = {key: archive[key] for key in archive.files}
     with np.errstate(all="ignore"):
@@ -277,7 +283,7 @@ def test_npz_with_changed_arrays(real: Files, folder: Path, how: list[Change], n
 
 
 def mcap_of(*messages: tuple[str, int, int, int, bytes], **info: str) -> bytes:
-    """Write messages by topic, outside of chunks, so that nothing checks them before the reader."""
+    """Return an MCAP file with messages outside of chunks, so that nothing checks them before the reader."""
     builder = RecordBuilder()
     topics = {"wire": 1, "link": 2, "estimate": 3}
     for topic, number in topics.items():
@@ -346,7 +352,10 @@ def test_mcap_with_an_odd_head(real: Files, folder: Path, key: str, value: str) 
 @given(key=st.integers(0, 40), value=odd)
 @settings(max_examples=25)
 def test_mcap_with_an_odd_hello(real: Files, folder: Path, key: int, value: Any) -> None:
-    """The device's HELLO, as the file's head keeps it, precedes bytes of a real device."""
+    """The HELLO in the metadata at the file's beginning is changed.
+
+    The bytes after it are those of a real device.
+    """
     hello = next(json.loads(line) for line in real["run.ndjson"].splitlines() if b'"hello"' in line)
     hello[sorted(hello)[key % len(hello)]] = value
     chunks = [item.data for item in transport(samples=60) if hasattr(item, "data")]

@@ -1,4 +1,4 @@
-"""Files that refer to others or have wide messages, and sessions with few resources, lead to an error."""
+"""Files that refer to others, messages with many fields, and sessions with few resources give an error."""
 
 import contextlib
 import json
@@ -47,23 +47,24 @@ PLACES = st.sampled_from(
 def test_hdf5_never_reads_another_file(
     folder: Path, places: list[tuple[str, str, str]], is_pandas: bool
 ) -> None:
-    """Reading a pipe would wait, and /dev/zero never ends: neither is opened."""
+    """A pipe would make the reader wait, and /dev/zero never ends, so the reader must open neither."""
     path = folder / "a.h5"
     with h5py.File(path, "w") as file:
         if is_pandas:
             file.create_group("imu").attrs.update({"pandas_type": "frame", "nblocks": 1})
             file["imu/block0_items"] = [b"gyro_x_dps"]
         for place, kind, target in places:
-            with contextlib.suppress(ValueError, OSError, RuntimeError):  # the name exists already
+            with contextlib.suppress(ValueError, OSError, RuntimeError):  # a link of this name exists already
                 _put(file, place, kind, target)
     before = os.getcwd()
     os.chdir(folder)
     try:
-        # `by_library` turns what a library raises into a message
+        # `by_library` turns the errors that a library raises into messages
         with contextlib.suppress(FlteaError, KeyError):
             sheet = hdf5.read(path, "")
             for block in sheet.blocks(range(len(sheet.names))):
-                assert not (block == 0).any()  # no values of the other files, and no invented ones
+                # the block holds no values of the other files, and no invented values
+                assert not (block == 0).any()
     finally:
         os.chdir(before)
 
@@ -127,7 +128,7 @@ def test_messages_of_any_width(
 )
 @settings(max_examples=6)
 def test_a_session_with_little_of_anything(name: str, addresses: int, seconds: int) -> None:
-    """The file is read, or refused because of the session's limits; the file is not blamed."""
+    """The file is read, or refused with a message that blames the login session's limits and not the file."""
     session = {resource.RLIMIT_AS: addresses, resource.RLIMIT_CPU: seconds}
     said: FlteaError | None = None
     with pytest.MonkeyPatch.context() as patch:

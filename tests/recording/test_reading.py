@@ -1,5 +1,6 @@
-"""Each question about a file, with each kind of evidence: the strongest decides, contradictions are
-reported."""
+"""Tests each question about a file with each kind of evidence: the strongest decides, and contradictions are
+reported.
+"""
 
 import shlex
 from collections.abc import Sequence
@@ -21,12 +22,12 @@ from hypothesis import strategies as st
 
 PLAIN = ["t", "gx", "gy", "gz", "ax", "ay", "az"]
 OF_DIALECT = ["time", "gFx", "gFy", "gFz", "wx", "wy", "wz"]
-"""Columns of Physics Toolbox: s, g, rad/s."""
+"""Columns of the app Physics Toolbox, whose units are s, g and rad/s."""
 OF_CONVENTION = [
     "field.header.stamp",
     *(f"field.{what}.{axis}" for what in ("angular_velocity", "linear_acceleration") for axis in "xyz"),
 ]
-"""Columns of ROS 1: ns, rad/s, m/s²."""
+"""Columns of ROS 1, whose units are ns, rad/s and m/s²."""
 N = 60
 IN_G = np.hstack([np.arange(N)[:, np.newaxis] / 100, np.full((N, 3), 0.1), np.full((N, 3), 0.6)])
 IN_G[:, 6] = 0.53
@@ -41,7 +42,7 @@ def read(
     tag: str = "",
     **how: Any,
 ) -> Chosen:
-    """Return the meaning of columns with these names and this row of units."""
+    """Return the columns that are chosen for these names and this row of units."""
     facts = Facts() if facts is None else facts
     return choose("rest", names, row, width or len(names or ()), How(**how), facts, tag)
 
@@ -53,7 +54,7 @@ def refusal(*arguments: Any, **how: Any) -> str:
 
 
 def said(chosen: Chosen, question: str) -> Answer:
-    """Return the only answer to a question."""
+    """Return the answer to a question; check that there is only one."""
     (found,) = [answer for answer in chosen.answers if answer.question == question]
     return found
 
@@ -158,7 +159,10 @@ MAYBE = st.none() | st.sampled_from(UNITS)
 
 
 def expected(given_: str | None, stated: set[str], told: str | None) -> tuple[str, str] | None:
-    """Return the unit and its evidence; ("", reason) for a contradiction; None if it is missing."""
+    """Return the expected unit and its evidence.
+
+    Return ("", reason) for a contradiction, and None if the unit is missing.
+    """
     if len(stated) > 1:
         return None if given_ is None and not stated else ("", "differ")
     if given_ is not None:

@@ -1,4 +1,4 @@
-"""Steps and motions in recordings: stored as channels, counted by `info`, and exported as tables."""
+"""Bias steps and motions in recordings are stored as channels, counted by `info`, and exported as tables."""
 
 import csv
 from pathlib import Path
@@ -23,7 +23,7 @@ CHANGES = [STEP, DOWN, MOVES, RESTS, replace(MOVES, host_ns=12 * 10**9)]
 
 
 def recorded(folder: Path, *changes: Step | Motion, **settings: object) -> list[AnyRecord]:
-    """Record a device at rest, then these records; return all records."""
+    """Record the output of a device at rest, and then these records; return all records."""
     live, sink = record(folder, transport(samples=60), end=False, **settings)
     for one in changes:
         sink.write(one)
@@ -39,10 +39,12 @@ def test_they_are_channels_with_schemas(tmp_path: Path) -> None:
         if topic.endswith(("/step", "/motion"))
     ]
     assert {topic for topic, _ in found} == {"/due/step", "/due/motion"}
-    null = {"/due/step": {}, "/due/motion": {"samples": None, "largest": None}}  # left out of a message
+    # these fields are null, so messages leave them out
+    null = {"/due/step": {}, "/due/motion": {"samples": None, "largest": None}}
     said = [null[topic] | msgspec.json.decode(message.data) for topic, message in found]
     again = [msgspec.convert(one, Step | Motion) for one in said]
-    wanted = sorted(of(Step | Motion, live), key=lambda one: one.host_ns)  # as readers sort them
+    # in the order in which readers sort them
+    wanted = sorted(of(Step | Motion, live), key=lambda one: one.host_ns)
     assert again == wanted
     assert [message.log_time for _, message in found] == [one.host_ns for one in wanted]
 

@@ -1,4 +1,4 @@
-"""Units of rates, and .npz files: all content is kept, and errors name the file and the reason."""
+"""Tests units of rates, and .npz files: all content is kept, and errors name the file and the reason."""
 
 import math
 from pathlib import Path
@@ -74,7 +74,7 @@ def test_npz_of_counts(tmp_path: Path) -> None:
 
 
 def test_npz_of_rates_and_numbers_in_brackets(tmp_path: Path) -> None:
-    """The scale of a file with deg/s is ignored; single numbers may come as arrays of length one."""
+    """In a file with rates in deg/s, the scale is ignored. A single number may be an array of length one."""
     rates = {"gyro_dps": np.ones((2, 1)), "fs_hz": np.array([99.0])}
     found = open_npz(npz_file(tmp_path, gyro_raw=None, lsb_per_dps=None, **rates)).whole()
     assert (found.rate_hz, found.lsb_per_dps, found.gyro.shape) == (99.0, None, (2, 1))
@@ -157,7 +157,7 @@ def test_numbers_that_lack_samples_take_their_time(tmp_path: Path) -> None:
 
 
 def test_what_is_not_needed_is_not_read(tmp_path: Path) -> None:
-    """Neither because of its size nor because unpickling it could run code."""
+    """An array that is not needed is not read, however large it is, or if unpickling it would run code."""
     beside = {"note": np.array({"a": 1}, dtype=object), "large": np.zeros(1 << 20)}
     path = npz_file(tmp_path, **beside)
     assert open_npz(path, Limits(max_mb=0.001)).whole().gyro.tolist() == GOOD["gyro_raw"].tolist()
@@ -172,7 +172,7 @@ def test_other_files_are_no_npz(data: bytes | None, tmp_path: Path) -> None:
 
 
 def test_damaged_npz_is_told_as_such(tmp_path: Path) -> None:
-    """Any changed byte gives a usage error or the original samples; a cut-off end gives a usage error."""
+    """Any changed byte gives a usage error or the original samples. A truncated file gives a usage error."""
     path = tmp_path / "rest.npz"
     gyro = np.random.default_rng(1).integers(-99, 99, (8, 1))
     np.savez_compressed(path, **{**GOOD, "gyro_raw": gyro})
@@ -198,7 +198,7 @@ def test_real_recordings(recordings: Path) -> None:
     assert long.rate_hz == pytest.approx(99.32, abs=0.01)
     short = open_npz(recordings / "mpu6050_tomisuarez_100s.npz").whole()
     assert (short.gyro.shape, short.accel.shape, short.host_s) == ((9986, 3), (9986, 3), None)
-    # standard deviations as published with the recordings, in deg/s
+    # standard deviations [deg/s] that were published with the recordings
     assert (long.gyro / 131).std(axis=0) == pytest.approx([0.126, 0.091, 0.113], abs=6e-4)
     assert (short.gyro / 131).std(axis=0) == pytest.approx([0.075, 0.112, 0.094], abs=6e-4)
 

@@ -1,4 +1,4 @@
-"""What is made of recordings: exports that replay again, summaries, and complete files from torn ones."""
+"""Tests what is made from recordings: exports that can be replayed, summaries, and recovered files."""
 
 import csv
 import dataclasses
@@ -41,7 +41,7 @@ def exported(folder: Path, what: str) -> tuple[list[dict[str, str]], dict[str, n
 
 
 def comparable(records: list, kind: type[Any]) -> list[tuple]:
-    """Return estimates without times and numbers, which a file without a host's clock does not have."""
+    """Return estimates without host times and numbers, which a file without a host's clock lacks."""
     return [(r.epoch, r.axes) for r in of(kind, records)]
 
 
@@ -70,7 +70,7 @@ def test_a_decoder_numbers_samples_as_the_pipeline_does(tmp_path: Path) -> None:
 
 
 def test_samples_as_they_were_and_an_npz_replays_to_the_same_estimates(tmp_path: Path) -> None:
-    """This includes gaps, lost samples and a restart of the device."""
+    """The recording includes gaps, lost samples and a restart of the device."""
     live, _ = record(tmp_path / "rec", transport(samples=300, boots=2))
     rows, data = exported(tmp_path, "samples")
     samples = of(Sample, live)
@@ -91,7 +91,7 @@ def test_samples_as_they_were_and_an_npz_replays_to_the_same_estimates(tmp_path:
         assert (np.diff(found) > 0).all()
         assert found[297] - found[296] == pytest.approx(
             7.0, abs=0.1
-        )  # the port was away, by the host's clock
+        )  # the port was lost for this time, by the host's clock
         assert found[60] - found[59] == pytest.approx(0.03)
     again = replay(tmp_path / "out.npz")
     assert comparable(again, Estimate) == comparable(live, Estimate)
@@ -121,7 +121,7 @@ def test_csv_replays_to_the_same_estimates_where_nothing_is_lost(tmp_path: Path)
 
 
 def test_estimates_are_those_that_were_published(tmp_path: Path) -> None:
-    """With the result of the whiteness test."""
+    """The exported estimates include the result of the whiteness test."""
     live, _ = record(tmp_path / "rec", transport(samples=1_100))
     rows, data = exported(tmp_path, "estimates")
     first = ["time_s", "epoch", "seq", "device_us", "host_ns", "bias_gyro_x_dps", "bias_std_gyro_x_dps"]
@@ -248,7 +248,7 @@ def test_a_sum_counts_what_the_live_run_counted(tmp_path: Path) -> None:
     assert found.hello.device == "due"
     assert (
         of(Hello, live)[-1].host_ns <= found.hello.host_ns <= of(Sample, live)[-1].host_ns
-    )  # the last one received
+    )  # this is the last one that was received
     assert found.duration_s == pytest.approx(13.0, abs=0.1)
     assert found.rate_hz == pytest.approx(100.0, rel=1e-3)
     text = as_text(found)
@@ -301,7 +301,7 @@ def test_a_torn_file_becomes_whole_beside_itself(tmp_path: Path) -> None:
     kill(sink)
     path = files(tmp_path)[0]
     with path.open("ab") as file:
-        file.write(b"\6\xff\xff")  # the beginning of a record
+        file.write(b"\6\xff\xff")  # these bytes are the beginning of a record
     before = path.read_bytes()
     found = recover(path, in_place=False)
     assert found.out == path.with_name(f"{path.stem}.recovered.mcap")
@@ -337,7 +337,8 @@ def test_nothing_to_save_and_nothing_there(tmp_path: Path, capsys: pytest.Captur
     with pytest.raises(UsageError, match="cannot be read"):
         recover(tmp_path / "none.mcap", in_place=False)
     record(tmp_path, transport(samples=60))
-    with pytest.raises(UsageError, match=r"empty\.mcap: nothing in it"):  # reported after all else is done
+    # this error is reported after everything else is done
+    with pytest.raises(UsageError, match=r"empty\.mcap: nothing in it"):
         cli_record.recover([tmp_path])
     assert "is whole" in capsys.readouterr().out
     assert sorted(tmp_path.glob(".*.part")) == []

@@ -1,4 +1,4 @@
-"""What a foreign file is recognised as, and the error for a file that is no recording."""
+"""Tests as what another program's file is recognised, and the error for a file that is no recording."""
 
 import json
 import shlex

@@ -1,4 +1,4 @@
-"""Bags of ROS that are too large, cut, changed or no bags: intact parts are read, or the reason is given."""
+"""Of bags that are too large, truncated or changed, intact parts are read, or an error gives the reason."""
 
 import contextlib
 import sqlite3
@@ -97,7 +97,7 @@ def whole_files(folder: Path) -> Files:
 
 
 def read_anything(path: Path, data: bytes) -> Any:
-    """Return the recording of such a file, or None if it is refused with a message."""
+    """Return the recording in a file with these bytes, or None if the file is refused with a message."""
     path.write_bytes(data)
     try:
         source = ReplaySource(path, limits=Limits(max_chunk_mb=1, max_mb=1))
@@ -116,13 +116,15 @@ def test_a_bag_that_is_cut_gives_what_it_holds(
     size = int(share * (len(data) - 1))
     events = read_anything(folder / f"cut.{'bag' if kind == 'lz4' else kind}", data[:size])
     if events is None:
-        assert share < 0.5 or kind in ("mcap", "lz4")  # those have a single chunk, which is cut
+        # bags of these kinds have a single chunk, which is truncated
+        assert share < 0.5 or kind in ("mcap", "lz4")
         return
     troubles = [event for event in events if isinstance(event, Trouble)]
     assert "cut_recording" in {event.kind for event in troubles}
     blocks = [event for event in events if isinstance(event, RawBlock)]
     rows = np.concatenate([block.gyro for block in blocks])
-    number = np.concatenate([block.sequence for block in blocks])  # the later rows of half a page are left
+    # of a page that was cut in half, the later rows are left
+    number = np.concatenate([block.sequence for block in blocks])
     np.testing.assert_allclose(np.radians(rows), np.asarray(even(N).gyro_rads)[number], rtol=1e-14)
     if kind == "bag":
         assert len(rows) > 0.8 * share * N - 60

@@ -1,4 +1,4 @@
-"""Units, rates and clocks of bags: what is stated about them, by which source, and what the numbers show."""
+"""Tests units, rates and clocks of bags: who states what about them, and what the numbers show."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,7 +40,7 @@ BIAS_DPS = np.array([0.5, -0.3, 0.2])
 
 
 def at_rest(noise: float = 1.0, bias: float = 1.0, seed: int = 1) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Return rates in deg/s."""
+    """Return angular rates of a sensor at rest in deg/s."""
     rng = np.random.default_rng(seed)
     sigma = noise * N_DPS / 60 * np.sqrt(RATE_HZ)
     return np.asarray(rng.normal(bias * BIAS_DPS, sigma, (N, 3)))
@@ -109,7 +109,10 @@ def test_a_bag_in_radians_is_not_doubted(noise: float, bias: float, seed: int) -
 
 @pytest.mark.parametrize(("unit", "one"), [("lsb:131", 131.0), ("mrad/s", np.radians(1000.0)), ("mdps", 1e3)])
 def test_other_units_than_the_conventions_are_asked_for(tmp_path: Path, unit: str, one: float) -> None:
-    """Even if another unit would fit: no gyroscope at rest gives such figures in rad/s."""
+    """The user is asked even if another unit would fit.
+
+    No gyroscope at rest gives such figures in rad/s.
+    """
     gyro = at_rest() * one
     gyro = np.rint(gyro) if unit.startswith("lsb:") else gyro
     path = write_bag(tmp_path / "a.bag", {"/imu": imu(gyro)})
@@ -129,7 +132,10 @@ def test_rates_that_no_gyroscope_has_are_refused_by_whomever_their_unit_is(tmp_p
 
 @pytest.mark.parametrize("rests", [False, True])
 def test_a_robot_that_moves_is_not_doubted(tmp_path: Path, rests: bool) -> None:
-    """Vibration looks like noise and shakes the accelerometer; a resting robot has quiet stretches."""
+    """Vibration looks like noise, but it also shakes the accelerometer.
+
+    A robot that rests at times has quiet stretches.
+    """
     rng = np.random.default_rng(5)
     moving = rng.normal(0, 0.2, (N, 3))
     shake = 0.2
@@ -370,7 +376,7 @@ def test_a_name_and_a_schema_that_differ(tmp_path: Path) -> None:
 )
 def test_a_unit_in_each_message(tmp_path: Path, beside: dict[str, Any]) -> None:
     some = objects(at_rest(), **beside)
-    some[40] = objects(at_rest())[40]  # one whose unit nothing states
+    some[40] = objects(at_rest())[40]  # the unit of this message is not stated
     path = write_objects(tmp_path / "a.mcap", some, STAMPS)
     stored = open_bag(path)
     assert answers(stored)["unit"] == ("deg/s", "stated")
@@ -462,7 +468,7 @@ def stamped(times: Sequence[Any], name: str = "timestamp") -> list[dict[str, Any
 
 @pytest.mark.parametrize("unit_s", [1.0, 1e-3, 1e-6, 1e-9])
 def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
-    """The board counts from power-up in an unknown unit; some stamps are missing."""
+    """The board counts the time from power-up in an unknown unit. Some stamps are missing."""
     kept = np.delete(np.arange(N), [100, 101])
     times = (3.0 + kept / RATE_HZ) / unit_s
     some = [
@@ -476,7 +482,7 @@ def test_arrivals_tell_the_unit_of_times(tmp_path: Path, unit_s: float) -> None:
 
 
 def test_a_unit_of_times_that_nothing_tells(tmp_path: Path) -> None:
-    some = stamped((np.arange(N) * 7.0).tolist())  # a counter of unknown meaning
+    some = stamped((np.arange(N) * 7.0).tolist())  # these times are a counter of unknown meaning
     stored = open_bag(write_objects(tmp_path / "a.mcap", some, STAMPS))
     assert stored.rate_hz == pytest.approx(RATE_HZ)
     assert (
@@ -514,8 +520,9 @@ def test_a_stated_unit_of_times_against_the_arrivals(tmp_path: Path) -> None:
 
 
 def test_times_that_no_gyroscope_has_tell_no_rate(tmp_path: Path) -> None:
-    """A converter that writes all messages at once stamps them with the time of writing, so the rate is asked
-    for."""
+    """A converter that writes all messages at once stamps them with the time of writing, so the user is asked
+    for the rate.
+    """
     at_once = [START_NS + 40 * k for k in range(N)]
     bare = [{"gyro_dps": row} for row in at_rest().tolist()]
     path = write_objects(tmp_path / "a.mcap", bare, at_once)

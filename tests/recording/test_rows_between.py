@@ -1,4 +1,4 @@
-"""Rows between two samples of an even clock, which come from another sensor or a second clock."""
+"""Tests surplus rows between two samples of an even clock, from another sensor or a second clock."""
 
 from pathlib import Path
 
@@ -14,13 +14,13 @@ from tests.rig.text_files import refusal, stored
 N = 400
 SEEDS = st.integers(0, 1 << 20)
 PERIODS = st.sampled_from([1.0, 0.01, 1 / 333, 5000.0, 1e7])
-"""Sampling periods, in s, µs and ns."""
+"""Sampling periods, as numbers of s, µs and ns."""
 
 NOWHERE = st.sets(st.integers(1, N - 2), max_size=40)
 
 
 def jitter(seed: int, most: float) -> np.ndarray:
-    """Draw the jitter of each time, in periods, up to `most` in total for a step."""
+    """Return a random jitter for each time, in periods, by which a step changes at most by `most`."""
     return np.random.default_rng(seed).uniform(-most / 2, most / 2, N)
 
 
@@ -29,7 +29,7 @@ def even(period: float) -> Floats:
 
 
 def with_rows(times: np.ndarray, places: set[int], seed: int, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return times with rows between one sample and the next, at any phase, and which rows these are."""
+    """Return times with surplus rows between a sample and the next, anywhere, and the marks of these rows."""
     phases = np.random.default_rng(seed).uniform(0.22, 0.78, len(places))
     extra = times[sorted(places)] + phases * period
     both = np.concatenate([times, extra])
@@ -64,7 +64,7 @@ def test_jitter_and_missing_rows_are_not_touched(
 
 @given(PERIODS, st.integers(1, N - 2), st.floats(0.21, 0.79))
 def test_a_row_that_comes_late_is_a_sample(period: float, place: int, late: float) -> None:
-    """Its neighbours are two periods apart, so the row is not surplus."""
+    """The neighbours of the late row are two periods apart, so the row is a sample and not surplus."""
     times = even(period)
     times[place] += late * period
     assert not between(times, period).any()
@@ -104,7 +104,7 @@ def text(times: np.ndarray, values: np.ndarray) -> str:
 def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
     share: float, rate_hz: float, tmp_path: Path
 ) -> None:
-    """Interpolated rows between samples would make the samples look filtered, and the rate too high."""
+    """If interpolated rows counted, the samples would look filtered, and the rate would be too high."""
     n = 3000
     random = np.random.default_rng(5)
     truth = np.round(random.normal(size=n), 4)
@@ -125,7 +125,7 @@ def test_a_file_has_the_rate_and_the_samples_of_its_sensor(
 
 
 def test_a_clock_with_many_rows_between_is_none(tmp_path: Path) -> None:
-    """With two such steps in ten, the clock has no period."""
+    """If two steps in ten contain surplus rows, the clock has no period."""
     times, _ = with_rows(np.arange(3000) / 100, {*range(2, 2998, 10)}, 3, 0.01)
     assert "the steps of 'time_s' are too uneven for a sensor's clock" in refusal(
         tmp_path, text(times, np.sin(times))

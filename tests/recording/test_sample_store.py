@@ -1,4 +1,4 @@
-"""The store in which tables and bags gather their samples."""
+"""Tests the store in which the samples of tables and bags are gathered."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ NUMBERS = 7
 
 
 def added(rows: int, *, accel: np.ndarray, limits: Limits | None = None) -> SampleStore:
-    """Return a store of rows added in pieces of 1,000; their rates are 0 except for that of row 3."""
+    """Return a store of rows, added 1,000 at a time. The angular rates are 0 except for that of row 3."""
     store = SampleStore(CHOSEN, NUMBERS, limits or Limits())
     gyro = np.zeros((rows, 3))
     gyro[3] = 0.5

@@ -1,5 +1,6 @@
-"""Tables with several sensors, scales and rates: labels by name, values by position, rates belong to
-groups."""
+"""Tests tables with several sensors, scales and rates: labels go by name, values by position, and rates
+belong to groups of columns.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -48,7 +49,7 @@ def test_an_axis_that_cannot_be_used_is_named_and_no_other_moves_up(name: str, t
     arrays = three(BAD_X[name], GYRO[:, 1], GYRO[:, 2])
     for read in (hdf5, npz, matlab):
         if name == "text" and read is matlab:
-            continue  # it writes letters as a table of them
+            continue  # this format writes a text as a table of letters
         text = refusal(read, tmp_path, arrays, rate_hz=100.0)
         assert "gyro_x_dps" in text
         assert (
@@ -163,7 +164,7 @@ def test_groups_are_the_path_before_the_axis(path: list[str], axis: str) -> None
 
 
 def rates(folder: Path, read: Callable[..., Stored], **scalars: float) -> Stored:
-    """Return a gyroscope in `imu`, and rates by their paths, with _ for /."""
+    """Write a file with a gyroscope in `imu` and sampling rates at given paths (with _ for /); read it."""
     tree: dict[str, Any] = {"imu": {"gyro_dps": GYRO}, "mic": {"sound": OTHER[:, 0]}}
     for path, rate_hz in scalars.items():
         group, _, name = path.rpartition("_")

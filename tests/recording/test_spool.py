@@ -1,4 +1,4 @@
-"""Columns in temporary files, and recordings read block by block: the result is as if they were in memory."""
+"""Columns in temporary files, and recordings read block by block, give the same result as in memory."""
 
 import io
 
@@ -91,7 +91,7 @@ def test_damage_at_the_end_of_an_array_is_found(tmp_path):
     path = tmp_path / "rest.npz"
     np.savez(path, gyro_dps=np.ones((AT_ONCE + 10, 1)), fs_hz=100.0)
     data = bytearray(path.read_bytes())
-    at = data.index(b"fs_hz.npy") - 200  # within the last rows
+    at = data.index(b"fs_hz.npy") - 200  # this offset is within the last rows
     data[at] ^= 1
     path.write_bytes(data)
     with pytest.raises(UsageError, match="cannot be read"):

@@ -1,4 +1,4 @@
-"""Text recordings as other programs write them: separators, headers, comments, missing numbers, times."""
+"""Tests texts as other programs write them: separators, headers, comments, missing numbers, times."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -76,7 +76,7 @@ HOW: dict[str, dict[str, object]] = {
     "milliseconds by what the user says": {"units": "dps", "time_unit": "ms"},
     "columns that are named, in their order": {"columns": ["b", "c", "a"], "units": "dps"},
 }
-"""Options that some of these files need."""
+"""Options that some of these texts need."""
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -127,7 +127,8 @@ def test_names_that_count_the_axes(tmp_path: Path) -> None:
     found = stored(tmp_path, text, time_unit="us")
     assert found.rate_hz == pytest.approx(200.0)
     assert found.whole().gyro[0] == pytest.approx([DEG, 2 * DEG, 3 * DEG])
-    assert stored(tmp_path, text).rate_hz == pytest.approx(200.0)  # as PX4's sensor_combined
+    # these are the names and units of PX4's sensor_combined
+    assert stored(tmp_path, text).rate_hz == pytest.approx(200.0)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The head of a text: names with blanks, units of times, and facts in plain words."""
+"""Tests the head of a text: column names with blanks, units of times, and facts in plain words."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ GYRO_DPS = np.round(np.random.default_rng(3).normal([0.5, -0.3, 0.2], 0.2, (N, 3
 
 
 def table(head: str, separator: str = ",", times_s: float | None = 1.0, factor: float = 1.0) -> str:
-    """Return rows behind a head.
+    """Return a text that consists of a head and rows.
 
     `times_s`: unit of the column of times [s]; None: no such column. `factor`: factor of the rates.
     """
@@ -94,7 +94,7 @@ STATED = {
     "Sample rate: 100 Hz, GPS rate: 5 Hz": 1.0,
     '{"sample_rate_hz": 100, "unit": "none"}': 1.0,
 }
-"""Heads that state 100 Hz."""
+"""Heads of texts that state a sampling rate of 100 Hz."""
 
 
 @pytest.mark.parametrize("head", STATED)
@@ -139,7 +139,7 @@ UNITS = {
     "# scale: 131 LSB/(deg/s)": 131.0,
     "# gyro sensitivity 17.50 mdps/LSB": 1 / 0.0175,
 }
-"""Heads that state a unit, and how many of that unit make 1 deg/s."""
+"""Heads of texts that state a unit, and how many of this unit make 1 deg/s."""
 
 
 @pytest.mark.parametrize("head", UNITS)
@@ -167,7 +167,7 @@ UNITS_OF_OTHERS = (
     "# gyro range: 250 dps",
     "# Units: rad/s\n# gyro in deg/s and rad/s",
     "# gyro unit: rad/s\n# gyro unit: deg/s",
-    "# scale: 131 LSB/dps",  # the numbers are fractions
+    "# scale: 131 LSB/dps",  # the numbers have fractions, so they are no counts
 )
 
 
@@ -209,7 +209,7 @@ def test_scales_in_a_head_hold_whatever_unit_is_given(tmp_path: Path) -> None:
 
 
 def test_seconds_in_two_columns_are_one_clock_beside_another(tmp_path: Path) -> None:
-    """bagpy writes a topic of ROS so, with the time of recording next to that of the message."""
+    """The program bagpy writes a topic in this form, with the times of recording and of the message."""
     head = (
         "Time,header.stamp.secs,header.stamp.nsecs,angular_velocity.x,angular_velocity.y,angular_velocity.z"
     )
@@ -236,7 +236,7 @@ def test_dates_of_a_logger_are_not_in_its_unit_of_numbers(tmp_path: Path) -> Non
 @pytest.mark.parametrize("form", ["{:,.0f}", "{:,.1f}"])
 @pytest.mark.parametrize("is_german", [True, False])
 def test_numbers_with_signs_between_thousands_are_refused(tmp_path: Path, form: str, is_german: bool) -> None:
-    """53.456 would be read in place of 53,456, a thousand times less."""
+    """Otherwise 53.456 would be read in place of 53,456, which is a thousand times as large."""
     signs = str.maketrans(",.", ".,") if is_german else {}
     separator = ";" if is_german else ","
 
@@ -262,7 +262,7 @@ def test_addresses_and_decimal_signs_are_no_thousands(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sign", ["", ":"])
 def test_an_accelerometer_on_other_lines_is_said_not_to_be_read(tmp_path: Path, sign: str) -> None:
-    """Adafruit's examples print it so."""
+    """Adafruit's examples print the accelerometer on separate lines."""
     text = "".join(
         f"Acceleration{sign} X: 0.20, Y: -0.30, Z: 9.80 m/s^2\nGyro X: {x}, Y: {y}, Z: {z} rad/s\n\n"
         for x, y, z in np.radians(GYRO_DPS)

@@ -1,4 +1,4 @@
-"""Lines of text as rows: any bytes, cut anywhere, compared with a plain decoder of single lines."""
+"""Compares the reading of rows, from any bytes cut anywhere, with a plain decoder of single lines."""
 
 import json
 import math
@@ -26,7 +26,7 @@ Row = tuple[int, list[float]]
 
 
 def rows_of(parser: TextReader, *parts: bytes) -> list[Row]:
-    """Return the row's number and its values, the axes and then the time; None where there is no number."""
+    """Return the number of each row and its values: axes, then time, with None for missing numbers."""
     found: list[Rows] = [rows for part in parts for rows in parser.feed(part)] + parser.finish()
     return [
         (number, [None if math.isnan(value) else value for value in row])  # type: ignore[misc]
@@ -36,7 +36,7 @@ def rows_of(parser: TextReader, *parts: bytes) -> list[Row]:
 
 
 def plain(lines: list[bytes]) -> list[Row]:
-    """Decode the fields t,gx,gy line by line, by the simplest means."""
+    """Decode lines with the fields t, gx and gy one by one, by the simplest means."""
     number = 0
     found: list[Row] = []
     for line in lines:

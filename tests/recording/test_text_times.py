@@ -1,4 +1,4 @@
-"""Times and accelerometers of text recordings, as other programs write them."""
+"""Tests times and accelerometers in text recordings as other programs write them."""
 
 import math
 from datetime import UTC, date, datetime, timedelta
@@ -98,7 +98,10 @@ def test_times_without_a_unit_are_never_taken_for_seconds(
 
 @pytest.mark.parametrize("rate_hz", [400.0, 416.0, 333.0, 64.0])
 def test_times_in_whole_milliseconds_are_a_clocks(rate_hz: float, tmp_path: Path) -> None:
-    """Alternating steps of 2 and 3 ms are 400 Hz and not too uneven; no step is a gap."""
+    """Alternating steps of 2 and 3 ms mean 400 Hz.
+
+    They do not count as uneven, and no step counts as a gap.
+    """
     times = [round(k * 1000 / rate_hz) for k in range(2000) if k != 1000]
     found = stored(tmp_path, timed(times, "time_ms"))
     assert found.rate_hz == pytest.approx(rate_hz, rel=2e-3)
@@ -135,7 +138,7 @@ def test_times_that_number_nothing_are_told(tmp_path: Path) -> None:
 
 
 def test_jitter_of_a_device_is_no_gap_and_times_of_arrival_are_refused(tmp_path: Path) -> None:
-    """Rounding each step separately would make gaps of jitter, and a wrong rate of bursts."""
+    """If each step were rounded separately, jitter would give gaps, and bursts would give a wrong rate."""
     random = np.random.default_rng(1)
     small, large = (np.arange(2000) * 0.01 + random.uniform(-s, s, 2000) for s in (0.0005, 0.004))
     assert stored(tmp_path, timed(small.tolist(), "time_s")).rate_hz == pytest.approx(100, rel=1e-3)
@@ -184,7 +187,10 @@ def test_long_files_go_over_many_blocks(tmp_path: Path) -> None:
 def test_a_night_of_daylight_saving_loses_nothing_and_is_named(
     turn: datetime, form: str, tmp_path: Path
 ) -> None:
-    """A logger's local time steps by an hour, either way; with its offset from UTC written, nothing steps."""
+    """The local time of a logger steps by an hour forwards or backwards.
+
+    If the logger writes the offset from UTC, there is no step.
+    """
     times = (turn + timedelta(milliseconds=10 * k) for k in range(-300, 300))
     clock = ZoneInfo("Europe/Berlin")
     rows = "".join(f"{when.astimezone(clock).strftime(form)},1\n" for when in times)
@@ -253,7 +259,7 @@ def test_what_is_no_time_stays(text: str) -> None:
 
 @pytest.mark.parametrize("point", [".", ":"])
 def test_milliseconds_that_are_not_padded(point: str, tmp_path: Path) -> None:
-    """WitMotion's SDK for Python joins the numbers of a chip's time so, each by `str`.
+    """WitMotion's SDK for Python joins the numbers of a chip's time in this way, each converted by `str`.
 
     github.com/WITMOTION/WitStandardProtocol_JY901, Python/Python-WitProtocol, wit_protocol_resolver.py,
     get_chiptime. Read as a fraction, 9:46:40.5 would be half a second and not 5 ms.
@@ -321,7 +327,10 @@ def test_a_step_back_is_a_new_run_unless_a_counter_or_the_day_ended(
 
 
 def days_of(*dates: str) -> list[float]:
-    """Return the days from each midday to the next, as they are read; NaN where a text is no date."""
+    """Return the steps in days between these dates at midday, as they are read.
+
+    A step is NaN next to a text that is no date.
+    """
     read = with_seconds("\n".join(f"{one} 12:00:00" for one in dates)).split("\n")
     return np.diff([float(one) / 86_400 if one.isdigit() else math.nan for one in read]).tolist()
 

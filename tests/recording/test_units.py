@@ -1,4 +1,4 @@
-"""Units as people write them."""
+"""Tests how units are read as people write them."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Messages of thousands of fields, which a small schema can describe, and numbers that no float holds."""
+"""Tests messages with thousands of fields, which a small schema can describe, and huge whole numbers."""
 
 import json
 from collections.abc import Sequence
@@ -32,9 +32,9 @@ def objects(more: int = 0) -> list[dict[str, Any]]:
 
 
 def schema_of(fields: int, parts: int = 0) -> bytes:
-    """Return a message of doubles, of which the first are NAMES.
+    """Return the schema of a message of doubles, the first of which are called NAMES.
 
-    `parts`: fields of each message in a list within it.
+    `parts`: number of fields of each message in a list within this message.
     """
     found = descriptor_pb2.FileDescriptorSet()
     file = found.file.add(name="imu.proto", package="robot", syntax="proto3")
@@ -83,12 +83,13 @@ def refusal(path: Path) -> str:
 def test_a_schema_of_many_fields(tmp_path: Path) -> None:
     path = write_protobuf(tmp_path / "a.mcap", schema_of(MOST_FIELDS - 1))
     check_read(path)
-    path = write_protobuf(tmp_path / "a.mcap", schema_of(MOST_FIELDS))  # and one field that is a list
+    # the messages have one more field, which is a list
+    path = write_protobuf(tmp_path / "a.mcap", schema_of(MOST_FIELDS))
     assert f"/imu: a message has more than {MOST_FIELDS} fields" in refusal(path)
 
 
 def test_a_list_of_parts_that_have_many_fields(tmp_path: Path) -> None:
-    """Each empty message takes two bytes, and would become a thousand numbers."""
+    """Each empty message in the list takes two bytes, and would become a thousand numbers."""
     schema = schema_of(4, parts=900)
     check_read(write_protobuf(tmp_path / "a.mcap", schema, b"\x0a\x00"))
     path = write_protobuf(tmp_path / "a.mcap", schema, b"\x0a\x00" * 20_000)
@@ -116,7 +117,7 @@ def test_a_topic_of_many_fields_does_not_hide_another(tmp_path: Path) -> None:
 
 
 def test_decoding_has_a_quota(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The quota of processor time grows with each message; here each message takes ten seconds."""
+    """The quota of processor time grows with each message, but here each message takes ten seconds."""
     path = write_objects(tmp_path / "a.mcap", objects(), STAMPS)
     clock_s = [0.0]
 
@@ -146,9 +147,9 @@ HUGE = int("9" * 400)
 @pytest.mark.parametrize("key", [*NAMES[:2], "device_id", "accel_x_g"])
 @pytest.mark.parametrize("row", [0, 7])
 def test_a_whole_number_that_no_float_holds(key: str, row: int, tmp_path: Path) -> None:
-    """It cannot be a sensor's value.
+    """Such a number cannot be a sensor's value.
 
-    In one message it counts as damage or as a sensor's name, not as an internal error.
+    In a single message, it counts as damage or as a sensor's name, and causes no internal error.
     """
     items = [
         one | {"device_id": 7, "accel_x_g": 0.0, "accel_y_g": 0.0, "accel_z_g": 1.0 + one["gyro_x_dps"] / 99}

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fltea.identification.axis import AxisResult, IdentifyOptions, identified, refit
+from fltea.identification.axis import AxisResult, IdentifyOptions, analyse, identified
 from fltea.identification.gaps import Gaps
 from fltea.identification.run import Settings
 from fltea.settings.estimator import AccelConfig, EstimatorConfig
@@ -64,4 +64,4 @@ def identify_axis(
     gaps: Gaps | None = None,
 ) -> AxisResult:
     """Return all that is identified about one axis, except its shuffled copies."""
-    return identified(refit(y, h, options, gaps), lsb, options)
+    return identified(analyse(y, h, options, gaps), lsb, options)

@@ -44,9 +44,9 @@ class QuickAxes:
         self.octaves.skip(count)
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
-        return {axis: refit().fit for axis, refit in self.refit(curves=curves, last=last).items()}
+        return {axis: refit().fit for axis, refit in self.refits(curves=curves, last=last).items()}
 
-    def refit(
+    def refits(
         self, *, curves: bool, last: bool = False, fresh: bool = False
     ) -> dict[str, Callable[[], AxisRefit]]:
         spectrum = FitSpectrum([1.0], [2.0], [3.0]) if curves else None

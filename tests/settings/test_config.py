@@ -1,4 +1,4 @@
-"""Configuration: the paper's defaults, and every mistake named with the path of its key."""
+"""Tests the configuration: defaults are the paper's, and mistakes are reported with the path of the key."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,10 @@ from fltea.settings.estimator import DEFAULT_TUNING, EstimatorConfig
 
 
 def test_defaults_are_the_papers_gyroscope_settings() -> None:
-    """Macias & Sierociuk 2023, section 7.1. R of each axis is estimated from the start-up window instead."""
+    """The paper is Macias & Sierociuk 2023, section 7.1.
+
+    Only R is not the paper's: it is estimated from the start-up window of each axis.
+    """
     e = Config().estimator
     assert e.window == 3000
     assert (e.state.P0, e.state.Q, e.state.x0) == (0.01, 0.15, 0.0)
@@ -99,7 +102,7 @@ def test_wrong_type_is_named_with_its_path(path: str, value: Any, tmp_path: Path
 
 
 def test_a_byte_order_mark_is_no_syntax_error(tmp_path: Path) -> None:
-    """Editors of Windows begin a file with this mark."""
+    """Editors of Windows write a byte order mark at the beginning of a file."""
     config = load_config(written(tmp_path, "\ufeff[estimator]\nwindow = 3000\n"), {})
     assert config.estimator.window == 3000
 

@@ -1,4 +1,4 @@
-"""Every setting is declared once: file, --set, flag, documentation and the board's header agree with it.
+"""Every setting is declared once. File, --set, flag, documentation and the board's header agree with this.
 
 These tests iterate over the declarations, so a new setting is tested without a change here.
 """
@@ -28,7 +28,7 @@ COMMAND: Any = typer.main.get_command(app).commands["run"]  # type: ignore[attr-
 
 ALL = list(SETTINGS.values())
 BESIDE = {"mqtt.key": 'cert = "client.pem"'}
-"""What else a table must hold for a setting to be accepted."""
+"""Further settings that the table of a setting must hold, so that the setting is accepted."""
 
 
 def by_path(one: Declared) -> str:
@@ -58,7 +58,7 @@ def another(one: Declared) -> Any:
 
 
 def wrong(one: Declared) -> list[Any]:
-    """Return values of a right type that the setting refuses."""
+    """Return values that the setting refuses although their type is right."""
     found: list[Any] = ["neither one nor the other"] * any(
         isinstance(x, types.LiteralType) for x in one.kinds
     )
@@ -88,7 +88,10 @@ def value_in(config: Config, path: str) -> Any:
 
 @pytest.fixture
 def told(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Run `fltea run` up to where the program would start; return its configuration, or raise its error."""
+    """Return a function that runs `fltea run` up to the start of its work, and returns the configuration.
+
+    The function raises the error with which the command would end.
+    """
     configs: list[Config] = []
     monkeypatch.setattr(daemon, "run", configs.extend)
 
@@ -109,8 +112,9 @@ def as_toml(value: Any) -> str:
 
 
 def ways(one: Declared, value: Any, folder: Path) -> list[tuple[str, list[str]]]:
-    """Return, for each way to give a setting, the beginning of an error about its value, and the
-    arguments."""
+    """Return, for each way to give a setting, the beginning of the error about a wrong value, and the
+    arguments of the command.
+    """
     table, _, key = one.path.rpartition(".")
     file, beside = folder / "fltea.toml", folder / "beside.toml"
     head = f"[{table}]\n" if table else ""
@@ -137,7 +141,7 @@ def test_every_field_of_every_table_is_declared() -> None:
 @pytest.mark.parametrize("one", ALL, ids=by_path)
 def test_a_setting_can_be_set_in_every_way(one: Declared, told: Any, tmp_path: Path) -> None:
     if one.path == "accel.estimate_on":
-        return  # only one of its words applies to the accelerometer
+        return  # only one of this setting's words applies to the accelerometer
     assert value_in(told(), one.path) == (one.default if one.path != "name" else "due")
     value = another(one)
     for _, arguments in ways(one, value, tmp_path):

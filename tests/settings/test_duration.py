@@ -1,4 +1,4 @@
-"""Lengths in samples or as a time: both work at every rate, and a mistake is named."""
+"""Durations in samples, or as a time, work at every sampling rate, and a mistake is reported."""
 
 import pytest
 from fltea.settings.duration import in_samples, in_seconds

@@ -1,4 +1,4 @@
-"""The message about a missing library gives a command that works, since fltea is on no package index."""
+"""The message about a missing library gives a command that works, although fltea is on no package index."""
 
 import sys
 from pathlib import Path

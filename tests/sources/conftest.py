@@ -11,7 +11,7 @@ import pytest
 
 @pytest.fixture
 def now_ns(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Replace all clocks by one time, which sleeping advances."""
+    """Replace all clocks by one simulated time, which advances when the program sleeps."""
     now_ns = [0]
     monkeypatch.setattr(time, "clock_gettime_ns", lambda clock: now_ns[0])
     monkeypatch.setattr(time, "time_ns", lambda: now_ns[0] + 10**18)
@@ -24,6 +24,7 @@ def fifo(tmp_path: Path) -> Iterator[Path]:
     path = tmp_path / "pipe"
     os.mkfifo(path)
     yield path
-    for flags in (os.O_RDONLY, os.O_WRONLY):  # release threads that still wait for the other end
+    # opening the FIFO releases threads that still wait for its other end
+    for flags in (os.O_RDONLY, os.O_WRONLY):
         with contextlib.suppress(OSError):
             os.close(os.open(path, flags | os.O_NONBLOCK))

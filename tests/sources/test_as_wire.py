@@ -1,4 +1,4 @@
-"""Sources without a wire: their samples, written as frames, are the same when the frames are read."""
+"""Samples of sources without a wire protocol are written as frames, and are the same when these are read."""
 
 import msgspec
 import pytest

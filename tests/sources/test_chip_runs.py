@@ -1,4 +1,4 @@
-"""Runs with each family of chips on the Raspberry Pi's bus, against its emulated twin."""
+"""Tests runs with each family of chips on the Raspberry Pi's I²C bus, with emulated chips."""
 
 import errno
 import random
@@ -37,7 +37,7 @@ def test_a_run_without_gaps(who_am_i: int) -> None:
 @EACH_FAMILY
 @pytest.mark.parametrize("share", [-0.6, 0.6])
 def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float) -> None:
-    """The clocks of some chips differ by 10 % between specimens."""
+    """The clocks of some chips are wrong by up to 10 %."""
     ppm = share * chip_of(who_am_i).clock_error * 1e6
     pi = pi_with(who_am_i, clock_ppm=ppm).run_until(6.0)
     pi.check(ppm)
@@ -47,7 +47,7 @@ def test_a_clock_far_from_its_nominal_rate_is_no_gap(who_am_i: int, share: float
 
 @EACH_FAMILY
 def test_a_program_that_is_held_up(who_am_i: int) -> None:
-    """A pause shorter than the FIFO's capacity loses nothing, a longer one does."""
+    """A pause that the FIFO can bridge loses no samples; a longer pause does."""
     pi, facts = pi_with(who_am_i), EMULATED[who_am_i]
     holds_ms = facts.holds * facts.period_ms
     pi.host.stall(SETTLED_S * S, (holds_ms - 50) * MS)
@@ -72,7 +72,10 @@ def test_a_bus_that_fails_for_less_than_the_fifo_holds_sets_no_sensor_up_again(w
 
 @EACH_FAMILY
 def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
-    """This includes the transfer that selects a bank, after whose failure another register would be read."""
+    """Errors also concern the transfer that selects a bank.
+
+    If it failed unnoticed, another register would be read.
+    """
     pi, chance = pi_with(who_am_i), random.Random(5)
 
     def inject(messages: object) -> int | None:
@@ -88,7 +91,7 @@ def test_errors_on_the_bus_mix_up_no_registers(who_am_i: int) -> None:
 
 @pytest.mark.parametrize("who_am_i", [who for family, who in FIRST.items() if family != "mpu9250"])
 def test_a_chip_in_the_place_of_another(who_am_i: int) -> None:
-    """An MPU-9250 is replaced by a chip of another family: the rate changes, and a new epoch begins."""
+    """An MPU-9250 is replaced by a chip of another family, so the rate changes and a new epoch begins."""
     pi, facts = pi_with(FIRST["mpu9250"]), EMULATED[who_am_i]
     pi.at(2.0, pi.chip.power_off)
 

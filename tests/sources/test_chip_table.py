@@ -1,6 +1,8 @@
-"""The table of chips is complete: the error names what a new one lacks, and the file in which it belongs.
+"""The table of chips is complete.
 
-`test_i2c_driver.py` and `test_chip_runs.py` check that the driver reads each as its data sheet says.
+If not, the failure names what a new chip lacks, and in which file it belongs.
+
+`test_i2c_driver.py` and `test_chip_runs.py` check that the driver reads each chip as its data sheet says.
 """
 
 import importlib

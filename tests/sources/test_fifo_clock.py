@@ -1,5 +1,6 @@
-"""The numbers of samples from counts and times alone, compared with a simulated sensor whose truth is
-known."""
+"""Compares the numbers of samples, which follow from counts and times alone, with those of a simulated
+sensor.
+"""
 
 import random
 
@@ -13,7 +14,10 @@ S = 1_000_000_000
 
 
 class Sensor:
-    """Takes sample k at begin + k periods; the driver reads its FIFO now and then."""
+    """A simulated sensor that takes sample k at `begin` plus k periods.
+
+    The test reads its FIFO now and then.
+    """
 
     def __init__(self, ppm: float, begin_ns: int = 7 * MS, drift_per_s: float = 0.0) -> None:
         self.clock = FifoClock(100.0, 0.03)
@@ -30,14 +34,14 @@ class Sensor:
         return self.begin_ns + t + self.drift * t * t / 2 / S
 
     def count(self, at_ns: int) -> int:
-        """Return the number of samples taken until then."""
+        """Return the number of samples that the sensor has taken until `at_ns`."""
         n = int((at_ns - self.begin_ns) / self.period_ns) + 3
         while self.time_ns(n - 1) > at_ns:
             n -= 1
         return n
 
     def look(self, ms: float = 0.0) -> bool:
-        """Read all that waits; return whether the clock agrees with the truth."""
+        """Read all samples that wait in the FIFO; return whether the clock agrees with the truth."""
         self.now_ns += round((ms or self._random.uniform(20, 30)) * MS)
         before_ns, after_ns = self.now_ns - 350_000, self.now_ns
         waiting = self.count(self.now_ns - 150_000) - self.taken
@@ -56,7 +60,7 @@ class Sensor:
     def lose(self, seconds: float, poll_ms: float = 1.0) -> tuple[int, int, int]:
         """Stop reading for a while and empty the FIFO.
 
-        Return the missing samples, whether they are in doubt, and the truth.
+        Return the estimated number of missing samples, the doubt about it, and the true number.
         """
         self.now_ns += round(seconds * S)
         empty_ns, had = self.now_ns, self.count(self.now_ns)
@@ -109,7 +113,10 @@ def test_samples_that_vanish_or_appear_are_noticed(slipped: int) -> None:
 
 
 def test_a_sensor_that_warms_up_stays_in_step() -> None:
-    """500 ppm in five minutes: a straight line through all counts would be wrong by whole samples."""
+    """The clock changes by 500 ppm in five minutes.
+
+    A straight line through all counts would be wrong by whole samples.
+    """
     sensor = Sensor(0, drift_per_s=500e-6 / 300).run(300)
     missing, doubt, truth = sensor.lose(2)
     assert (missing, doubt) == (truth, 0)
@@ -125,7 +132,7 @@ def test_after_a_set_up_the_numbers_go_on_by_time() -> None:
 
 
 def test_a_late_count_teaches_nothing() -> None:
-    """A count that was delayed for half a second, and is the only one in its second."""
+    """The count is delayed by half a second, and is the only one in its second."""
     sensor = Sensor(0).run(20)
     sensor.now_ns += S // 2
     waiting = sensor.count(sensor.now_ns - S // 2 + 10 * MS) - sensor.taken

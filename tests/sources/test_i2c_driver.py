@@ -1,4 +1,4 @@
-"""The driver with the emulated chips: what it writes, which values it accepts, and what it retries."""
+"""Tests the driver with emulated chips: what it writes, which values it accepts, and what it retries."""
 
 import errno
 import itertools
@@ -23,7 +23,7 @@ EVERY_CHIP = pytest.mark.parametrize("who_am_i", SENSORS, ids=lambda who_am_i: S
 
 
 class Bench:
-    """Driver, bus and chip alone."""
+    """A driver with its bus and chip, without the source around them."""
 
     def __init__(self, model: type[Mpu9250 | Icm20948] = Mpu9250, family: str = "", **chip: object) -> None:
         self.host = FakeHost()
@@ -46,7 +46,7 @@ class Bench:
         self.chip.advance(self.host.now_ns)
 
     def fail(self, *numbers: int) -> None:
-        """Let the next transactions fail with these errnos, 0 for success."""
+        """Let the next transactions fail with these error numbers; 0 means success."""
         left = list(numbers)
         self.bus.inject = lambda messages: (left.pop(0) or None) if left else None
 
@@ -68,10 +68,10 @@ def icm() -> Bench:
 
 def test_firmware_and_host_mean_the_same_registers() -> None:
     found = re.findall(r"constexpr uint8_t k(\w+) = (\w+);", HEADER.read_text(encoding="utf-8"))
-    # `kSmplrtDiv` stands for SMPLRT_DIV, and so on.
+    # In the firmware's header, SMPLRT_DIV is called `kSmplrtDiv`, and so on.
     firmware = {re.sub(r"(?<=[a-z])(?=[A-Z0-9])", "_", name).upper(): int(value, 0) for name, value in found}
     host = {name: value for name, value in vars(reg).items() if name.isupper()}
-    # the firmware polls the output registers; here the FIFO is read
+    # only the firmware reads the output registers, since this driver reads the FIFO
     theirs_alone = {"ACCEL_XOUT_H", "RAW_READY"}
     assert len(firmware) == 15
     assert {name: host[name] for name in firmware.keys() - theirs_alone} == {
@@ -109,7 +109,8 @@ def test_an_unknown_chip_is_refused_by_its_number_and_nothing_is_written_to_it()
         Bench(who_am_i=0x12).driver.identify()
     assert (refused.value.code, refused.value.detail) == (FaultCode.SENSOR_UNKNOWN, 0x12)
     bench = Bench(Icm20948)
-    # as if another program had been killed halfway: the chip then seems to be of another kind
+    # another bank is selected, as if another program had been killed halfway; the chip then seems to be of
+    # another kind
     bench.chip.bank = 2
     with pytest.raises(SensorFault) as refused:
         bench.driver.identify()
@@ -159,7 +160,7 @@ def test_a_bus_that_is_gone_is_not_asked_again(bench: Bench, number: int) -> Non
 
 
 def test_a_broken_read_of_the_fifo_is_never_repeated(bench: Bench) -> None:
-    """The bytes already read are gone: a second try would take the rest for the beginning."""
+    """The bytes that were read are gone. A second try would take the rest for the beginning of a sample."""
     bench.wait(35)
     bench.fail(errno.EIO)
     before = bench.bus.transactions
@@ -235,7 +236,7 @@ def test_a_bank_that_could_not_be_selected_is_selected_later(icm: Bench) -> None
 
     icm.wait(20)
     icm.bus.inject = refuse
-    with pytest.raises(TransferFailed):  # on the way back from bank 2
+    with pytest.raises(TransferFailed):  # the transfer that returns from bank 2 fails
         icm.driver.check_settings()
     bank = 0x20
     waiting = icm.driver.level().bytes

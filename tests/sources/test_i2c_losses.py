@@ -1,4 +1,4 @@
-"""Samples that an I²C source loses, or might lose: each is delivered with its true number, or counted."""
+"""Each sample that an I²C source might lose is delivered with its true number, or counted as lost."""
 
 import errno
 import random
@@ -15,7 +15,9 @@ from tests.rig.fake_smbus import MS, Pi, S
 SETTLED_S = 12.0
 """Time after which the sensor's clock is known well enough to count any loss exactly."""
 AT_RANDOM = settings(phases=[Phase.generate])
-"""Settings without shrinking, which would take minutes for examples that run for seconds."""
+"""Settings of hypothesis without shrinking of examples, which would take minutes, since an example runs for
+seconds.
+"""
 ERRNOS = [errno.EREMOTEIO, errno.EIO, errno.ETIMEDOUT, errno.ENXIO, errno.EAGAIN]
 
 
@@ -47,8 +49,9 @@ def test_a_stall_of_2_s_is_counted_to_the_sample(at_s: float, for_s: float, ppm:
 
 
 def once(pi: Pi, register: int, do: Callable[[tuple[i2c_msg, ...]], int | None]) -> Pi:
-    """Do something just before the next transaction that begins with this register, once the clock has
-    settled."""
+    """Do something once, just before a transaction that begins with this register, after the clock has
+    settled.
+    """
 
     def inject(messages: tuple[i2c_msg, ...]) -> int | None:
         if pi.host.now_ns < SETTLED_S * S or bytes(messages[0])[0] != register:
@@ -64,9 +67,9 @@ def once(pi: Pi, register: int, do: Callable[[tuple[i2c_msg, ...]], int | None])
 
 @pytest.mark.parametrize("register", [0x72, 0x3A, 0x74, 0x19])
 def test_a_stall_between_any_two_transfers_is_counted(register: int) -> None:
-    """The stall comes before reading the count, the flag, the samples or the settings.
+    """The program stalls before it reads the FIFO's count, the overflow flag, the samples or the settings.
 
-    The FIFO's content changes each time.
+    Meanwhile, the content of the FIFO changes.
     """
     pi = Pi()
     once(pi, register, lambda messages: pi.host.let_pass(2 * S)).run_until(SETTLED_S + 4)
@@ -94,7 +97,7 @@ def test_a_clock_that_is_read_late_turns_no_time_back() -> None:
 
 
 def test_a_whole_sample_that_went_with_a_broken_transfer_is_missed() -> None:
-    """The FIFO is aligned afterwards, as if nothing had been lost."""
+    """Afterwards the FIFO begins with a whole sample, as if nothing had been lost."""
     pi = Pi()
 
     def break_off(messages: tuple[i2c_msg, ...]) -> int:
@@ -209,7 +212,7 @@ def test_samples_that_somebody_else_took() -> None:
     pi = Pi()
 
     def steal() -> None:
-        if len(pi.chip.fifo) >= 28:  # a single sample may be missed a little late
+        if len(pi.chip.fifo) >= 28:  # the loss of a single sample may be noticed a little late
             [pi.chip.fifo.pop() for _ in range(len(pi.chip.fifo) // 14 * 14)]
 
     for k in range(60):

@@ -1,4 +1,4 @@
-"""`fltea run --source i2c:…` with the chip model in virtual time: samples, faults and messages."""
+"""Tests `fltea run --source i2c:…` with the chip model in simulated time: samples, faults and messages."""
 
 import errno
 import threading
@@ -77,7 +77,10 @@ def test_a_quiet_run() -> None:
 
 
 def test_the_date_changes_only_with_an_event(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The recorder and the pipeline each read the date, and a replay has to give the live result."""
+    """Between two events, the offset to Unix time stays the same.
+
+    The recorder and the pipeline each read it, and a replay has to give the live result.
+    """
     pi = Pi()
     monkeypatch.setattr(pi.host, "unix_offset_ns", count(UNIX_OFFSET_NS).__next__)
     events, seen = pi.source.events(), set()
@@ -102,7 +105,8 @@ def test_what_hello_says() -> None:
     assert hello.device_id == Pi().run_until(1).hello.device_id
     assert hello.device_id != other.hello.device_id
     assert hello.boot_id != other.hello.boot_id
-    assert len(hello.firmware_version.encode("ascii")) <= 24  # a recording stores it as text24
+    # a recording stores the version as a text of at most 24 bytes
+    assert len(hello.firmware_version.encode("ascii")) <= 24
     assert wire.SamplingMode[hello.sampling_mode.upper()]
     assert wire.ResetCause[pi.status.reset_cause.upper()]
 
@@ -111,8 +115,8 @@ def test_samples_come_soon() -> None:
     pi = Pi().run_until(5)
     late_ms = [(pi.host.now_ns - taken_ns(raw.gyro, raw.accel)) / MS for raw in pi.raw[-3:]]
     assert max(late_ms) < 45
-    # The arrival is as exact as the clock is known: never before the sample, at most little more than a
-    # period later.
+    # The arrival time is as exact as the clock is known: never before the sample, and at most little more
+    # than a period later.
     waits_ms = [(raw.host_ns - taken_ns(raw.gyro, raw.accel)) / MS for raw in pi.raw]
     assert 0 <= min(waits_ms) < 1
     assert max(waits_ms) < 13
@@ -121,7 +125,7 @@ def test_samples_come_soon() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("ppm", "until_s"), [(9_000.0, 1_400), (-7_300.0, 300)])
 def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The FIFO is read less often than usual to save time. The sequence wraps twice."""
+    """To save time, the FIFO is read less often than usual. The sequence number wraps twice."""
     monkeypatch.setattr(i2c, "POLL_S", (0.15, 0.2))
     pi = Pi(clock_ppm=ppm)
     decoder = Decoder(lambda: 0, 100)
@@ -147,7 +151,8 @@ def test_a_long_time(ppm: float, until_s: int, monkeypatch: pytest.MonkeyPatch) 
 
 def test_sequence_and_device_time_wrap() -> None:
     pi = Pi()
-    pi.source._reader._clock.next = 429_490  # 4294.9 s, where 2^32 us are 4294.967 s; 36,274 modulo 2^16
+    # this sample is at 4294.9 s, shortly before 2^32 us (4294.967 s); modulo 2^16 its number is 36,274
+    pi.source._reader._clock.next = 429_490
     pi.run_until(1)
     assert max(raw.device_us for raw in pi.raw) == 429_496 * 10_000
     assert pi.raw[-1].device_us < S // 1000
@@ -232,7 +237,7 @@ def test_no_sensor_is_explained_and_waited_for() -> None:
     pi.chip.power_off()
     pi.at(130, pi.chip.power_on)
     pi.run_until(133).check()
-    assert pi.told == ["device_fault"] * 3  # immediately, and again after each minute
+    assert pi.told == ["device_fault"] * 3  # the fault is reported immediately, and again after each minute
     text = pi.of(Error)[0].message
     assert "no sensor answers at I²C address 0x68 on /dev/i2c-1" in text
     for word in ["pin 1 (3.3 V)", "pin 6", "pin 3", "pin 5", "AD0", "0x69", "'i2cdetect -y 1'"]:
@@ -250,7 +255,7 @@ def test_a_sensor_that_powers_up_with_the_machine_is_no_trouble() -> None:
 
 
 class Buses:
-    """Buses whose opening fails in turn."""
+    """Gives buses, or fails with an error number, at each opening of a bus."""
 
     def __init__(self, pi: Pi, *errors: OSError) -> None:
         self.left = list(errors)
@@ -314,7 +319,7 @@ def test_closing_releases_the_bus() -> None:
 
 @pytest.mark.parametrize("number", [errno.EREMOTEIO, errno.ENODEV])
 def test_close_from_another_thread_ends_any_wait(number: int) -> None:
-    """On the real clock, during the longest waits."""
+    """This runs on the real clock, and closes the source during the longest waits."""
 
     class DeadBus:
         def i2c_rdwr(self, *messages: object) -> None:

@@ -1,5 +1,6 @@
-"""Layout of scans and meaning of counts, compared with the kernel's documentation and a slow, plain
-decoder."""
+"""Compares the layout of scans, and the meaning of counts, with the kernel's documentation and a slow, plain
+decoder.
+"""
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 
 def test_the_layout_of_the_kernels_own_example() -> None:
-    """Documentation/driver-api/iio/buffers.rst: 12 bits in 16, shifted by 4, big-endian."""
+    """The example of Documentation/driver-api/iio/buffers.rst: 12 bits in 16, shifted by 4, big-endian."""
     element = parse_element("accel_x", "0\n", "be:s12/16>>4\n")
     assert element == Element("accel_x", 0, True, True, 12, 16, 4)
     layout = ScanLayout([element])
@@ -58,7 +59,7 @@ def elements(draw: st.DrawFn) -> list[Element]:
 
 
 def plainly(elements: list[Element], data: bytes) -> list[dict[str, int]]:
-    """Decode byte by byte, with Python's own integers."""
+    """Decode scans byte by byte, with Python's own integers."""
     scans, at = [], 0
     largest = max(element.size for element in elements)
     while at < len(data):
@@ -87,7 +88,8 @@ def test_numbers_are_those_of_a_plain_decoder(found: list[Element], count: int, 
     plain = plainly(found, data)
     assert len(plain) == count
     for element in found:
-        wrap = 1 << 64 if element.bits == 64 and not element.signed else 0  # more than an int64 holds
+        # an int64 holds such numbers only modulo 2^64
+        wrap = 1 << 64 if element.bits == 64 and not element.signed else 0
         got = [value % wrap if wrap else value for value in columns[element.name].tolist()]
         assert got == [scan[element.name] for scan in plain]
 
@@ -105,11 +107,13 @@ def test_half_a_scan_is_refused() -> None:
     st.floats(0.0, 3.0),
 )
 def test_counts_mean_what_the_kernels_documentation_says(order, signs, scales, offsets, angle) -> None:
-    """(raw + offset) * scale, turned by the mount matrix; if axes are only swapped, the values stay
-    counts."""
+    """Values are (raw + offset) * scale, rotated by the mount matrix.
+
+    If it only swaps axes, the values stay counts.
+    """
     mount = np.zeros((3, 3))
     mount[range(3), order] = signs
-    mount *= np.linalg.det(mount)  # exclude reflections
+    mount *= np.linalg.det(mount)  # this makes a rotation of a reflection
     turned = mount @ [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     counts = np.array([[1.0, -20.0, 300.0], [32767.0, -32768.0, 0.0]])
     truth = ((counts + offsets) * scales) @ turned.T

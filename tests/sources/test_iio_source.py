@@ -1,4 +1,7 @@
-"""A kernel device as events: a folder of files and a FIFO take the place of /sys and the node in /dev."""
+"""Tests the events of a device with a kernel driver.
+
+A folder of files and a FIFO take the place of /sys and of the node in /dev.
+"""
 
 import errno
 import json
@@ -24,7 +27,7 @@ BEGIN_NS = 1_700_000_000 * 10**9
 
 
 class Player:
-    """Drives a source and its FIFO from one thread."""
+    """Drives a source, and writes to its FIFO, in one thread."""
 
     def __init__(self, device: FakeIio, query: str = "") -> None:
         self.source = IioSource(device.url.removeprefix("iio:") + query)
@@ -33,17 +36,17 @@ class Player:
         self._writer = -1
 
     def open(self) -> None:
-        """Let the source open the device, then act as the kernel."""
+        """Let the source open the device, and then act as the kernel."""
         assert isinstance(next(self.events), Tick)
         self._writer = os.open(self.device.node, os.O_WRONLY)
 
     def play(self, data: bytes, kind: type[Event] = RawBlock) -> list[Any]:
-        """Write data, and return events up to the first of a kind."""
+        """Write data, and return the events up to the first one of a kind."""
         os.write(self._writer, data)
         return self.until(kind)
 
     def until(self, kind: type[Event]) -> list[Any]:
-        """Return events up to the first of a kind, without ticks."""
+        """Return the events, without ticks, up to the first one of a kind."""
         found = []
         for event in self.events:
             found += [] if isinstance(event, Tick) else [event]
@@ -90,15 +93,15 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
     assert [type(event) for event in found] == [Hello, RawBlock]
     assert hello.rate_hz == pytest.approx(200.0)
     assert (hello.sampling_mode, hello.sensor) == ("iio", "bmi160")
-    assert hello.gyro_lsb_per_dps == pytest.approx(16.3921, rel=1e-4)  # 0.001064724 rad/s
+    assert hello.gyro_lsb_per_dps == pytest.approx(16.3921, rel=1e-4)  # this is a scale of 0.001064724 rad/s
     assert hello.accel_lsb_per_g == pytest.approx(16393.5, rel=1e-4)
     assert block.sequence.tolist() == list(range(500))
-    assert block.gyro[1].tolist() == [49.0, -1.0, 3.0]  # y, -x, z, by the mount matrix
+    assert block.gyro[1].tolist() == [49.0, -1.0, 3.0]  # by the mount matrix, the axes become y, -x and z
     assert block.accel[1].tolist() == [100.0, -200.0, 16001.0]
     place = Decoder(lambda: 0, max_gap=10)
     place.on_hello(hello)
     list(place.feed(block))
-    data = scans(500, 510) + scans(513, 520)  # three are lost
+    data = scans(500, 510) + scans(513, 520)  # three samples are lost
     pieces = [*player.play(data[:37]), *player.play(data[37:])]
     for piece in pieces:
         list(place.feed(piece))
@@ -122,8 +125,10 @@ def test_samples_with_scale_mount_matrix_rate_and_gaps(tmp_path: Path) -> None:
 def test_a_mount_matrix_that_all_sensors_share(
     tmp_path: Path, name: str, query: str, gyro: list[float], accel: list[float]
 ) -> None:
-    """ICM-42600, LSM6DSx and ST drivers have one file for all channels (`mount_matrix`), others one for each
-    direction."""
+    """The drivers of the ICM-42600, of the LSM6DSx and of ST have one file for all channels (`mount_matrix`).
+
+    Other drivers have one for each direction.
+    """
     device = imu(tmp_path)
     device.put(name, device.get("in_anglvel_mount_matrix"))
     (device.folder / "in_anglvel_mount_matrix").unlink()
@@ -135,7 +140,7 @@ def test_a_mount_matrix_that_all_sensors_share(
 
 
 def test_a_trigger_that_the_driver_refuses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """inv_mpu6050 refuses all triggers except its own."""
+    """The driver inv_mpu6050 refuses all triggers except its own."""
     device, write = imu(tmp_path), Path.write_text
 
     def refuse(path: Path, text: str, encoding: str) -> int:
@@ -250,7 +255,7 @@ def test_a_node_that_does_not_open_and_a_buffer_that_does_not_start_leave_all_as
 
 
 def refuse_to_write(monkeypatch: pytest.MonkeyPatch, name: str, content: str, number: int) -> None:
-    """Let writing this value to a file of this name fail."""
+    """Let the writing of this content to a file of this name fail."""
     write = Path.write_text
 
     def refuse(path: Path, text: str, encoding: str | None = None) -> int:
@@ -293,7 +298,10 @@ def test_urls_that_are_none(rest: str) -> None:
 
 
 def test_the_real_command(tmp_path: Path) -> None:
-    """`--once` ends when the device is lost; all earlier samples have been published."""
+    """With `--once`, the command ends when the device is lost.
+
+    All earlier samples have been published then.
+    """
     device = imu(tmp_path)
 
     def play() -> None:

@@ -1,4 +1,4 @@
-"""Live text is read as a file is: the same samples, the same evidence, the same refusals."""
+"""Live text is read as a file is: with the same samples, the same evidence, and the same errors."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -69,7 +69,7 @@ def objects_of_two(k: int) -> str:
 
 
 def of_day(k: int) -> str:
-    """Times of day that pass midnight."""
+    """Return the time of day of sample k; the times pass midnight."""
     clock = f"23:59:{58 + k // 100}" if k < 200 else "00:00:00"
     return f"{clock}.{k % 100:02},{row(k).partition(',')[2]}"
 
@@ -127,7 +127,7 @@ def cut(data: bytes, places: Sequence[int]) -> list[bytes]:
 
 
 def samples(events: list[Event]) -> tuple[float, list[Any], list[int]]:
-    """Return the rate, the values in deg/s or counts, and the sample numbers."""
+    """Return the sampling rate, the values in deg/s or counts, and the sample numbers in these events."""
     blocks = of(RawBlock, events)
     rate_hz = of(Hello, events)[0].rate_hz
     gyro = np.concatenate([block.gyro for block in blocks])
@@ -187,7 +187,7 @@ LIVE = [
 
 @pytest.mark.parametrize("name", LIVE)
 def test_a_logger_is_recognised_from_a_few_lines(name: str, tmp_path: Path) -> None:
-    """Live lines come one by one, while the numbers of a file are examined together."""
+    """Live lines come one by one, whereas the numbers in a file are examined together."""
     data, how = (HERE / name).read_bytes(), how_of(OPTIONS[name])
     events, source = live(data.splitlines(keepends=True), how)
     whole = open_csv(HERE / name, how).whole()

@@ -1,4 +1,4 @@
-"""Which files a name selects: a folder, a session, one of its files; and which names are refused."""
+"""Tests which files the name of a folder, session or file selects, and which names are refused."""
 
 from pathlib import Path
 

@@ -1,4 +1,7 @@
-"""No file of a recording is skipped silently: what cannot be read is named and counted, with exit code 1."""
+"""No file of a recording is skipped silently.
+
+Files that cannot be read are named and counted, with exit code 1.
+"""
 
 import json
 import os
@@ -28,7 +31,7 @@ from tools import standin
 
 
 def taken(records: list[AnyRecord]) -> list[tuple[object, ...]]:
-    """Return the samples without their temperature, which simulated samples have only in their frames."""
+    """Return the samples without their temperature. Simulated samples have a temperature only in frames."""
     return [(one.seq, one.device_us, one.gyro_dps, one.accel_ms2) for one in of(Sample, records)]
 
 
@@ -73,9 +76,9 @@ def test_a_part_under_another_number_is_read_once_and_named(
 
 @pytest.fixture(params=["head", "chunk"])
 def damaged(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
-    """Damage one of a recording's files by a wrong byte in its head or in a chunk.
+    """Damage one file of a recording by a wrong byte, at its beginning or in a chunk.
 
-    The other files are long enough.
+    The other files are long enough to be read alone.
     """
     record(tmp_path, transport(samples=1200), rotate_s=1.0)
     file = parts(tmp_path)[1]

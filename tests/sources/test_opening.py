@@ -1,4 +1,4 @@
-"""Which source a URL means, and the error for a URL that names none."""
+"""Tests which source a URL means, and the error for a URL that names none."""
 
 import os
 import re
@@ -30,7 +30,7 @@ class Port:
     def hwid(self) -> str:
         return "n/a" if self.vid is None else f"USB VID:PID={self.vid:04X}:{self.pid:04X} SER=1 LOCATION=1-1"
 
-    def __iter__(self) -> Iterator[str]:  # pyserial's own object can be unpacked, too
+    def __iter__(self) -> Iterator[str]:  # pyserial's own object can be unpacked like a tuple, too
         return iter((self.device, self.description, self.hwid))
 
 

@@ -1,5 +1,6 @@
-"""A replay of MCAP files gives the same estimates to the last bit, whatever was cut off, damaged or is
-missing."""
+"""A replay of MCAP files gives the same estimates to the last bit, whatever part of the files is truncated,
+damaged or missing.
+"""
 
 import os
 import tracemalloc
@@ -68,7 +69,10 @@ def test_what_the_line_did_is_counted_again(tmp_path: Path) -> None:
 
 
 def test_host_times_follow_each_epochs_own_clock(tmp_path: Path) -> None:
-    """The wall clock was set between two boots: the second epoch has the new wall-clock times."""
+    """The host's clock was set between two starts of the device.
+
+    The second epoch has times by the new setting.
+    """
     hour_ns = 3600 * 10**9
     items = transport(samples=100, boots=2)
     second = items.index(next(i for i in items[1:] if isinstance(i, Opened)))
@@ -85,7 +89,8 @@ def test_a_later_file_can_be_replayed_alone(tmp_path: Path) -> None:
     assert isinstance(again[0], Hello)
     numbers = [sample.seq for sample in of(Sample, again)]
     assert numbers == [s.seq for s in of(Sample, live) if s.seq >= numbers[0]]
-    assert 308 <= numbers[0] <= 313  # the first sample is used, thanks to the HELLO in the file's head
+    # samples are used from the first one on, thanks to the HELLO in the file's metadata
+    assert 308 <= numbers[0] <= 313
     gyro = {s.seq: s.gyro_dps for s in of(Sample, live)}
     assert all(sample.gyro_dps == gyro[sample.seq] for sample in of(Sample, again))
 
@@ -104,7 +109,7 @@ def test_files_that_are_missing_are_a_gap(tmp_path: Path) -> None:
 
 
 def spoil(folder: Path, chunk: int, place: int, bits: int) -> None:
-    """Flip bits of one byte of a chunk's record in the only file of a folder."""
+    """Flip bits in one byte of a chunk in the only file of a folder."""
     (path,) = files(folder)
     data = bytearray(path.read_bytes())
     begin = [at for at, kind, _ in _places(bytes(data)) if kind == Opcode.CHUNK][chunk]
@@ -115,8 +120,10 @@ def spoil(folder: Path, chunk: int, place: int, bits: int) -> None:
 @pytest.mark.usefixtures("many_chunks")
 @pytest.mark.parametrize("chunk", [0, 250])
 def test_a_damaged_chunk_costs_itself_alone(chunk: int, tmp_path: Path) -> None:
-    """This includes the first chunk, which defines the channels: wire channels always have the same
-    numbers."""
+    """This includes the first chunk, which describes the channels.
+
+    Channels of raw bytes are readable without it, since they always have the same IDs.
+    """
     record(tmp_path, transport(samples=500), channels=())
     spoil(tmp_path, chunk, 60, 0xFF)
     again = replay(tmp_path)
@@ -143,14 +150,15 @@ def test_no_changed_byte_of_the_wire_is_ever_believed(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("many_chunks")
 def test_chunks_that_are_not_there_are_noticed_by_their_numbers(tmp_path: Path) -> None:
     record(tmp_path, transport(samples=300), channels=())
-    spoil(tmp_path, 120, 0, Opcode.CHUNK ^ 0x7F)  # an unknown kind of record, which every reader skips
+    # this becomes an unknown kind of record, which every reader skips
+    spoil(tmp_path, 120, 0, Opcode.CHUNK ^ 0x7F)
     (error,) = of(Error, replay(tmp_path))
     assert error.kind == "recording_gap"
     assert "chunks from the wire are missing" in error.message
 
 
 def _places(data: bytes) -> list[tuple[int, int, int]]:
-    """Return offset, kind and length of every record."""
+    """Return offset, kind and length of every record in a file."""
     found, at = [], 8
     while at < len(data) - 8:
         kind, length = HEAD.unpack_from(data, at)
@@ -169,7 +177,8 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
     record(tmp_path / "whole", items, channels=())
     data = files(tmp_path / "whole")[0].read_bytes()
     ends = [at + HEAD.size + length for at, kind, length in _places(data) if kind == Opcode.CHUNK]
-    head = _places(data)[1][0] + HEAD.size + _places(data)[1][2]  # the session's metadata
+    # length of the file up to the end of the session's metadata
+    head = _places(data)[1][0] + HEAD.size + _places(data)[1][2]
     everything = [item for item in items if isinstance(item, Chunk)]
     path = tmp_path / "cut.mcap"
     whole = find_session(files(tmp_path / "whole"))
@@ -182,7 +191,7 @@ def test_cut_at_every_byte_it_gives_what_was_whole_before(tmp_path: Path) -> Non
             continue
         events = list(McapRecording(before, "x").events())
         chunks = sum(end <= length for end in ends)
-        # the first item is `Opened`
+        # the first recorded item is `Opened`
         bytes_in = b"".join(item.data for item in everything[: max(0, chunks - 1)])
         frames = FrameReader().feed(bytes_in)
         samples = [frame for frame in frames if isinstance(frame.message, wire.Sample)]

@@ -1,4 +1,4 @@
-"""Replay: a recording becomes the events that a device would have sent, the same in every run."""
+"""A replay turns a recording into the events that a device would have sent, the same in every run."""
 
 import time
 from collections.abc import Iterator
@@ -70,7 +70,7 @@ def test_host_times_are_those_of_the_recording(tmp_path: Path) -> None:
 
 
 def test_sequence_and_time_wrap_as_a_devices_do(tmp_path: Path) -> None:
-    n, rate_hz = 70_000, 10.0  # 7000 s: sequence and time wrap once each
+    n, rate_hz = 70_000, 10.0  # in these 7000 s, sequence number and device time each wrap once
     path = npz_file(tmp_path, gyro_raw=None, gyro_dps=np.zeros((n, 1)), fs_hz=rate_hz)
     found = samples(ReplaySource(path))
     assert max(raw.sequence for raw in found) == 65535
@@ -109,9 +109,11 @@ def test_time_that_a_recording_skips_is_a_gap(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rate_hz", "times_s"),
     [
-        (8000.0, np.round(np.arange(8000) / 8000, 4)),  # in whole tenths of a ms: steps of 0.1 and 0.2
+        # times in whole tenths of a ms: the steps are 0.1 and 0.2 ms
+        (8000.0, np.round(np.arange(8000) / 8000, 4)),
         (100.0, np.delete(np.arange(400) / 100, [50, 51, 52])),
-        (100.0, np.arange(400) / 100 + 100 * (np.arange(400) >= 300)),  # a pause whose cause is unknown
+        # this is a pause whose cause is unknown
+        (100.0, np.arange(400) / 100 + 100 * (np.arange(400) >= 300)),
     ],
     ids=["rounded times", "a gap", "a pause"],
 )
@@ -231,7 +233,7 @@ def test_missing_file_folder_and_unknown_ending(tmp_path: Path) -> None:
 
 
 def test_name_that_is_no_text_is_written_as_far_as_it_is(tmp_path: Path) -> None:
-    path = tmp_path / "r\udcffst.npz"  # Python's form of the byte 0xFF in a name
+    path = tmp_path / "r\udcffst.npz"  # \udcff is Python's form of the byte 0xFF in a file name
     npz_file(tmp_path).rename(path)
     first = next(ReplaySource(path).events())
     assert first.source == f"replay:{tmp_path}/r?st.npz"
@@ -274,7 +276,7 @@ def test_real_pace_waits_for_each_sample(tmp_path: Path, now_ns: list[int]) -> N
 
 
 def test_close_ends_a_long_wait(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Python continues to sleep after a signal, so a wait consists of short ones."""
+    """Python continues to sleep after a signal, so a long wait consists of short ones."""
     source = ReplaySource(csv_file(tmp_path, [0.0, 600.0, 1200.0]), how=How(overrule=True), realtime=True)
     slept_s: list[float] = []
 
@@ -298,8 +300,9 @@ def test_pace_comes_from_the_configuration(tmp_path: Path) -> None:
 
 
 def live_events() -> Iterator[Event]:
-    """Return live events: lost samples, a lost port or sensor, an overlong gap, and a restart, with late
-    arrivals."""
+    """Yield live events with lost samples, a lost port or sensor, an overlong gap, a restart, and late
+    arrivals.
+    """
     rng = np.random.default_rng(3)
     now_ns = 5_000_000_000
     for boot_id, away in (

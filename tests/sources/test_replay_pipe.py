@@ -1,4 +1,4 @@
-"""Recordings through pipes: /dev/stdin, FIFOs, and files without an extension."""
+"""Tests recordings that come through pipes: /dev/stdin, FIFOs, and files without an extension."""
 
 import contextlib
 import json
@@ -118,7 +118,7 @@ def test_a_pipe_into_which_nobody_writes_is_told(
 
 def test_a_writer_may_take_its_time_once_it_has_come(fifo: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(small_file, "PATIENCE_S", 0.05)
-    held = os.open(fifo, os.O_RDWR)  # opens without waiting for a writer
+    held = os.open(fifo, os.O_RDWR)  # opening it in this way does not wait for a writer
 
     def write() -> None:
         for data in (CSV[:100], CSV[100:]):
@@ -183,7 +183,7 @@ WAYS = {
     "pipe": "cat {} | fltea info /dev/stdin",
     "substitution": "info <(cat {})",
 }
-"""Ways in which a shell passes the content of a file."""
+"""Ways in which a shell passes the content of a file to a program."""
 IN_ONE_GO = {"plain.csv"}
 
 
@@ -199,7 +199,10 @@ IN_ONE_GO = {"plain.csv"}
     ],
 )
 def test_what_a_shell_hands_over(way: str, names: tuple[str, ...]) -> None:
-    """A reader process has another standard input, and a table cannot be read sequentially."""
+    """This also works for files that a reader process reads, which has another standard input.
+
+    Such a file cannot be read sequentially.
+    """
     command = WAYS[way] if "fltea" in WAYS[way] else "fltea " + WAYS[way]
     said_of = {"json.mcap": " --units rad/s"}
     script = [f"{command.format(HERE / name)}{said_of.get(name, '')} || echo refused" for name in names]
@@ -229,8 +232,9 @@ def test_a_redirected_file_that_has_no_name_any_more(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_standard_input_of_identify(jobs: int, tmp_path: Path) -> None:
-    """With a file in addition, other processes would read, but they do not have this process's standard
-    input."""
+    """If a file is given in addition, other processes would do the reading, but they do not have this
+    process's standard input.
+    """
     rng = np.random.default_rng(1)
     rows = "".join(f"{value:.6f}\n" for value in rng.normal(size=5000))
     (tmp_path / "rest.csv").write_text("gyro_x_dps\n" + rows)
@@ -264,7 +268,10 @@ def test_a_pipe_that_says_nothing_can_be_interrupted(
 
 
 def _interrupted(process: subprocess.Popen[bytes], number: signal.Signals) -> bytes:
-    """Interrupt a program and return its message; interrupt again if the signal came just before the read."""
+    """Interrupt a program and return its message.
+
+    Interrupt it again if the signal came just before it read.
+    """
     for _ in range(60):
         process.send_signal(number)
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -273,7 +280,7 @@ def _interrupted(process: subprocess.Popen[bytes], number: signal.Signals) -> by
 
 
 def _opened_by_a_reader(fifo: Path, process: subprocess.Popen[bytes]) -> int:
-    """Open the pipe for writing, which succeeds once a program reads."""
+    """Open the pipe for writing, which succeeds as soon as a program reads from it."""
     while process.poll() is None:
         with contextlib.suppress(OSError):
             return os.open(fifo, os.O_WRONLY | os.O_NONBLOCK)
@@ -282,14 +289,15 @@ def _opened_by_a_reader(fifo: Path, process: subprocess.Popen[bytes]) -> int:
 
 
 def _wait_until_it_reads(process: subprocess.Popen[bytes]) -> None:
-    """Wait until the program sleeps in the kernel's read.
+    """Wait until the program waits in the kernel's function `read`.
 
-    A signal just before would be handled only after the read.
+    A signal just before this call would be handled only after it.
     """
     process_files = Path(f"/proc/{process.pid}")
     while process.poll() is None:
         where = (process_files / "wchan").read_text()
         state = (process_files / "stat").read_text().rpartition(")")[2].split()[0]
-        if "pipe_read" in where or (where == "0" and state == "S"):  # not every kernel names the function
+        # not every kernel names the function in which a process waits
+        if "pipe_read" in where or (where == "0" and state == "S"):
             return
         time.sleep(0.02)

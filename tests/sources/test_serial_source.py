@@ -1,4 +1,4 @@
-"""The serial source's diagnosis of a device, with simulated transport events and time."""
+"""Tests how the serial source diagnoses a device, with simulated transport events and simulated time."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ SAMPLE = wire.Sample(1, -2, 3, 4, -5, 6, 700, 4)
 
 
 class Script:
-    """Feeds transport events to the diagnosis, one by one."""
+    """Feeds transport events to the source's diagnosis one by one."""
 
     def __init__(self) -> None:
         self.source = WireEvents("/dev/none")
@@ -58,7 +58,7 @@ def hello_bytes(sequence: int = 0, **changes: object) -> bytes:
 
 
 def names(events: list[Event]) -> list[str]:
-    """Return the kinds of the troubles among events, and the types of the other events."""
+    """Return the kind of each trouble among events, and the type of each other event."""
     return [event.kind if isinstance(event, Trouble) else type(event).__name__ for event in events]
 
 
@@ -98,7 +98,7 @@ def test_each_message_becomes_its_event(script: Script) -> None:
 
 
 def test_a_status_that_measured_no_time_says_nothing_of_it(script: Script) -> None:
-    """A recording of a source without these measurements then replays unchanged."""
+    """So a recording of a source without measurements of time is replayed unchanged."""
     status = wire.Status(1, 2, 3, 4, 5, wire.ResetCause.WATCHDOG, 0, 0)
     *_, health = script.hears(hello_bytes() + encode(status, 0, 0), 3)
     assert health == DeviceStatus(1, 2, 3, 4, 5, "watchdog", None, None)
@@ -122,7 +122,7 @@ def test_silence_is_told_once_and_again_after_speech_or_a_minute(script: Script)
     assert names(script.later(LIMIT + 61 * S)) == ["silent"]
     script.hears(hello_bytes(), 70 * S)
     assert names(script.later(76 * S)) == ["silent"]
-    # The first byte after a silence is not five seconds of invalid bytes.
+    # The first byte after a silence must not count as five seconds of invalid bytes.
     assert script.hears(hello_bytes()[:1], 76 * S + 1) == []
     assert names(script.hears(hello_bytes()[1:], 76 * S + 2)) == ["Hello"]
 
@@ -137,15 +137,14 @@ def test_rubbish_for_five_seconds_is_a_wrong_baud_rate(script: Script) -> None:
 
 
 def read(source: SerialSource, monkeypatch: pytest.MonkeyPatch, items: Any) -> Any:
-    """Return the events of a source whose reader gives these items."""
+    """Return the events of a source whose reading thread gives these items."""
     monkeypatch.setattr(Reader, "events", lambda reader, timeout_s: iter(items))
     monkeypatch.setattr(Reader, "start", lambda reader: None)
     return source.events()
 
 
 def test_being_held_up_ourselves_proves_nothing(monkeypatch) -> None:
-    """The program was stopped for eight seconds, so the device is not judged by what was not read
-    meanwhile."""
+    """The program was stopped for eight seconds, so a device must not count as silent for this time."""
     now_ns = [S]
     monkeypatch.setattr(clock, "host_ns", lambda: now_ns[0])
 

@@ -1,4 +1,4 @@
-"""Synthetic noise: reproducible, at the sensor's scale, and every key checked."""
+"""Simulated noise is reproducible and has the sensor's scale, and every key of the URL is checked."""
 
 import time
 
@@ -63,7 +63,8 @@ def test_unquantised() -> None:
 
 
 def test_saturates_at_the_range() -> None:
-    assert set(gyro("?n=20&offset_dps=5000").ravel()) == {32767}  # 2000 deg/s are 32800 LSB, beyond int16
+    # 2000 deg/s would be 32800 LSB, which is beyond int16
+    assert set(gyro("?n=20&offset_dps=5000").ravel()) == {32767}
     assert set(gyro("?n=20&offset_dps=-5000&range_dps=100&lsb_per_dps=10").ravel()) == {-1000}
 
 

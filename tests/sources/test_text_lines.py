@@ -1,4 +1,4 @@
-"""Live text as events: sample numbers, times, gaps, restarts, and reported errors; time is simulated."""
+"""Tests events of live text in simulated time: sample numbers, times, gaps, restarts, reported errors."""
 
 import os
 import threading
@@ -39,7 +39,7 @@ def the_trouble(events: Iterable[Event]) -> Trouble:
 def steady(
     text: TextEvents, first: int, last: int, late_s: float = 0.0, rate_hz: float = 100.0
 ) -> list[Event]:
-    """Return lines, each at its time."""
+    """Feed lines to `text`, each at its time, and return the events."""
     return [
         event
         for k in range(first, last)
@@ -113,7 +113,7 @@ def test_times_of_arrival_are_told_from_a_devices() -> None:
 def test_times_in_another_unit_than_the_given_one_are_told_and_counted() -> None:
     text = opened(How(columns=["gx"], time_column="t", time_unit="ns", units="dps"))
     events = list(text.feed(b"t,gx\n", 0))
-    for k in range(1200):  # seconds, taken for nanoseconds
+    for k in range(1200):  # the times are seconds, and are taken for nanoseconds
         events += text.feed(b"%.3f,1\n" % (k / 100), k * S // 100)
     trouble = the_trouble(events)
     assert trouble.kind == "no_rate"
@@ -133,9 +133,10 @@ def test_samples_lost_on_the_way_are_told_and_not_guessed() -> None:
 def test_a_buffer_explains_samples_that_come_late_and_then_all_at_once() -> None:
     text = opened(RATE)
     events = list(text.feed(b"gx\n", 0)) + steady(text, 0, 1000)
-    events += text.feed(b"".join(b"%d\n" % (k % 7) for k in range(1000, 1200)), 12 * S)  # stalled for 2 s
+    # the sender was stalled for 2 s
+    events += text.feed(b"".join(b"%d\n" % (k % 7) for k in range(1000, 1200)), 12 * S)
     events += steady(text, 1200, 2000)
-    for begin in range(2000, 6000, 250):  # a sender that writes a full buffer at a time
+    for begin in range(2000, 6000, 250):  # this sender writes a full buffer at a time
         lines = b"".join(b"%d\n" % (k % 7) for k in range(begin, begin + 250))
         events += text.feed(lines, (begin + 250) * S // 100)
     assert troubles(events) == []
@@ -259,8 +260,8 @@ def test_a_port_is_read_from_its_first_whole_line_and_told_when_it_vanishes() ->
     controller, port = os.openpty()
     source = SerialText(f"{os.ttyname(port)}?baud=115200", RATE)
     events = source.events()
-    assert isinstance(next(events), Tick)  # the port is open
-    os.write(controller, b"9\n1\n2\n")  # the end of a line whose beginning is unknown
+    assert isinstance(next(events), Tick)  # a tick shows that the port is open
+    os.write(controller, b"9\n1\n2\n")  # "9" is the end of a line whose beginning is unknown
     found = until(events, RawBlock)
     assert of(RawBlock, found)[-1].gyro.ravel().tolist() == [1, 2]
     os.close(port)
@@ -285,7 +286,7 @@ def test_a_port_that_is_back_begins_a_new_run() -> None:
 
 
 def test_hours_that_come_at_once_are_taken_one_by_one() -> None:
-    """Lines are ten seconds apart, so one read holds more than the 71 minutes in which times wrap."""
+    """Lines are ten seconds apart, so one read holds more than the 71 minutes after which times wrap."""
     text = opened(
         How(columns=["gx"], rate_hz=None, time_column="t", time_unit="s", units="dps", overrule=True)
     )

@@ -1,4 +1,4 @@
-"""A file and a pipe with the same text give the same samples, or both are refused."""
+"""A file and a pipe with the same text give the same samples, or both are refused with an error."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -19,9 +19,9 @@ DEG = 180 / np.pi
 
 
 class Found(NamedTuple):
-    """The content of a text.
+    """The samples that were read from a text.
 
-    `seq`: numbers of the samples since the first of their run.
+    `seq`: numbers of the samples, counted from the first sample of their run.
     """
 
     gyro: list[list[float]]
@@ -96,7 +96,7 @@ FORMS: dict[str, tuple[str, dict[str, Any], float]] = {
         DEG,
     ),
 }
-"""Examples in addition to those that hypothesis makes, below."""
+"""Examples of texts, in addition to those that hypothesis generates below."""
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -177,7 +177,8 @@ def texts(draw: st.DrawFn) -> bytes:
     separator = draw(st.sampled_from([",", ";", "\t", " "]))
     comma = separator != "," and draw(st.booleans())
     header = draw(st.sampled_from(HEADERS)).replace(",", separator)
-    # A pipe finds the rate from its first 2 s, a file from all rows: in these texts both are equal.
+    # A pipe finds the rate from the first 2 s, and a file from all rows. In these texts, both rates are
+    # equal.
     step = draw(st.sampled_from(["0.01", "0"] if "time_s" in header else ["10", "10", "10", "0.01", "0"]))
     columns = 6 if "ax" in header else 3
     lines = []
@@ -211,6 +212,6 @@ def test_what_a_file_takes_a_pipe_takes_with_the_same_samples(
         assert isinstance(from_file, str), from_pipe
         assert isinstance(from_pipe, str), from_file
         return
-    if from_file.accel is None:  # a pipe gives the accelerometer up to the first line without it
+    if from_file.accel is None:  # a pipe gives the accelerometer's values up to the first line without them
         from_pipe = from_pipe._replace(accel=None)
     assert from_file == from_pipe

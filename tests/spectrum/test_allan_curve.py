@@ -1,5 +1,6 @@
-"""The live Allan curve: intervals hold the truth; N, B and K agree with `identify`, and are null if
-unknown.
+"""The live Allan curve: its intervals contain the true value, and N, B and K agree with `identify`.
+
+They are null if they are not known.
 """
 
 import math
@@ -55,8 +56,10 @@ def test_degrees_of_freedom_of_few_terms(terms):
 
 @pytest.mark.parametrize("memory", [0.0, 400.0])
 def test_intervals_hold_the_truth_of_white_noise(memory):
-    """95 % of the intervals hold, at every τ; four standard deviations of that share in 300 series are 5
-    %."""
+    """At every τ, 95 % of the intervals contain the true value.
+
+    For 300 series, four standard deviations of this share are 5 %.
+    """
     inside = []
     for y in white(2000, 300, 2):
         found = curve(y, memory=memory)

@@ -1,4 +1,4 @@
-"""Running sums of the Allan variance agree with allantools, however rows are divided, merged or saved."""
+"""Running sums of the Allan variance agree with allantools, however samples are divided, merged or saved."""
 
 import allantools
 import numpy as np
@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 FULL = 8
-"""Longest averaging time in samples whose terms overlap fully."""
+"""Longest averaging time, in samples, at which a term begins at every sample (full overlap)."""
 
 
 def sums_of(y, memory=0.0):
@@ -36,8 +36,8 @@ def test_against_allantools(kind, n):
     whole = factors <= FULL
     np.testing.assert_allclose(adev[whole], expected[whole], rtol=1e-12)
     np.testing.assert_array_equal(terms[whole], theirs[whole])
-    # The Allan variance of longer τ uses every eighth start, which loses a few hundredths of its degrees of
-    # freedom.
+    # For longer τ, only eight terms begin within the averaging time, which costs a few hundredths of the
+    # degrees of freedom.
     error = expected / np.sqrt(2 * full_overlap(-2 if kind == "random walk" else 0, factors, n))
     assert (np.abs(adev - expected) < 0.7 * error).all()
 
@@ -47,7 +47,7 @@ def test_against_allantools(kind, n):
     st.lists(st.tuples(st.integers(0, 90), st.booleans()), max_size=40), st.sampled_from([0.0, 40.0, 1000.0])
 )
 def test_cuts_of_the_rows_looks_and_snapshots_change_nothing(parts, memory):
-    """Each of `parts` is a number of rows, and whether a break follows these rows."""
+    """Each of `parts` is a number of samples, and whether a break follows these samples."""
     rng = np.random.default_rng(len(parts))
     rows = [rng.standard_normal(n) for n, _ in parts]
     one, other = AllanSums(memory), AllanSums(memory)
@@ -118,7 +118,7 @@ def test_numbers_that_are_refused(number):
 @settings(max_examples=100, deadline=None)
 @given(st.data())
 def test_a_snapshot_that_cannot_be_one(data):
-    """A snapshot is either refused, or the sums can continue from it."""
+    """A damaged snapshot is either refused, or the sums can continue from it."""
     good = np.frombuffer(sums_of(series("white", data.draw(st.integers(0, 700)))).save())
     bad = good.copy()
     at = data.draw(st.integers(0, len(bad) - 1))

@@ -1,8 +1,8 @@
-"""The device's spectrum and fit, compared with the host's for the same counts.
+"""The board's spectrum and fit, compared with the host's for the same samples.
 
-The board uses the full-rate periodogram for the first 496 samples, the host for 3,072. The board's filters
-start later, so that its spectrum has a few percent less data at the lowest frequencies. So the fits are
-close, not equal. tests/native checks that the arithmetic is the same.
+The board computes the periodogram of the whole record for up to 496 samples, the host for up to 3,072. The
+board's filters start later, so that its spectrum has a few percent less data at the lowest frequencies. So
+the fits are close, not equal. tests/native checks that the arithmetic is the same.
 """
 
 from itertools import pairwise
@@ -25,7 +25,7 @@ NOISES = (
     *((0.6, -0.05, 0.3), (0.8, -0.005, 0.05), (0.4, -0.1, 0.5), (0.7, -0.03, 0.1), (0.5, -0.005, 0.2)),
     *((0.9, -0.01, 0.01),),
 )
-"""Parameters of the noises: α, g, and the share of the state's innovations in the variance."""
+"""Parameters of the noises: α, g, and the share of the state's innovations in the variance of a sample."""
 
 
 def on_board(counts: NDArray[np.int16], gaps: dict[int, int]) -> BoardFit:
@@ -49,7 +49,7 @@ def on_host(counts: NDArray[np.int16], gaps: dict[int, int]) -> Octaves:
 
 
 def order_of(whole: Periodogram, h: float) -> OrderFit:
-    """Return white noise plus a state of an order up to 2, as the board fits them."""
+    """Return the host's fit of the model that the board fits: white noise plus an order up to 2."""
     f = CandidateModels(binned(whole), h, 0)
     return order_fit(f, order_in_white(f.native))
 
@@ -104,7 +104,7 @@ def holds_weak_order(found: BoardFit) -> bool:
 
 
 def test_of_weak_noise_the_interval_knows_more_than_the_curvature() -> None:
-    """Intervals from the curvature alone hold the order in 8 of these 20 records."""
+    """Intervals from the curvature alone contain the true order in only 8 of these 20 records."""
     found = [on_board(weak_noise(seed), {}) for seed in range(20)]
     assert all(one.alpha_defined for one in found)
     assert sum(map(holds_weak_order, found)) >= 18
@@ -123,9 +123,9 @@ def fits_as_it_grows(counts: NDArray[np.int16]) -> list[BoardFit]:
 
 @pytest.mark.slow
 def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> None:
-    """Intervals from the curvature alone would hold the order in 20 of 40 records.
+    """Intervals from the curvature alone would contain the true order in only 20 of 40 records.
 
-    Measured: 65 of 7,234 fitted orders were outside the interval of the fit before.
+    Measured: 65 of 7,234 fitted orders were outside the interval of the previous fit.
     """
     records = [fits_as_it_grows(weak_noise(seed)) for seed in range(40)]
     defined = [fits[-1] for fits in records if fits[-1].alpha_defined]
@@ -137,12 +137,15 @@ def test_of_weak_noise_the_interval_holds_the_order_and_the_next_answer() -> Non
 
 
 def ratio_of_order(whole: Periodogram) -> float:
-    """Return the host's likelihood ratio for the one alternative model that a board has."""
+    """Return the host's likelihood ratio for the only alternative to white noise that a board tests."""
     return native(binned(whole), whole.h, whole.n).null_test([])[0]
 
 
 def test_white_noise_is_hardly_ever_called_anything_else() -> None:
-    """60 records at 5 %: 3 ± 5 are three standard deviations of a binomial."""
+    """At the level 5 %, 3 of 60 records are expected to be rejected.
+
+    ± 5 are three standard deviations of a binomial.
+    """
     rng = np.random.default_rng(4)
     found = [on_board(np.rint(SIGMA * rng.standard_normal(6000)).astype(np.int16), {}) for _ in range(60)]
     assert sum(one.verdict != WHITE for one in found) <= 8

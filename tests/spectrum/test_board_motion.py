@@ -1,4 +1,4 @@
-"""The board's bias predicts the mean of the next second, also after motion and steps of any axis."""
+"""The board's bias predicts the mean of the next second's samples, even after motion and steps."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,9 @@ OFFSETS = np.array([37.3, -12.2, 3.9])
 SLOW = (RELAXATION, 0.005, 0.5, R)
 NOTHING = (WHITE, 0.0, 0.0, 0.0, R)
 BEGIN = 200 * CHUNK
-"""Sample at which the event begins, which is also the beginning of a chunk."""
+"""Number of the sample at which the motion or step begins. A chunk (block of the board's spectrum) begins
+there, too.
+"""
 
 
 def at_rest(n: int, seed: int) -> NDArray[np.float64]:
@@ -33,7 +35,7 @@ def counts(world: NDArray[np.float64]) -> NDArray[np.int16]:
 def tracked(
     world: NDArray[np.float64], model: tuple[float, ...], ahead: int = AHEAD
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Track with one filter from sample 2,000 on, and update the offset every 2.5 s."""
+    """Track the bias with one model from sample 2,000 on, and update the offset every 2.5 s."""
     axes = [BoardSpectrum(ahead) for _ in world.T]
     found, moving = [], []
     for at in range(0, len(world), 250):
@@ -55,7 +57,7 @@ def test_the_bias_is_the_mean_over_the_second_to_come() -> None:
     rows = {}
     for ahead in (0, AHEAD):
         board = BoardSpectrum(ahead)
-        # Enough samples that the offset is known.
+        # These are enough samples for the offset to be known.
         board.track(np.zeros(1_000_000, dtype=np.int16))
         board.track_by(RELAXATION, fall, variance, R)
         rows[ahead] = board.track(np.full(40, 3, dtype=np.int16))[-1]
@@ -96,10 +98,11 @@ def test_motion_of_one_axis_lets_all_predict_and_the_bias_of_before_counts_again
     bias, std = found[:, :, 0], found[:, :, 1]
     assert np.flatnonzero(np.diff(moving)).tolist() == [
         BEGIN + CHUNK - 2,
-        # The last chunk that contains part of the turn, and two more chunks.
+        # The motion ends with the last chunk that contains part of the turn, and two more chunks.
         -(-end // CHUNK) * CHUNK + 2 * CHUNK - 2,
     ]
-    # Neither the turn nor its leakage into the other axes is in the bias; only the offset's error is left.
+    # The bias contains neither the turn nor its leakage into the other axes. Only the error of the offset is
+    # left.
     during = slice(end - 1000, end)
     assert np.abs(bias[during] - OFFSETS).max() < 0.1
     # The bias is right again within a second after the motion has stopped.
@@ -125,7 +128,8 @@ def test_the_chunk_in_which_motion_is_found_and_the_one_before_are_undone() -> N
         board.track_by(*SLOW)
         if board is axis:
             moved = last
-    # The sample is as predicted, so the state equals the state of a tracker that never saw the two chunks.
+    # The samples of both chunks are replaced by predictions, so that the state equals that of a tracker that
+    # never received them.
     calm = last[2] * a ** (2 * CHUNK)
     assert moved[2] == pytest.approx(calm, abs=0.05)
     assert abs(moved[0] - OFFSETS[0]) < 0.5
@@ -140,7 +144,7 @@ def test_a_turn_is_motion_while_it_lasts_and_a_smaller_step_is_the_bias_after_te
         assert moving[-1] != is_bias
         wanted = OFFSETS + np.array([size_dps * LSB * is_bias, 0.0, 0.0])
         assert np.all(np.abs(found[-1, :, 0] - wanted) < 4 * found[-1, :, 1])
-        # An axis without motion has lost nothing.
+        # The bias of an axis without motion is as certain as before.
         assert found[-1, 1, 1] < 1.2 * SIGMA / np.sqrt(BEGIN)
 
 

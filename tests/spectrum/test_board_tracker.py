@@ -1,5 +1,6 @@
-"""The board's tracker with its own fit, compared with textbook filters, the host's tracker and the true
-state."""
+"""The board's tracker with the board's own fit, compared with textbook filters, with the host's tracker and
+with the true state.
+"""
 
 import numpy as np
 import pytest
@@ -15,14 +16,17 @@ from tests.rig.spectrum_probe import BoardSpectrum
 WHITE, FRACTIONAL, RELAXATION = 1, 2, 3
 OFFSET = 37.3
 R = 5.3
-"""Variance in squared counts; rounding adds a twelfth."""
+"""Variance of the white noise in squared counts; rounding adds a twelfth."""
 N = 20_000
 SETTLED = slice(6000, N)
 
 
 def steady(a: Array, q: Array, r: float) -> tuple[Array, float]:
-    """Return gains and innovation variance of relaxations with innovations of variance q, found by
-    iteration."""
+    """Return the steady gains and innovation variance of a filter for relaxations with innovations of
+    variance q.
+
+    They are computed by iteration.
+    """
     P = np.diag(q / (1 - a**2))
     for _ in range(20_000):
         P = np.outer(a, a) * (P - np.outer(P.sum(1), P.sum(1)) / (P.sum() + r)) + np.diag(q)
@@ -43,7 +47,7 @@ def test_the_gain_of_a_relaxation_is_that_of_the_riccati_equation(fall: float) -
     a, variance = 1 - fall, 40.0
     (K,), S = steady(np.array([a]), np.array([variance * (1 - a * a)]), R)
     board = BoardSpectrum()
-    # Enough samples that the offset is known.
+    # These are enough samples for the offset to be known.
     board.track(np.zeros(1_000_000, dtype=np.int16))
     board.track_by(RELAXATION, fall, variance, R)
     pulse = np.zeros(40, dtype=np.int16)
@@ -60,7 +64,7 @@ def test_of_lost_samples_it_predicts() -> None:
     board.track_by(RELAXATION, 0.02, 400.0, R)
     before = board.track(np.full(50, 30, dtype=np.int16))[-1, 2]
     board.lose(99)
-    # A sample that equals its prediction changes nothing in the state.
+    # A sample that equals its prediction does not change the state.
     wanted = before * 0.98**100
     after = board.track(np.array([round(wanted)], dtype=np.int16))[-1, 2]
     assert after == pytest.approx(wanted, abs=0.3)
@@ -94,7 +98,10 @@ def test_a_knock_moves_neither_bias_nor_state_far() -> None:
 def tracked_with(
     model: System, counts: NDArray[np.int16], verdict: int, *given: float
 ) -> tuple[Array, Array]:
-    """Return biases with σ, (n, 2), of board and host, which use the true noise after the first tenth."""
+    """Return the biases with σ, (n, 2), of board and host.
+
+    Both use the true noise model after the first tenth of the samples.
+    """
     begin = N // 10
     board, host = BoardSpectrum(), Tracker([None])
     board.track(counts[:begin])
@@ -102,7 +109,7 @@ def tracked_with(
     host.set(0, model)
     parts = []
     for at in range(begin, N, 300):
-        # The filter is updated every three seconds, as on the board.
+        # The model of the filter is updated every three seconds, as on the board.
         board.track_by(verdict, *given)
         parts.append(board.track(counts[at : at + 300])[:, :2])
     found = host.run(counts[begin:, None].astype(float))

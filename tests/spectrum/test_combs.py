@@ -1,4 +1,4 @@
-"""Periodic events are found with their period, in files and live, and excluded from all figures."""
+"""Periodic events are found with their period, in files and in live data, and excluded from all figures."""
 
 from collections.abc import Callable
 
@@ -25,8 +25,10 @@ RATE_HZ = 1 / H
 
 
 def glitches(n: int, period_s: float, samples: int, size: float, late: int = 0, seed: int = 1) -> Array:
-    """Return glitches of `samples` samples of `size` at the beginning of each period, up to `late` samples
-    off, (n,)."""
+    """Return glitches, (n,): at the beginning of each period, `samples` samples have the value `size`.
+
+    Each glitch is shifted at random by up to `late` samples.
+    """
     rng = np.random.default_rng(seed + 100)
     at = np.floor(np.arange(7.3, n, period_s * RATE_HZ)).astype(int)
     at += rng.integers(-late, late + 1, len(at))
@@ -54,7 +56,8 @@ def test_a_glitch_in_each_period_of_a_file(what: tuple[float, ...], seed: int) -
     assert found.verdict.what.startswith("Something happens every ")
     N = found.figures.level.N
     assert N.value is not None
-    assert N.value / H**0.5 == pytest.approx(1, abs=0.04)  # 4 σ; with the glitches it would be 1.1 to 1.9
+    # the tolerance is 4 σ; if the glitches counted, the value would be 1.1 to 1.9
+    assert N.value / H**0.5 == pytest.approx(1, abs=0.04)
     power = what[1] * what[2] ** 2 * H / what[0]
     assert peak.power_share == pytest.approx(power / (1 + power), rel=0.15)
 
@@ -113,8 +116,10 @@ def test_no_comb_where_there_is_none(name: str) -> None:
 
 
 def test_few_lines_are_no_comb_and_a_wave_is_one() -> None:
-    """Mains hum with two harmonics stays spectral lines; a sawtooth has a dozen harmonics, and is no
-    glitch."""
+    """Mains hum with two harmonics is reported as spectral lines.
+
+    A sawtooth has a dozen harmonics and is a comb, but no glitch.
+    """
     assert analyse(hum(20_000, 3), 1 / 400).verdict.kind == "line"
     wave = 2 * sawtooth(2 * np.pi * np.arange(20_000) / 83.7)
     found = analyse(white(20_000, 1, 1)[0] + wave, H)
@@ -156,7 +161,7 @@ def test_a_period_is_not_a_multiple_of_it() -> None:
 
 @pytest.mark.parametrize("period_s", [1.037, 0.4819, 0.555])
 def test_a_period_that_is_no_number_of_samples_is_not_ten_periods(period_s: float) -> None:
-    """The period in whole samples recurs exactly only after ten periods, or two, or four."""
+    """The events, rounded to whole samples, repeat exactly only after two, four or ten periods."""
     comb = find_comb(periodogram(noisy(60_000, period_s, 1, 5.0), H))
     assert comb is not None
     assert comb.period == pytest.approx(period_s / H, rel=1e-3)
@@ -195,7 +200,7 @@ def test_a_median_filter_is_named(samples: int, step: float) -> None:
     assert "resonance" not in found.verdict.text
     assert "median filter" in {data_check.kind for data_check in axis_data_checks(y, H)}
     assert held([y], [None], H) == (), "no sample was delivered twice"
-    # The density of a long record, which is 8 to 14 % above that of the noise before the filter.
+    # The density in a long record. It is 8 to 14 % above that of the noise before the filter.
     long = median(white(1_000_000, 1, 99)[0], samples)
     density = long[: len(long) // 1000 * 1000].reshape(-1, 1000).mean(axis=1).std() * 1000**0.5
     N = found.figures.level.N
@@ -246,7 +251,7 @@ def test_no_median_filter_where_there_is_none(name: str) -> None:
 
 
 def wandering(n: int, rate_hz: float, seed: int) -> Array:
-    """Return hum of 50 Hz ± 0.3 Hz, of five times the noise, (n,)."""
+    """Return white noise with hum of 50 Hz ± 0.3 Hz that is five times as large, (n,)."""
     pole = np.exp(-1 / (2 * rate_hz))
     away = lfilter([0.3 * np.sqrt(1 - pole**2)], [1, -pole], white(n, 1, seed + 50)[0])
     return white(n, 1, seed)[0] + 5 * np.sin(2 * np.pi * np.cumsum(50 + away) / rate_hz)
@@ -254,7 +259,7 @@ def wandering(n: int, rate_hz: float, seed: int) -> Array:
 
 @pytest.mark.parametrize("rate_hz", [25.0, 50.0, 98.0, 99.0, 100.0, 101.0, 200.0])
 def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
-    """Aliasing folds the hum to frequency 0 at rates of 25 and 50 Hz, and to half the rate at 100 Hz."""
+    """Aliasing moves the hum to 0 Hz at sample rates of 25 and 50 Hz, and to 50 Hz at 100 Hz."""
     found = analyse(wandering(20_000, rate_hz, 4), 1 / rate_hz)
     assert found.verdict.kind == "resonance"
     N = found.figures.level.N
@@ -265,7 +270,7 @@ def test_wandering_hum_is_no_filter(rate_hz: float) -> None:
 
 @pytest.mark.parametrize("slowness", [0.03, 0.1, 1.0])
 def test_a_walk_is_no_line(slowness: float) -> None:
-    """The few slow waves of a random walk have a flat distribution of values, as a spectral line has."""
+    """A random walk with few slow waves has a flat distribution of values, as a spectral line has."""
     for seed in range(6):
         walk = slowness * np.cumsum(white(20_000, 1, seed + 50)[0])
         found = analyse(white(20_000, 1, seed)[0] + walk, H)

@@ -1,5 +1,7 @@
-"""Fits of noise models compared with slow fits by scipy, intervals with slow profiles, and the model
-search."""
+"""Fits of noise models are compared with slow fits by scipy, and intervals with slow profiles.
+
+The model search is tested, too.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -55,7 +57,7 @@ def at(parts: Parts, eta: Sequence[float]) -> list[p.Part]:
 
 
 def slow_fit(parts: Parts, data: Binned, held: tuple[int, float] | None = None) -> float:
-    """Return -log L of the best fit by scipy's simplex, started at the truth.
+    """Return -log L of the best fit by scipy's simplex, which starts at the true parameters.
 
     `held`: a free parameter and its fixed value.
     """
@@ -89,8 +91,10 @@ def fitted(parts: Parts, data: Binned, n: int) -> tuple[CandidateModels, FittedM
 
 @pytest.mark.parametrize("name", [name for name in NOISES if name != "notch"])
 def test_as_good_as_the_slow_fit(name: str) -> None:
-    """For a notch the native fit averages over each bin, which near the zero differs from the value at the
-    bin's centre."""
+    """For a notch, the native fit averages the spectrum over each bin.
+
+    Near the zero of the notch, this differs from the spectrum at the bin's centre.
+    """
     for seed in range(2):
         data = bins(NOISES[name], 20_000, H, seed)
         _, found = fitted(NOISES[name], data, 0)
@@ -107,7 +111,8 @@ def test_intervals_end_where_the_slow_profile_falls(name: str) -> None:
         for end in (interval.low, interval.high):
             assert end is not None
             if field == "width_hz":
-                continue  # the free parameter, width over frequency, changes with the frequency
+                # the free parameter is the ratio of width to frequency, which changes with the frequency
+                continue
             at_end = msgspec.structs.replace(best, **{field: end}).eta(H)[k]
             fall = 2 * (slow_fit(NOISES[name], data, (1 + k, at_end)) - model.nll)
             assert fall == pytest.approx(CRITICAL, abs=0.15)
@@ -156,7 +161,7 @@ def test_a_parameter_that_is_as_good_as_not_there_stops_no_fit() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["relaxation", "two relaxations", "walk", "quantisation", "resonance"])
 def test_intervals_hold_the_truth(name: str) -> None:
-    """The limits for 60 series, 95 ± 8.5 %, are three standard deviations of a binomial."""
+    """The limits 95 ± 8.5 % are three standard deviations of a binomial for 60 series."""
     held, count = 0, 0
     for seed in range(60):
         f, model = fitted(NOISES[name], bins(NOISES[name], 20_000, H, seed), 0)
@@ -260,7 +265,7 @@ def test_what_is_left_at_the_zero_of_a_mean_is_no_rise() -> None:
 
 @pytest.mark.parametrize("kind", [p.Order, p.Arfima])
 def test_an_order_behind_a_mean_of_samples_has_intervals(kind: type[p.Part]) -> None:
-    """A mean has no free parameters, so the order's parameters begin where the mean's would begin."""
+    """A mean has no free parameters, so the order's parameters have the index of the mean."""
     ordered = order(0.5, 0.3, 60.0) if kind is p.Order else p.Arfima(0.4, 0.8, 0.5)
     parts = (p.White(1.0), p.Mean(4), ordered)
     f, model = fitted(parts, bins(parts, 20_000, H, 1), 0)

@@ -1,5 +1,6 @@
-"""The further recording time needed, compared with the theoretical bound and with intervals of longer
-records."""
+"""The additional recording time that is needed, compared with the theoretical bound and with intervals of
+longer records.
+"""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The null test: its table, and that its p-values are uniform under the null hypothesis."""
+"""The null test: its table of quantiles is right, and for white noise its p-values are uniform."""
 
 import math
 
@@ -38,7 +38,7 @@ def test_p_values_of_white_noise_are_uniform(y: np.ndarray) -> None:
 
 @pytest.mark.parametrize(("alpha", "f"), [(0.3, -1.8), (0.6, -3.0)])
 def test_power(alpha: float, f: float) -> None:
-    """With a third of the power in the state, white noise is nearly always rejected at 3,000 samples."""
+    """If the state has a third of the power, white noise is nearly always rejected with 3,000 samples."""
     x = np.array([long_recursion(alpha, H**alpha * f, 3000, seed) for seed in range(20)])
     y = x / x.std() * np.sqrt(0.3) + np.sqrt(0.7) * white(3000, 20, 4)
     assert (p_values(y) < 0.05).mean() >= 0.7
@@ -52,18 +52,18 @@ def test_p_value_falls(ratio: float, more: float, ordinates: int) -> None:
 
 @pytest.mark.parametrize("ordinates", [60, 500, 1500, 30_000, 10**7])
 def test_p_value_at_the_table(ordinates: int) -> None:
-    """The table hardly depends on the length of the record."""
+    """The p-values at the table's quantiles hardly depend on the length of the record."""
     values = critical_values(ordinates)
     assert 5 < values[PROBABILITIES.index(0.05)] < 8 < values[PROBABILITIES.index(0.01)] < 12
     for probability, value in zip(PROBABILITIES, values.tolist(), strict=True):
-        # For a fifth of white series neither alternative fits better than white noise.
+        # For a fifth of all white series, neither alternative fits better than white noise.
         assert p_value(value, ordinates) == (pytest.approx(probability) if value > 0 else 1)
     assert p_value(-1e-9, ordinates) == 1
 
 
 @pytest.mark.parametrize("ordinates", [60, 1500, 30_000, 10**6])
 def test_the_board_has_the_same_quantiles(ordinates: int) -> None:
-    """The quantiles agree within the error of another simulation with equally many series."""
+    """The quantiles agree within the error of a second simulation with as many series."""
     for level, p in enumerate((0.05, 0.01, 0.001)):
         c, b, a = ORDER_COEFFICIENTS[PROBABILITIES.index(p)]
         ours = np.polyval([a, b, c], np.log10(ordinates))

@@ -10,10 +10,11 @@ from tests.rig.identify_support import H, white
 
 
 def test_scale_and_ordinates() -> None:
-    """A cosine at ordinate j has n/4 of its squared amplitude there and nothing elsewhere."""
+    """A cosine at ordinate j has n/4 of its squared amplitude as power there, and none elsewhere."""
     n, j = 1000, 123
     p = periodogram(5 + 2 * np.cos(2 * np.pi * j * np.arange(n) / n), H)
-    assert len(p.lam) == 496  # 4 to 499: without the three lowest and without Nyquist's
+    # ordinates 4 to 499: without the three lowest, and without that at the Nyquist frequency
+    assert len(p.lam) == 496
     assert p.lam[0] == pytest.approx(2 * np.pi * 4 / n)
     assert p.lam[-1] == pytest.approx(2 * np.pi * 499 / n)
     assert p.power[j - 4] == pytest.approx(4 * n / 4)

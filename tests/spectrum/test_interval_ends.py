@@ -1,4 +1,4 @@
-"""Ends of intervals of an order with almost no white noise, and parts in other free parameters."""
+"""Ends of intervals of an order with almost no white noise, and parts described by other free parameters."""
 
 import math
 
@@ -45,7 +45,10 @@ def test_other_coordinates_give_the_same_spectrum_with_their_own_slopes(code: in
 
 
 def test_an_end_is_found_though_the_best_fit_has_no_white_noise() -> None:
-    """White noise may appear at another value of s2, so 2 log L falls no further there than it should."""
+    """At another value of s2 the best fit may have white noise, and then 2 log L falls less.
+
+    The search has to find it.
+    """
     compared = 0
     for seed in range(12):
         truth = (p.White(0.05), p.Order(0.5, -2.0, 1 / H))

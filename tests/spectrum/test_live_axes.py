@@ -1,4 +1,4 @@
-"""The live fit of a sensor: its results, for any division into blocks, and after a restart."""
+"""The live fit of a sensor: its results are the same for any division into blocks, and after a restart."""
 
 from pathlib import Path
 
@@ -69,7 +69,7 @@ def test_any_blocks(sizes: list[int]) -> None:
 
 
 def test_looks_on_the_way_hardly_change_the_end() -> None:
-    """A fit that starts at the last fit's parameters ends where a fit from all starting points ends."""
+    """A fit that starts at the previous fit gives the result of a fit from all starting points."""
     y = two(20_000, 3)
     often, once = live(), live()
     for begin in range(0, len(y), 500):
@@ -141,7 +141,7 @@ def test_a_knock_is_left_out_and_counted() -> None:
 
 
 def test_forgetting_follows_a_change() -> None:
-    """Three time constants after the noise power has doubled, the fit shows only the new power."""
+    """The fit shows only the new power, three time constants of the memory after the power has doubled."""
     y = white(24_000, 1, 7)[0]
     y[12_000:] *= np.sqrt(2)
     forgetful, faithful = live(LiveConfig(memory="40s")), live()
@@ -170,6 +170,6 @@ def test_at_the_end_it_says_what_identify_says(recordings: Path, name: str) -> N
     for i, fit in enumerate(fits.values()):
         seen = examined(y[:, i], h)
         kind = decide(seen.evidence).kind
-        # The live resolution cannot distinguish a spectral line from a narrow resonance.
+        # The resolution of the live spectrum cannot distinguish a spectral line from a narrow resonance.
         assert fit.verdict == ("line or resonance" if kind in ("line", "resonance") else kind)
         assert fit.null_p == pytest.approx(seen.evidence.p_all, rel=0.05)

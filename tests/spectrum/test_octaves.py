@@ -100,7 +100,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
         once.add(y)
         for part in np.split(y, sorted(data.draw(st.lists(st.integers(0, len(y)), max_size=9)))):
             if len(part):
-                cut.cells(0, H)  # reading changes nothing
+                cut.cells(0, H)  # reading the cells changes nothing
             cut.add(part)
         lost = data.draw(st.integers(0, 12))
         once.skip(lost)
@@ -111,7 +111,7 @@ def test_cuts_of_the_rows_change_nothing(data: st.DataObject) -> None:
 
 @pytest.mark.slow
 def test_white_noise_is_flat_across_the_joints() -> None:
-    """Every line and octave of many series is flat, and so is every boundary between octaves."""
+    """In the mean of many series, the spectrum is flat in every octave and across their boundaries."""
     n, lanes = 60_000, 300
     octaves = fed(noise(n, lanes, 5))
     found = [octaves.periodogram(lane, H) for lane in range(lanes)]
@@ -125,7 +125,7 @@ def test_white_noise_is_flat_across_the_joints() -> None:
     errors = np.array([1 / np.sqrt(lanes * weight[band].sum()) for band in bands])
     assert np.abs((means - 1) / errors).max() < 4
     assert np.abs(np.diff(means) / np.hypot(errors[1:], errors[:-1])).max() < 4
-    # The weights give the standard deviation of the power of a whole record.
+    # The weights predict the standard deviation of the total power of a record.
     total = (power * weight).sum(axis=1) / weight.sum()
     assert total.var() * weight.sum() == pytest.approx(1, abs=4 * np.sqrt(2 / lanes))
     assert weight.sum() > 0.94 * n / 2
@@ -134,7 +134,10 @@ def test_white_noise_is_flat_across_the_joints() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("alpha", "g"), [(0.4, -0.02), (0.8, -0.02), (1.2, -0.01)])
 def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) -> None:
-    """The record has a million samples, with white noise of a third of the state's innovation variance."""
+    """The record has a million samples.
+
+    The variance of its white noise is a third of that of the state's innovations.
+    """
     n = 1_000_000
     y = long_recursion(alpha, g, n, 3)[:, np.newaxis] + noise(n, 1, 4) * np.sqrt(1 / 3)
     octaves = fed(y)
@@ -151,7 +154,7 @@ def test_spectrum_of_fractional_noise_is_that_of_theory(alpha: float, g: float) 
 
 
 def test_weights_of_a_periodogram() -> None:
-    """An average of weighted lines equals the average of a corresponding number of single lines."""
+    """An average of weighted ordinates equals the average of a corresponding number of single ordinates."""
     lam = np.repeat(np.linspace(0.1, 3.141, 200), 3)
     power = np.repeat(np.random.default_rng(1).exponential(size=200), 3)
     single = binned(Periodogram(lam, power, H, 4000, np.ones(600)))
@@ -186,7 +189,7 @@ def test_refuses(refused: Callable[[], object], why: str) -> None:
 
 
 def test_the_allan_sums_take_what_the_gate_accepts() -> None:
-    """Samples of knocks are left out of the sums, and lost samples are breaks."""
+    """Samples of knocks are left out of the Allan sums, and lost samples are breaks."""
     y = noise(5000, 1, 3)
     y[2000:2100] += 80
     octaves = Octaves(1)
@@ -212,8 +215,10 @@ def test_the_allan_sums_take_what_the_gate_accepts() -> None:
 
 @pytest.mark.parametrize("drift", ["ramp", "exponential"])
 def test_drift_does_not_leak(drift: str) -> None:
-    """A drift of 20 σ in ten minutes under white noise: above 0.02 Hz, where drift ends by definition, only
-    white noise is left."""
+    """The samples are white noise with a drift of 20 σ in ten minutes.
+
+    Above 0.02 Hz, where drift ends by definition, only white noise is left.
+    """
     n, lanes = 60_000, 8
     t = np.arange(n)[:, np.newaxis] / n
     octaves = fed(noise(n, lanes, 3) + 20 * (t if drift == "ramp" else -np.expm1(-3 * t)))
@@ -227,9 +232,11 @@ def test_drift_does_not_leak(drift: str) -> None:
 
 
 def test_what_was_taken_out_is_told() -> None:
-    """Where lines are taken out, white noise loses as much power as it has at other frequencies.
+    """The power of the subtracted cubic is reported.
 
-    A short record loses the power also at frequencies whose lines remain.
+    For white noise it is the power that this has at other frequencies.
+
+    A cubic of a short record also removes power at frequencies that are in use.
     """
     lanes = 40
     y = noise(20_000, lanes, 4)

@@ -1,4 +1,4 @@
-"""The odds of an order: their range, and that they are calibrated on noises of other seeds."""
+"""The odds of an order: their range is right, and they come true for noises of other seeds."""
 
 import math
 
@@ -74,8 +74,9 @@ def test_the_odds_are_one_figure() -> None:
 
 @pytest.mark.slow
 def test_odds_come_true() -> None:
-    """On 200 noises that were not used for calibration, half of them with an order: within three standard
-    errors."""
+    """The odds are right within three standard errors on 200 noises that were not used for calibration, half
+    of which have an order.
+    """
     names = {"order": 100, "random sum": 50, "regular sum": 25, "sum and rise": 25}
     rows = [row for name, series in names.items() for row in count(name, 20_000, 0, series, 7)]
     found = reliability(rows)

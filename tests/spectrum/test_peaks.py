@@ -1,4 +1,4 @@
-"""Spectral lines and resonances, in files and live: found where they exist, and not elsewhere."""
+"""Spectral lines and resonances are found where they exist, and nowhere else, in files and in live data."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -79,7 +79,7 @@ def test_a_line_is_found_and_left_out(search: Search, n: int, amplitude: float, 
     (peak,) = find_peaks(seen)
     resolution_hz = 1 / (n * H) if search is FILE else max(0.12, 0.01 * hz)
     assert peak.frequency_hz == pytest.approx(hz, abs=resolution_hz)
-    # Half of a spectral line that lies at a joint between octaves.
+    # A spectral line at the boundary between two octaves shows only half of its power in either.
     share = amplitude**2 / 2
     assert peak.power_share == pytest.approx(share / (1 + share), rel=0.25 if search is FILE else 0.6)
     assert peak.kind == "line" or search is LIVE
@@ -103,7 +103,7 @@ def test_a_slow_line(search: Search, n: int, amplitude: float, periods: float) -
 @pytest.mark.parametrize(("n", "amplitude"), [(3000, 1.0), (N, 0.4)])
 @pytest.mark.parametrize("hz", [49.6, 49.95, 49.98])
 def test_a_line_at_nyquist(search: Search, n: int, amplitude: float, hz: float) -> None:
-    """A block of the live fit has lines at every 0.39 Hz, the last at 49.6."""
+    """The live spectrum has frequencies every 0.39 Hz, the last at 49.6 Hz."""
     (peak,) = search(white(n, 1, 2)[0] + amplitude * tone(hz, n))
     assert peak.kind in ("line", "peak")
     assert peak.frequency_hz == pytest.approx(hz, abs=0.4 if n > 3072 and search is LIVE else 0.05)
@@ -153,7 +153,7 @@ def test_a_resonance_is_found_with_its_width(search: Search) -> None:
 @both
 @pytest.mark.parametrize("n", [3000, N])
 def test_a_resonance_above_slow_noise_stays_one(search: Search, n: int) -> None:
-    """The minimum between the resonance and the slow noise is a floor, not a notch."""
+    """The minimum between the resonance and the slow noise is the noise floor, not a notch of a filter."""
     for seed in range(3):
         y = 0.4 * resonance(0.95, 2.0, n, seed) + white(n, 1, seed + 10)[0]
         y += 3 * ar((0.99,), n, 1, seed + 20)[0]
@@ -180,14 +180,14 @@ NOISES: dict[str, Callable[[int, int], Array]] = {
 @pytest.mark.parametrize(("n", "series", "most"), [(3000, 100, 4), (20_000, 20, 1)])
 @pytest.mark.parametrize("noise", NOISES)
 def test_noise_has_no_peaks(search: Search, noise: str, n: int, series: int, most: int) -> None:
-    """The false-alarm rate is 1 %, also for spectra that are steep at the ends of the band."""
+    """The rate of false alarms is 1 %, even for spectra that are steep at the ends of the band."""
     assert sum(bool(search(y)) for y in NOISES[noise](n, series)) <= most
 
 
 @both
 @pytest.mark.parametrize("phi", [-0.5, -0.8, -0.9])
 def test_a_spectrum_that_rises_to_nyquist_has_no_peak(search: Search, phi: float) -> None:
-    """This holds even if the live fit's resolution is as coarse as the changes of the spectrum."""
+    """This holds even where the live spectrum is too coarse to resolve the rise."""
     assert sum(bool(search(y)) for n in (20_000, N) for y in ar((phi,), n, 6, 7)) <= 1
 
 
@@ -228,7 +228,10 @@ def test_bands_are_widened_by_the_lobes_of_averaged_lines() -> None:
 def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
     kind: str, notch_hz: tuple[float, float], from_hz: float
 ) -> None:
-    """For a line below four times the band's lowest frequency, the band begins three widths above it."""
+    """The band begins three widths of the line's notch above a slow line.
+
+    A line is slow if it lies below four times the lowest frequency of the band.
+    """
     assert _above_slow_lines((Peak(kind, 0.3, 0.1, 0.5, 9.0, notch_hz),), 0.125) == from_hz
 
 
@@ -246,7 +249,8 @@ def test_the_band_begins_beyond_what_leaks_from_a_slow_line(
 def test_the_strongest_is_found_as_it_is_defined(
     seed: int, single: int, octaves: int, heights: list[float], slope: float, false_alarm: float
 ) -> None:
-    # Ordinates, then octaves of averaged lines, each with twice the ordinates of the one before.
+    # The spectrum consists of single ordinates, followed by octaves. The values of each octave average twice
+    # as many ordinates as those of the octave before.
     rng = np.random.default_rng(seed)
     weight = np.concatenate([np.ones(single), *(np.full(40, 1.7 * 2**k) for k in range(octaves))])
     power = rng.gamma(weight, 1 / weight) * np.linspace(0.1, 1, len(weight)) ** slope
@@ -272,7 +276,10 @@ def test_the_native_search_refuses_what_are_no_lines() -> None:
 @both
 @pytest.mark.filterwarnings("error")
 def test_counts_that_repeat_exactly_have_lines_without_a_word_of_numpy(search: Search) -> None:
-    """Such a record has no noise in addition to its lines; numpy must not warn of it."""
+    """Such a record has spectral lines without any noise around them.
+
+    numpy must not print a warning for it.
+    """
     counts = np.rint(40 * np.sin(2 * np.pi * 5 * np.arange(N) * H))
     found = search(counts)
     assert min(abs(peak.frequency_hz - 5.0) for peak in found) < 0.02

@@ -1,7 +1,7 @@
 """Draw random noise models, and check that the program's claims about each noise are true.
 
-The draws are the same each time. Of hundreds of claims at 95 % and more some are wrong, so the tests count
-how many are wrong, instead of checking single examples.
+The draws are the same each time. Among hundreds of claims with a confidence of 95 % or more, some have to be
+wrong. So the tests count the wrong ones instead of checking single examples.
 """
 
 import math
@@ -21,7 +21,7 @@ from tests.rig.tiers import slow
 Parts = list[p.Part]
 
 SLOWEST_SHARE = 20
-"""Ratio of a record's length to the correlation time of the slowest relaxation."""
+"""Least ratio of a record's length to the correlation time of a relaxation."""
 
 
 def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
@@ -63,7 +63,7 @@ def drawn(rng: np.random.Generator) -> tuple[Parts, int]:
 
 
 def is_there(kind: str, parts: Parts) -> bool:
-    """Whether the parts of the noise include the part that a verdict claims."""
+    """Whether the noise has the kind of part that the verdict claims."""
 
     def has(*kinds: type[p.Part]) -> bool:
         return any(isinstance(part, kinds) for part in parts)
@@ -95,7 +95,10 @@ def is_there(kind: str, parts: Parts) -> bool:
 
 
 def says_less_than_it_knows(e: Evidence, kind: str, text: str) -> bool:
-    """Whether the verdict is "white" or "too faint" though a model that no peak explains fits better."""
+    """Whether the verdict is "white" or "too faint" though another model clearly fits better.
+
+    Models that a peak explains do not count.
+    """
     ahead = -e.candidates.bic(e.candidates.plain) > e.apart
     return ahead and (kind == "white" or "too faint" in text) and not e.peaks
 

@@ -69,7 +69,7 @@ def test_power_that_goes_up_and_down() -> None:
 
 
 def swinging(n: int, period_s: float, ratio: float, seed: int, *, regular: bool = True) -> Array:
-    """Return white noise whose standard deviation is `ratio` times larger in every other half of a period."""
+    """Return white noise whose standard deviation is `ratio` times as large in one half of each period."""
     rng = np.random.default_rng(seed)
     if regular:
         up = (np.arange(n) * H + rng.uniform(0, period_s)) // (period_s / 2) % 2
@@ -87,7 +87,7 @@ def test_more_samples_never_say_less(period_s: float, ratio: float) -> None:
 
 
 def test_the_fastest_swings() -> None:
-    """Swings are detected down to the length of the test's blocks, which are 2.56 s long."""
+    """Even swings as short as the blocks of the spectrum, 2.56 s, are detected."""
     for ratio in (1.5, 2.0):
         y = swinging(200_000, 4.0, ratio, 12)
         assert all(change(y[:n], 1e-3) is not None for n in (60_000, 200_000))
@@ -144,7 +144,10 @@ def test_what_is_left_out_is_not_looked_at() -> None:
 
 
 def test_a_sharp_resonance_does_not_change() -> None:
-    """A resonance fills whole blocks equally; without a correction one in four would be called changing."""
+    """A sharp resonance continues over whole blocks.
+
+    Without a correction for this, one in four would be called changing.
+    """
     phi = 2 * 0.995 * np.cos(1.97), -(0.995**2)
     kinds = [decide(examined(y, H).evidence).kind for y in ar(phi, 6000, 20, 1)]
     assert kinds == ["resonance"] * 20

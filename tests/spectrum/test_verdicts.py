@@ -1,4 +1,4 @@
-"""The verdicts on noises of known parts, and that the words agree with the figures."""
+"""The verdicts on noises of known parts are right, and their words agree with their figures."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ from tests.rig.tiers import slow
 
 RELAXING = (p.White(0.0025), *(p.Relaxation(0.0175, tau) for tau in (1.0, 0.1, 0.02)))
 FAMILIES: dict[str, tuple[Sequence[p.Part], set[str]]] = {
-    "white": ([p.White(1.0)], {"white", "undecided"}),  # one in twenty is not accepted
+    "white": ([p.White(1.0)], {"white", "undecided"}),  # the null test rejects one white series in twenty
     "relaxations, as a model is simulated": (
         [*RELAXING, p.Quantisation(1.4e-4)],
         {"relaxations", "fractional or relaxations"},
@@ -82,7 +82,10 @@ def test_a_slow_sine_is_told_by_its_period() -> None:
 
 
 def test_the_ends_of_a_short_record_do_not_leak() -> None:
-    """3,000 samples with a ramp of thirty deviations are white except for the ramp."""
+    """3,000 samples of white noise with a ramp are called white except for the ramp.
+
+    The ramp has thirty standard deviations.
+    """
     e = examined(white(3000, 1, 3)[0] + np.linspace(0, 30, 3000), H).evidence
     assert e.p_clean > 0.01
     assert decide(e).kind == "drift"
@@ -147,7 +150,7 @@ HUMP, EDGE = p.Resonance(0.28, 9.6, 7.1), p.Resonance(2.3, 44.6, 9.0)
 
 @pytest.mark.parametrize(("hump", "n"), [(HUMP, 60_000), (EDGE, 8_000)], ids=["broad", "at the end"])
 def test_what_is_clearly_there_is_never_too_faint(hump: p.Resonance, n: int) -> None:
-    """There is no distinct maximum, yet a resonance fits far better than white noise."""
+    """The spectrum has no distinct maximum, but a model with a resonance fits far better than white noise."""
     e, verdict = seen([p.White(1.0), hump], n, 1)
     assert -e.candidates.bic(e.candidates.plain) > e.apart
     assert verdict.kind == "resonance", verdict.text
@@ -197,7 +200,7 @@ def blocks_taken_off(n: int, size: int, seed: int) -> np.ndarray:
 def test_an_auto_zero_is_a_high_pass_whatever_its_shape(
     auto_zero: Callable[[int, int, int], np.ndarray], level: float
 ) -> None:
-    """A filter's ripple above the corner is no resonance, and leakage from the record's ends is no drift."""
+    """A filter's ripple is not called a resonance, and leakage from the record's ends is not called drift."""
     for seed in range(3):
         e = examined(auto_zero(200_000, 300, seed), H).evidence._replace(level=level)
         assert decide(e).kind == "high-pass", decide(e).text
@@ -223,11 +226,13 @@ def ordered() -> Evidence:
 @pytest.mark.parametrize(
     ("at", "over_rich", "same", "reading", "said"),
     [
-        # Changes at lead 0: the model compared with white noise, the accepted model, and a walk or an order.
+        # These decisions change at a lead of 0: which model is compared with white noise, which model is
+        # accepted, and whether the noise is a random walk or an order.
         (0.0, 0.0, ALIKE, None, lambda e, v: wording.names(e.candidates.ordered.kinds) in v.rules[3].figure),
         (0.0, 0.0, ALIKE, None, lambda e, v: winner(e, v) is e.candidates.order),
         (0.0, 0.0, ALIKE, NOTHING._replace(drifts=True), lambda e, v: v.kind != "drift"),
-        # Changes at the significant lead: a claim, an order in addition to other parts, and an order alone.
+        # These decisions change at the lead that counts as significant: whether an order is claimed, is
+        # possible beside other parts, or is possible alone.
         (6.0, 50.0, {}, None, lambda e, v: v.kind == "fractional"),
         (
             -6.0,
@@ -249,7 +254,7 @@ def test_how_far_an_order_is_ahead_decides(
     said: Callable[[Evidence, Verdict], bool],
     step: float,
 ) -> None:
-    """Each decision changes exactly where the lead passes its bound."""
+    """Each decision changes exactly where the lead of the order passes the bound for this decision."""
     candidates = copy(ordered.candidates)
     candidates.lead, candidates.lead_over_rich = at + step, over_rich
     for name, other in same.items():

@@ -58,7 +58,10 @@ def opened(moments: list[Moment]) -> list[Moment]:
 def check_any_reads(
     story: Story, places: list[float], together: Sequence[int], changes: dict[str, Any]
 ) -> list[bytes]:
-    """Compare single reads with smaller reads, and with several reads at once, up to all reads at once."""
+    """Compare the records for the original reads with those for other reads.
+
+    The others are smaller reads, several reads joined, and all reads joined.
+    """
     moments, chosen = story.moments(), config(changes)
     whole = walk(chosen, moments)
     assert walk(chosen, list(torn(moments, places))) == whole
@@ -93,7 +96,7 @@ def test_each_thing_that_may_happen_is_the_same_however_it_is_read(what: str) ->
 
 
 def test_a_last_block_whose_end_cannot_be_used_ends_where_it_ends() -> None:
-    """The last statistics have the time of the last sample, whether or not that sample was accepted."""
+    """The last statistics have the time of the last sample, even if that sample was not accepted."""
     check_any_reads(Story(0, 201, ((199, "jump"),), (1,)), [], [3], {})
 
 

@@ -1,4 +1,4 @@
-"""An estimate of a device that is not compared with the host's has one reason: the first that applies."""
+"""If a device's estimate is not compared with the host's, one reason is given: the first that applies."""
 
 import itertools
 

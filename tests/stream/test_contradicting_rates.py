@@ -1,5 +1,6 @@
-"""A device whose HELLO states another rate than its clock and sequence numbers show: its samples are
-rejected."""
+"""The samples of a device are rejected if its HELLO states another rate than its clock and sequence numbers
+show.
+"""
 
 import re
 from collections.abc import Iterator
@@ -21,7 +22,9 @@ from tests.rig.same_records import assert_same
 
 N = 1000
 FIRST_SECOND = 105
-"""Number of samples that are used, or wait for the next HELLO, before the contradiction is detected."""
+"""Number of samples that are used, or held back until the next HELLO, before the contradiction is
+detected.
+"""
 
 
 def samples(
@@ -88,7 +91,7 @@ def test_samples_of_a_device_that_contradicts_itself_are_counted_as_such(
 
 
 def test_a_rate_ten_times_too_high_is_no_restart() -> None:
-    """Each pair of samples looks like a restart, and this lasts longer than any wait for HELLO."""
+    """Each pair of samples looks like a restart, for longer than the program ever waits for a HELLO."""
     some = samples(100.0, 2000)
     records = walked(list(with_hellos(1000.0, some)))
     counts = counts_of(records)
@@ -138,7 +141,10 @@ def test_it_is_believed_again_when_its_clock_agrees() -> None:
 
 
 def test_another_device_on_the_port_is_asked_for_its_hello_first() -> None:
-    """Samples of the new device before its HELLO contradict the earlier device; no error is reported."""
+    """Samples of the new device that come before its HELLO contradict the earlier device.
+
+    No error is reported for them.
+    """
     first, second = samples(100.0, 300), samples(500.0, 400)
     moved = [raw._replace(host_ns=raw.host_ns + 10**10) for raw in second]
     events = [

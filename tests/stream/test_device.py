@@ -1,4 +1,4 @@
-"""Samples through the native device give the same result, whether one by one or all at once."""
+"""The native device gives the same results for single samples as for all samples in one block."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -103,7 +103,7 @@ def test_each_stop_but_the_ends_has_a_handler() -> None:
 
 
 def test_fits_of_an_epoch_count_its_own_samples() -> None:
-    """This holds even where sample numbers begin again at 0, below those of the epoch before."""
+    """This holds even if sample numbers begin again at 0, below those of the previous epoch."""
     events: list[Event] = [hello(), raw(range(500, 700)), hello(boot_id=8), raw(range(300))]
     single: list[Event] = [
         one

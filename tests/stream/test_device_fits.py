@@ -1,4 +1,4 @@
-"""A device's own maximum-likelihood fits: from FIT and SPECTRUM messages to records and displays."""
+"""The maximum-likelihood fits that a device makes: from FIT and SPECTRUM messages to records and displays."""
 
 import io
 import math
@@ -111,7 +111,7 @@ def test_bins_are_fitted_here_too() -> None:
         sent.append(wire.Spectrum(wire.Axis.GYRO_Y, 1, first, 60, *bins[first : first + 5].ravel().tolist()))
     _, again = details(sent, fits=board)
     assert again.axes["gyro_y"].alpha_of_bins == pytest.approx(1.0, abs=0.15)
-    # Two bins of one frequency, from two stretches of samples, are merged only for the fit on the host.
+    # Two bins of the same frequency, from two stretches of samples, are merged only for the fit on the host.
     twice = [
         message._replace(frequency_1=message.frequency_0) if i == 3 else message
         for i, message in enumerate(sent)
@@ -125,7 +125,7 @@ def test_bins_are_fitted_here_too() -> None:
 def test_bins_of_which_some_were_lost_are_not_told(lost: int) -> None:
     sent = spectra(12)
     del sent[lost]
-    # The next spectrum is complete again.
+    # The bins of the next fit are complete again.
     fits = [one.axes["gyro_y"] for one in details([FIT, *sent, FIT._replace(number=11), *spectra(12, 11)])]
     assert [(fit.number, fit.spectrum is not None) for fit in fits] == [(1, False), (11, False), (11, True)]
 
@@ -183,7 +183,7 @@ def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
         assert details([one] * 300, fits=board) == []
         assert sum(map(len, board._bins.values())) <= 51
         details([FIT], fits=board)
-    # Bins of fits that follow within a second are not fitted again.
+    # If fits follow each other within a second, the host does not fit their bins again.
     asked: list[float] = []
     monkeypatch.setattr(board_fits, "order_of_bins", lambda _, rate_hz: asked.append(rate_hz))
     for number in range(50):
@@ -200,10 +200,10 @@ def test_a_faulty_device_cannot_make_it_keep_or_calculate_more_and_more(
     ("changed", "low", "high"),
     [
         ({"flags": 0}, None, None),
-        # An unknown value must not become an interval of zero width.
+        # A value that is not known must not be shown as an interval of zero width.
         ({"alpha_std": 0.0}, None, None),
         ({"alpha_std": -1.0}, None, None),
-        # The interval ends at the limit of the model.
+        # The interval ends at the largest order of the model.
         ({"alpha_std": 2.0}, 0.0, 2.0),
     ],
 )
@@ -235,7 +235,7 @@ def test_what_no_fit_can_be_is_counted_and_not_told(field: str, value: Any) -> N
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float]:
-    """Draw values that are mostly valid, so that they are accepted, and sometimes arbitrary."""
+    """Draw values that are mostly valid, so that they are accepted. Some are arbitrary."""
     likely = st.floats(low, high, width=32)
     return st.one_of(likely, likely, likely, likely, likely, likely, likely, st.floats(width=32))
 

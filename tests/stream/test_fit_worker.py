@@ -1,5 +1,6 @@
-"""Fits in another thread: each result takes effect at a sample fixed when the fit began, however long it
-takes."""
+"""Fits in another thread: the result takes effect at a sample that was chosen when the fit began, however
+long the fit takes.
+"""
 
 import itertools
 import threading
@@ -244,7 +245,7 @@ def test_a_look_at_a_sensor_that_is_gone_is_not_told_and_one_at_the_same_counts_
 
 @pytest.mark.parametrize("examples", [4, slow(25)])
 def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -> None:
-    """Fits that no output takes are not made; this changes no estimate, even if samples are lost."""
+    """Fits that no output shows are not made. This changes no estimate, even if samples are lost."""
 
     @given(st.lists(st.tuples(st.integers(1, 12), st.integers(0, 20), st.integers(0, 39)), max_size=8))
     @settings(max_examples=examples)
@@ -261,5 +262,6 @@ def test_estimates_are_the_same_watched_or_not_whatever_is_lost(examples: int) -
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(live, "LiveAxes", Noticing)
-        patch.setattr(fit_times, "SEARCH_GROWTH", 2)  # the fit settles soon: 1, 2, 3, 5, 8 and 12 s
+        # the estimates use fits soon and often: after 1, 2, 3, 5, 8 and 12 s
+        patch.setattr(fit_times, "SEARCH_GROWTH", 2)
         holds()

@@ -1,5 +1,6 @@
-"""Steps of the bias and motion of the sensor as records: time and size, the same for any division into
-blocks."""
+"""The records of steps of the bias and of motion: time and size are right, and the same for any division into
+blocks.
+"""
 
 from collections.abc import Sequence
 
@@ -17,7 +18,7 @@ from tests.rig.host_support import hello
 
 STEP, TURN, STOP, TILT, END = 5000, 5700, 6100, 6500, 7000
 SIGMA, SIZE = 2.0, 4.0
-"""Noise deviation and size of the step [counts]; the step is two deviations."""
+"""Standard deviation of the noise, and size of the step [counts]. The step is two standard deviations."""
 LSB_PER_DPS = 16.4
 
 
@@ -27,9 +28,9 @@ def true_fits(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def record(accel: bool = True) -> RawBlock:
-    """Return a sensor whose y rate steps at rest.
+    """Return the samples of a sensor whose y rate has a step while the sensor rests.
 
-    Then it is turned, and later tilted while its rates stay the same.
+    Later the sensor is turned, and then tilted so slowly that its rates stay the same.
     """
     rng, n = np.random.default_rng(1), np.arange(END)
     gyro = rng.normal([20, -30, 5], SIGMA, (END, 3))
@@ -75,7 +76,7 @@ def test_a_step_and_motion_are_told_with_time_and_size() -> None:
     assert {1, 10} <= set(stats.checked)
     last_fit = of(Fit, pipeline.finish())[-1].axes
     assert last_fit["gyro_x"].breaks["motions"] == 2
-    assert last_fit["gyro_y"].breaks["motions"] == 3  # one motion is due to the step
+    assert last_fit["gyro_y"].breaks["motions"] == 3  # one of these motions is the step
     assert [one.verdict for one in last_fit.values()] == ["white"] * 3
 
 

@@ -1,5 +1,6 @@
-"""The live fit in the pipeline: when it is due, which samples it uses, and which interruptions it
-survives."""
+"""The live fit in the pipeline: when a refit is due, which samples it uses, and after which interruptions the
+record continues.
+"""
 
 import itertools
 from collections.abc import Iterable
@@ -142,7 +143,7 @@ def test_curves_of_many_devices_come_every_fourth_period() -> None:
 def test_the_fits_that_settle_are_the_same_whether_or_not_there_are_others(
     breaks: set[int], news: set[int], period: int, before: int
 ) -> None:
-    """70 samples are lost several times; the fitted record may begin long before the epoch."""
+    """Several times, 70 samples are lost. The fitted record may have begun long before the epoch."""
 
     def accepted(*, every: bool) -> list[int]:
         times, found = RefitTimes(100.0, grows=True, every=every), []
@@ -192,13 +193,14 @@ def test_curves_come_every_ten_seconds_and_with_the_last_fit() -> None:
 
 def test_a_last_fit_that_had_its_curves_is_not_said_twice() -> None:
     items, pipeline = run_pipeline([hello(), raw(range(100))])
-    assert not of(Fit, items)  # the fits of two axes are still to come
+    assert not of(Fit, items)  # the fits of two axes have not been yielded yet
     assert [type(item) for item in pipeline.finish()] == [Fit, Stats]
 
 
 def test_the_last_fit_of_a_recording_is_judged_as_one_look() -> None:
-    """This holds even if a fit of all samples, at the significance level for repeated tests, was just
-    published."""
+    """This holds even if a fit of all samples was just published at the significance level for repeated
+    tests.
+    """
     items, pipeline = run_pipeline([hello(), raw(range(100))], prompt=False)
     before, last, _ = pipeline.finish()
     items.append(before)

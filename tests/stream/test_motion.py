@@ -1,4 +1,4 @@
-"""Motion within a record: the fit excludes it, so the bias after the motion is known as well as before."""
+"""Motion within a record is left out of the fit, so the bias is known as well afterwards as before."""
 
 from collections.abc import Callable
 
@@ -19,12 +19,13 @@ from tests.rig.host_support import hello
 
 LSB_DPS, SIGMA, OFFSET = 1 / 16.4, 6.0, 20.0
 REST, MOVES, END = 4000, 6000, 8000
-"""Sample numbers at 100 Hz. The motion is longer than eight chunks, within which a new level would be
-learnt."""
+"""Sample numbers at 100 Hz. The motion is longer than eight chunks (of 128 samples), after which a new level
+of the noise would be accepted.
+"""
 
 
 def smooth(rng: np.random.Generator, n: int, width: float) -> Array:
-    """Return noise of deviation 1 through a Gaussian filter."""
+    """Return noise of standard deviation 1 that has passed through a Gaussian filter."""
     window = np.exp(-0.5 * (np.arange(-4 * width, 4 * width + 1) / width) ** 2)
     found = np.convolve(rng.standard_normal(n), window, "same")
     return np.asarray(found / found.std())
@@ -59,7 +60,7 @@ def columns(items: list[AnyRecord | Block], name: str) -> Array:
 def test_what_is_learnt_at_rest_is_known_after_motion(kind: str) -> None:
     items, pipeline = run_pipeline([hello(), record(kind)], live__period_s=5)
     moving, bias, std = (columns(items, name)[:, 0] for name in ("moving", "bias", "bias_std"))
-    assert moving[REST:MOVES].mean() > 0.93  # motion is detected after a chunk or two
+    assert moving[REST:MOVES].mean() > 0.93  # the motion is detected only after one or two chunks
     assert not moving[:REST].any()
     assert not moving[MOVES + 100 :].any()
     assert np.abs(bias[MOVES + 200 :] - OFFSET * LSB_DPS).max() < 3 * std[MOVES + 200]

@@ -42,7 +42,7 @@ def raw(k: int, gyro: tuple[float, ...] | None = None) -> RawSample:
 
 
 def feed(pipeline: Pipeline, *events: Event | RawSample) -> list[AnyRecord]:
-    """Return the records; each sample is a block of its own."""
+    """Return the records for these events; each sample is in a block by itself."""
     blocks = [as_block(event) if isinstance(event, RawSample) else event for event in events]
     return records_of(item for event in blocks for item in pipeline.feed(event))
 
@@ -110,9 +110,9 @@ def test_a_restart_begins_anew_and_says_hello_once_a_boot() -> None:
 
 @pytest.mark.parametrize("sensor_starts", [1, 2])
 def test_a_recorded_discontinuity_replays_with_nothing_lost(tmp_path: Path, sensor_starts: int) -> None:
-    """Live, the sample that revealed the discontinuity is dropped and a HELLO follows.
+    """In the live run, the sample that shows the discontinuity is dropped, and a HELLO follows.
 
-    The recording holds neither.
+    The recording has neither of the two.
     """
     late = [raw(k)._replace(device_us=(k * 10_000 + 7_000_000) % 2**32) for k in range(60, 100)]
     after = hello(sensor_starts=sensor_starts)
@@ -153,7 +153,7 @@ def test_a_constant_axis_is_invalid_and_the_others_go_on() -> None:
 
 
 def test_divergence_is_published_as_null_and_counted_never_as_nan() -> None:
-    """An offset of some deg/s that is not removed makes the published algorithm diverge."""
+    """An offset of a few deg/s that is not removed makes the algorithm of the paper diverge."""
     pipeline = pipeline_of(estimator__bias="none", estimator__R=1e-4, **PRINTED)
     events = [raw(k, tuple(g + 500 for g in raw(k).gyro)) for k in range(400)]
     records = feed(pipeline, hello(), *events)
@@ -232,7 +232,7 @@ def test_stats_go_out_before_the_first_event_of_a_new_second() -> None:
 
 @pytest.mark.parametrize("every", [1, 7, 1000])
 def test_thinned_are_samples_and_estimates_alike_and_nothing_else(every: int) -> None:
-    """This includes the time while the start-up window fills; the estimates themselves do not change."""
+    """This includes the time until the start-up window is full. The estimates themselves do not change."""
     events = [hello(), *(raw(k) for k in range(300) if k not in (100, 101))]
     thin = feed(pipeline_of(output__every=every), *events)
     assert thin == [

@@ -1,4 +1,7 @@
-"""The pipeline equals the plain Python oracle, for any incidents and any division of samples into blocks."""
+"""The pipeline equals a plain Python oracle, whatever happens to a device.
+
+This holds for any division of samples into blocks.
+"""
 
 from collections.abc import Iterable
 from typing import Any, NamedTuple
@@ -48,7 +51,7 @@ def test_number_time_units_and_counts_are_those_of_the_oracle(examples: int) -> 
 
 
 def test_a_line_through_ten_minutes_gives_the_times_of_the_plain_one() -> None:
-    """The run is longer than the ten minutes that the clock fit keeps, with some gaps in it."""
+    """The run has some gaps, and is longer than the ten minutes of samples that the clock fit keeps."""
     source = Source()
     device = Device(source, Birth(65_000, 2**32 - 10**7), rate_hz=4.0)
     some = [Act("gap" if k % 7 == 6 else "goes on", 0.1, 100, (k, 50)) for k in range(31)]
@@ -64,13 +67,13 @@ SETTINGS: list[dict[str, Any]] = [
     {},
     {"estimator.tuning": "startup", "output.every": 7},
     {"channels": ["gyro_z", "accel_x", "accel_z"], "accel.startup": 35, "accel.window": 50},
-    PRINTED | {"estimator.R": 1e-4, "estimator.bias": "none"},  # the estimates run away
+    PRINTED | {"estimator.R": 1e-4, "estimator.bias": "none"},  # with these settings the estimates diverge
     {
         "estimator.R": 1e-4,
         "accel.R": 1e-9,
         "accel.startup": 20,
         "channels": ["gyro_x", "accel_x"],
-    },  # the guard holds the estimates
+    },  # with these settings the guard limits the estimates
     {"estimator.R": [0.2, 0.25, 0.3], "estimator.bias": [0.2, -2.4, 0.0]},  # without a start-up window
     {
         "estimator.bias": [0.5, 0.0, -0.1],
@@ -122,8 +125,9 @@ def test_a_step_a_knock_and_a_turn_are_those_of_the_oracle(channels: list[str]) 
 
 
 class Resumed(NamedTuple):
-    """Records after a snapshot: of a pipeline and an oracle that resumed, and of a pipeline that never
-    stopped."""
+    """The records after a snapshot: of a pipeline and an oracle that resumed from it, and of a pipeline that
+    never stopped.
+    """
 
     pipeline: list[AnyRecord]
     plain: list[AnyRecord]
@@ -142,7 +146,7 @@ def with_snapshot(
 ) -> Resumed | None:
     """Take a snapshot after sample `at`, and resume `lost` samples later; return None if samples are too few.
 
-    `reset`: the device was reset, so that only the time tells how many samples were lost.
+    `reset`: the device was reset, so that only the time shows how many samples were lost.
     """
     first, plain = Pipeline(source, chosen), PlainDeviceStream(source, chosen)
     pipeline = first
@@ -183,7 +187,10 @@ def with_snapshot(
 
 
 def of_first_epoch(records: list[AnyRecord], *, begins: int) -> dict[int, dict[str, AxisEstimate]]:
-    """Return the estimates by wire number, up to the beginning of the epoch after the first `begins`."""
+    """Return the estimates by the samples' numbers on the wire.
+
+    They end where the epoch after the first `begins` epochs begins.
+    """
     found = {}
     for record in records:
         begins -= isinstance(record, Epoch)
@@ -205,11 +212,12 @@ def check_snapshot(
         return 0
     assert_same(found.pipeline, found.plain)
     begun = next(iter(of(Epoch, found.pipeline)), None)
-    if begun is None or begun.reason != "resumed" or lost > WINDOW:  # longer gaps are not bridged
+    # gaps that are longer than the window are not bridged
+    if begun is None or begun.reason != "resumed" or lost > WINDOW:
         return 0
     mine, others = of_first_epoch(found.pipeline, begins=1), of_first_epoch(found.went_on, begins=0)
     both_have = mine.keys() & others.keys()
-    for k in both_have:  # an epoch has the axes that its first sample has
+    for k in both_have:  # the axes of an epoch are those of its first sample
         axes = mine[k].keys() & others[k].keys()
         assert {axis: mine[k][axis] for axis in axes} == {axis: others[k][axis] for axis in axes}
     return len(both_have)
@@ -217,7 +225,10 @@ def check_snapshot(
 
 @pytest.mark.parametrize("examples", [30, slow(400)])
 def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_been(examples: int) -> None:
-    """Estimates continue, and so do biases with all of the tracker's state; the clock fit starts over."""
+    """The estimates continue, and the biases with the whole state of the tracker.
+
+    Only the clock fit begins anew.
+    """
     common = []
 
     @given(
@@ -239,12 +250,15 @@ def test_a_snapshot_at_any_sample_goes_on_as_the_oracle_and_as_if_nothing_had_be
 
 
 QUICK = ("longest gap", "odd gap", "date", "boot", "no accelerometer")
-"""Incidents that the first tier tries."""
+"""The incidents that are tested in the first tier of the tests."""
 
 
 @pytest.mark.parametrize("what", slow_but(QUICK, ACTS))
 def test_each_thing_that_may_happen_before_a_snapshot_and_behind_it(what: str) -> None:
-    """Each incident is tried at several points of a second, small and large, and with a long rest."""
+    """Each incident is tried small and large, at several times within a second.
+
+    Many samples follow it.
+    """
     for k, amount in enumerate((0.02, 0.4, 0.6, 0.98)):
         changes = SETTINGS[(ACTS.index(what) + k) % len(SETTINGS)]
         happens = [Act(samples=240 + 7 * k, cuts=(100, 101)), Act(what, amount, 50, (1, 20))]

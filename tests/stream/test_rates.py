@@ -1,4 +1,4 @@
-"""The chain at 10 Hz, 1 kHz and 8 kHz: no part of it may assume the Due's 100 Hz."""
+"""The whole device stream at 10 Hz, 1 kHz and 8 kHz: no part of it may assume the Due's 100 Hz."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -25,7 +25,7 @@ S = 1_000_000_000
 
 
 def events(rate_hz: int, *, gap: bool) -> Iterator[Event]:
-    """Return LASTS_S seconds of noise, of which LOST_S are missing with `gap`."""
+    """Return LASTS_S seconds of noise; with `gap`, LOST_S seconds of these are missing."""
     source = SyntheticSource(f"?rate_hz={rate_hz}&n={LASTS_S * rate_hz}&alpha=0.5&f=-3", realtime=False)
     for event in source.events():
         if not gap or not isinstance(event, RawBlock):
@@ -91,7 +91,7 @@ def test_in_real_time_what_is_due_within_10_ms_comes_together(
 ) -> None:
     """At 8 kHz, samples are processed in blocks, since single samples would take too much time.
 
-    At the Due's 100 Hz each sample is processed at its own time.
+    At the Due's 100 Hz, each sample is processed when it arrives.
     """
     monkeypatch.setattr("fltea.sources.synthetic.sleep_until", lambda due_ns, closed: None)
     source = SyntheticSource(f"?rate_hz={rate_hz}&n=400", realtime=True)

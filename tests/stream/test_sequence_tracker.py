@@ -1,5 +1,6 @@
-"""Sequence tracking: losses are counted across all wraps, and a break of time is never taken for
-continuity."""
+"""The sequence tracker: losses are counted across all wraps of the counters, and a break of time is always
+detected.
+"""
 
 from itertools import accumulate, pairwise
 from typing import Any, NamedTuple
@@ -15,14 +16,14 @@ from tests.rig.host_support import hello
 
 PERIOD_US = 10_000
 HALF_HOUR = 30 * 60 * 100
-"""Samples in 30 minutes."""
+"""Number of samples in 30 minutes."""
 
 ANY_GAP = 10**9
 MAX_HOST_DISAGREEMENT_US = 5 * 60 * 10**6
 
 
 class Device(NamedTuple):
-    """A device whose clock runs at another rate than the host's and whose counters start anywhere."""
+    """A device whose clock runs at another rate than the host's, and whose counters start at any number."""
 
     first_sequence: int = 0
     first_us: int = 0
@@ -65,7 +66,7 @@ def test_delivered_and_lost_are_all_that_were_due(device: Device, indices: list[
     for before, k, jitter_us in zip([None, *indices], indices, jitters, strict=False):
         placed = track_one(decoder, device.sample(k, jitter_us))
         assert placed is not None
-        # the unwrapped values begin with those of the first sample, and then never wrap
+        # the numbers without wraps begin with those of the first sample
         assert placed.seq - device.first_sequence == k
         assert placed.device_us - first_us % 2**32 == device.true_us(k, jitter_us) - first_us
         assert placed.missing == (0 if before is None else k - before - 1)
@@ -114,7 +115,7 @@ def test_only_a_hello_that_tells_something_is_news():
 
 
 BOOT, SENSOR, DOWN = {"boot_id": 8}, {"sensor_starts": 2}, None
-"""Events between samples: HELLOs with these changes; None is the end of the link."""
+"""Events between samples: a HELLO with these changes, or None for the end of the connection."""
 
 EARLY = Device(first_us=10**6)
 """A device whose clock starts earlier than the default device's clock."""
@@ -122,8 +123,9 @@ EARLY = Device(first_us=10**6)
 LATE = Device(late_ns=301 * 10**9)
 
 SCENARIOS: dict[str, tuple[list[Any], str, str, tuple[int, int, int]]] = {
-    # Columns: events, with samples given as their numbers; samples that begin epochs; number of the last
-    # sample and samples lost before it; then delivered, lost, gaps.
+    # Columns: the events, where a number is a sample; the samples that begin epochs; the number of the last
+    # sample, and how many samples were lost before it; then the counts of delivered samples, lost samples and
+    # gaps.
     "the longest gap in an epoch": ([{}, 0, 101], "start", "101 after 100", (2, 100, 1)),
     "a longer gap": ([{}, 0, 102], "start gap", "102 after 101", (2, 101, 1)),
     "the sequence again after a wrap": ([{}, 3, 65539], "start gap", "65539 after 65535", (2, 65535, 1)),
@@ -203,7 +205,10 @@ def test_what_begins_an_epoch_and_what_is_lost_before(
 
 
 def after_lost_reset(k_before: int, k_after: int) -> tuple[Decoder, RawSample, Tracked | None]:
-    """Return samples around a reset whose HELLO is lost: counters restart, the host's clock runs on."""
+    """Return samples before and after a reset whose HELLO is lost.
+
+    The counters restart, while the host's clock continues.
+    """
     decoder = heard(max_gap=100)
     deliver(decoder, Device(), [k_before - 1, k_before])
     now_ns = (k_before + 30) * PERIOD_US * 1000
@@ -227,8 +232,10 @@ def test_reset_whose_hello_was_lost(boot_id: int, reason: str):
 @given(st.integers(200, 10 * 3600 * 100), st.integers(0, 100))
 @settings(max_examples=500)
 def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
-    """Sequence and time may agree by chance on a gap of an hour; the host's clock shows that it is a
-    reset."""
+    """By chance, sequence number and device time may both fit a gap of an hour.
+
+    The host's clock shows that there was a reset.
+    """
     _, _, placed = after_lost_reset(k_before, k_after)
     assert placed is None
 
@@ -240,7 +247,7 @@ def test_reset_never_goes_on_in_the_same_epoch(k_before: int, k_after: int):
 )
 @settings(max_examples=300)
 def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, step: int, off_us: int):
-    """A difference above 2 % and one period is always rejected, for any number of wraps."""
+    """A difference of more than 2 % plus one period is always rejected, for any number of wraps."""
     decoder = heard(max_gap=50)
     track_one(decoder, device.sample(0))
     raw = device.sample(step)
@@ -256,7 +263,7 @@ def test_time_that_disagrees_with_the_sequence_is_not_believed(device: Device, s
 class Happening(NamedTuple):
     """The change from one sample to the next.
 
-    `step`: 0 repeats the sample. `what`: an event before the sample.
+    `step`: how many numbers later the sample is; 0 repeats the sample. `what`: an event before the sample.
     """
 
     step: int
@@ -266,7 +273,7 @@ class Happening(NamedTuple):
 
 
 def device_stream(device: Device, happenings: list[Happening]) -> list[RawSample | str]:
-    """Yield a device's samples with these changes, and the other events between them."""
+    """Return a device's samples with these changes, and the other events between the samples."""
     stream: list[RawSample | str] = []
     k, late_ns, sequence, device_us = 0, 0, device.first_sequence, device.first_us
     for step, jitter_us, more_ns, what in happenings:
@@ -312,7 +319,7 @@ def say(decoder: Decoder, what: str, boot: int, starts: int) -> object:
 def test_blocks_of_any_cut_are_placed_as_one_by_one(
     device: Device, some: list[Happening], max_gap: int, known: bool, data: st.DataObject
 ):
-    """Includes wraps, gaps, duplicates, resets, jitter, silence and all events in between."""
+    """The changes include wraps, gaps, duplicates, resets, jitter, silence, and events in between."""
     decoder, single = Decoder(lambda: 0, max_gap), Decoder(lambda: 0, max_gap)
     if known:
         decoder.on_hello(hello())

@@ -1,4 +1,4 @@
-"""The time base removes bursts and jitter of the arrivals, and its times never decrease."""
+"""The clock fit removes bursts and jitter from the arrival times, and its times never decrease."""
 
 from pathlib import Path
 
@@ -19,8 +19,10 @@ OFFSET_NS = 1_720_000_000_000_000_000
 
 
 def bursty_arrivals_s(true_s: np.ndarray, seed: int) -> np.ndarray:
-    """Return arrivals with 2 ms delay on average, sometimes with nothing for up to 500 ms and then all at
-    once."""
+    """Return arrival times with a mean delay of 2 ms.
+
+    Sometimes nothing arrives for up to 500 ms, and then all samples arrive at once.
+    """
     rng = np.random.default_rng(seed)
     arrivals = true_s + rng.exponential(0.002, len(true_s))
     for begin in np.flatnonzero(rng.random(len(true_s)) < 0.005):
@@ -31,7 +33,7 @@ def bursty_arrivals_s(true_s: np.ndarray, seed: int) -> np.ndarray:
 
 
 class Timebase(_native.Timebase):
-    """The native time base, for columns."""
+    """The native clock fit, for arrays of samples."""
 
     def add(self, seq: Ints, device_us: Ints, host_ns: Ints) -> Ints:  # type: ignore[override]
         return np.array(super().add(seq.tolist(), device_us.tolist(), host_ns.tolist()))
@@ -60,8 +62,8 @@ def test_clock_and_times_are_recovered_from_bursts(ppm: float) -> None:
     accepted = slice(1_000, None)
     jitter_ms = (arrivals_s - true_s)[accepted] * 1e3
     residual_ms = (times_s - true_s)[accepted] * 1e3
-    # measured: arrivals are late by 77 ms rms and up to 497 ms; the result has errors of 0.03 ms, or 0.3 ms
-    # at 9000 ppm
+    # Measured: the arrivals are late by 77 ms rms and up to 497 ms. The times of the clock fit have errors of
+    # 0.03 ms, or of 0.3 ms at 9000 ppm.
     assert np.sqrt(np.mean(jitter_ms**2)) > 50
     assert np.sqrt(np.mean(residual_ms**2)) < (0.1 if abs(ppm) < 100 else 0.5)
     assert residual_ms.std() < 0.1
@@ -78,7 +80,7 @@ def test_figures_are_none_at_first() -> None:
     assert timebase.rate_hz == pytest.approx(100.0)
     for k in range(2, 1001):
         add_one(timebase, k, k * PERIOD_US, k * PERIOD_US * 1000 + k)
-        assert (timebase.clock_ppm is None) == (k < 1000)  # ten blocks of a second
+        assert (timebase.clock_ppm is None) == (k < 1000)  # this needs ten blocks of one second each
 
 
 def test_times_of_arrival_that_are_the_devices_own_tell_no_drift() -> None:
@@ -102,7 +104,10 @@ def test_unbroken_arrivals_come_back_as_they_are() -> None:
 @given(st.integers(-(10**18), 10**18), st.lists(st.integers(0, 10**9), min_size=2, max_size=100))
 @settings(max_examples=100)
 def test_offset_to_unix_time_stays_what_it_was(offset_ns: int, delays_ns: list[int]) -> None:
-    """The wall clock is read once, so later steps of it have no effect; only the offset differs."""
+    """The wall clock is read only once, so that later steps of it have no effect.
+
+    Only the offset depends on it.
+    """
     plain, shifted = Timebase(0), Timebase(offset_ns)
     for k, delay_ns in enumerate(delays_ns):
         arrival = (k, k * 200_000, k * 200_000_000 + delay_ns)
@@ -119,7 +124,10 @@ def test_lost_samples_do_not_move_time() -> None:
 
 @pytest.mark.slow
 def test_changed_clock_is_followed_within_ten_minutes() -> None:
-    """A cold oscillator changes its rate so; ten minutes are the 600 blocks that are kept."""
+    """A cold oscillator changes its rate in this way.
+
+    Ten minutes are the 600 blocks that the clock fit keeps.
+    """
     timebase, k = Timebase(0), np.arange(0, 1_440_000, 20)  # a sample every 0.2 s
     steps_ns = np.where(k >= 720_000, 200_010_000, 200_000_000)
     timebase.add(k, k * PERIOD_US, np.cumsum(steps_ns))
@@ -127,7 +135,10 @@ def test_changed_clock_is_followed_within_ten_minutes() -> None:
 
 
 def test_bursts_of_a_real_recording(recordings: Path) -> None:
-    """An MPU-6050 behind a USB bridge: true period 10.07 ms, arrivals 2 ms apart and up to 497 ms."""
+    """The recording is of an MPU-6050 on a USB bridge. Its period is 10.07 ms.
+
+    Samples arrive 2 to 497 ms apart.
+    """
     source = ReplaySource(recordings / "mpu6050_sunsided_10min.npz")
     blocks = of(RawBlock, source.events())
     arrivals_ms = np.concatenate([block.host_ns for block in blocks]) * 1e-6
@@ -141,7 +152,8 @@ def test_bursts_of_a_real_recording(recordings: Path) -> None:
     low_ms, high_ms = np.percentile(steps_ms, [1, 99])
     assert (low_ms, high_ms) == pytest.approx((10.07, 10.07), abs=0.05)
     assert steps_ms.min() > 5
-    assert steps_ms.max() < 20  # measured: 7.6 and 16.7, where a new clock fit changes the times
+    # measured: 7.6 and 16.7 at the samples where a new clock fit changes the times
+    assert steps_ms.max() < 20
 
 
 moments = st.tuples(
@@ -172,7 +184,7 @@ def test_blocks_of_any_cut_have_the_times_of_one_by_one(
 
 
 def test_more_than_is_kept_has_the_times_of_one_by_one() -> None:
-    """The run is longer than what the clock fit keeps, and longer than its buffer."""
+    """The run has more samples than the clock fit keeps, and than its buffer holds."""
     rng = np.random.default_rng(3)
     seq = np.arange(14_000)
     device_us = seq * 200_000
@@ -189,7 +201,7 @@ def test_more_than_is_kept_has_the_times_of_one_by_one() -> None:
 @given(st.lists(st.tuples(st.integers(1, 1_500_000), st.integers(0, 3 * 10**9)), min_size=2, max_size=60))
 @example([(1, 3 * 10**9), (1, 0), (1, 0)])
 def test_samples_one_by_one_are_those_of_a_block(steps: list[tuple[int, int]]) -> None:
-    """Where an early arrival or a new fit would set time back, time advances by one nanosecond instead."""
+    """The time advances by one nanosecond where an early arrival or a new clock fit would set it back."""
     device_us = np.cumsum([step for step, _ in steps])
     host_ns = device_us * 1000 + np.array([delay for _, delay in steps])
     seq = np.arange(len(steps))

@@ -1,4 +1,4 @@
-"""The tracking stage: which models it uses, the motion that it reports, and the state that it keeps."""
+"""The bias tracker in the device stream: the models that it uses, motion, and its saved state."""
 
 import math
 
@@ -83,7 +83,7 @@ def test_in_motion_it_predicts_and_at_rest_it_goes_on() -> None:
     assert stats.moved == moving.sum()
     other = pipeline.stats().axes["gyro_y"].tracker
     assert other is not None
-    assert other.moved == stats.moved  # the sensor as a whole moves
+    assert other.moved == stats.moved  # all axes of a sensor move together
     begun, ended = of(Motion, items)
     assert (begun.begins, begun.by, begun.samples) == (True, "gyro_x", None)
     assert abs(begun.seq - 700) <= 64
@@ -113,7 +113,7 @@ def test_a_walk_goes_on_from_what_the_pipeline_saved() -> None:
     _, pipeline = run_pipeline([hello(), raw(range(700))], prompt=False, live__on=False)
     rest, _ = run_pipeline([hello(), raw(range(700, 1300))], pipeline.save(), prompt=False, live__on=False)
     expected, found = column(whole, "bias")[700:], column(rest, "bias")
-    # The tracker bridges the time between snapshot and restart by zero or one sample.
+    # The time from the snapshot to the restart is at most one sample, which the tracker bridges.
     assert np.allclose(found, expected, atol=0.05 * column(whole, "bias_std")[700:].max())
 
 
@@ -178,7 +178,8 @@ def test_an_offset_walks_where_the_fit_has_no_part_for_it() -> None:
     one.use_model("gyro_x", accepted(one, "white", Noise((White(0.02),), False, 6000)))
     stats = dict(one.stats())["gyro_x"]
     K = stats.K
-    # The bias drifts more than the white noise makes the angle walk: 0.14 deg/s √(0.01 s · 60 s).
+    # The drift of the bias adds more than the white noise, which makes the angle walk by 0.14 deg/s √(0.01 s
+    # · 60 s).
     assert 0.11 < stats.heading_std[60] < 5
     assert sorted(stats.heading_std.values()) == [*stats.heading_std.values()], "it grows"
     assert (stats.bias, stats.bias_std) == (found.bias[-1, 0], found.bias_std[-1, 0])

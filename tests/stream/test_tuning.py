@@ -1,4 +1,4 @@
-"""Filters tuned by the live fit: which values the fit passes on, and from which sample."""
+"""FLTEA's filters tuned by the live fit: which values they get from a fit, and from which sample on."""
 
 from typing import Literal
 
@@ -45,10 +45,14 @@ def with_(**changes: Interval) -> AxisFit:
 
 
 def test_s2_and_r_are_handed_over_to_three_digits() -> None:
-    """The order of the same fit is handed over, with deviations from the wider side of each interval."""
+    """The order of the same fit is handed over, too.
+
+    Standard deviations come from the wider side of each interval.
+    """
     filter_model = FilterModel(0.8, 0.102, 0.775, 0.0383, -1.0, 0.765)
     assert handed_over(KNOWN, None) == (Variances(0.01, 0.02), filter_model)
-    # More white noise and less state noise, or the reverse: the data barely distinguish them, and need not.
+    # More white noise with less state noise looks nearly like the reverse. The data hardly distinguish the
+    # two, which does no harm.
     open_ = with_(s2=Interval(0.01, 0.001, 0.1), R=Interval(0.02, 0.0, None))
     assert handed_over(open_, None) == (Variances(0.01, 0.02), filter_model)
     assert handed_over(with_(R=Interval(0.0, 0.0, 0.01)), None) == (Variances(0.01, 1e-5), filter_model)
@@ -144,7 +148,10 @@ def test_an_axis_is_settled_once_it_is_tuned_if_it_is_to_be_and_its_innovations_
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", ["joint", "triple"])
 def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"]) -> None:
-    """Twelve axes of α = 0.5, f = -2 in equal white noise, where the data barely distinguish s2 and R."""
+    """Twelve axes have α = 0.5 and f = -2 in equal white noise.
+
+    The data hardly distinguish s2 and R.
+    """
     case, axes = Case(0.5, -2.0, 1.0), tuple(f"axis {i}" for i in range(12))
     y = samples(case, len(axes), 25_000)
     bank = Bank(axes, EstimatorConfig(variant=variant), H, None)
@@ -155,7 +162,7 @@ def test_tuned_filters_know_how_sure_they_are(variant: Literal["joint", "triple"
         rows = y[begin : begin + 1500]
         found = bank.run(rows)
         fits.add(rows)
-        for axis, refit in fits.refit(curves=False, fresh=True).items():
+        for axis, refit in fits.refits(curves=False, fresh=True).items():
             handed = handed_over(refit().fit, bank.variances[axis] if axis in bank.tuned else None)
             if handed is not None:
                 bank.retune({axis: handed.variances}, {axis: handed.filter_model})
@@ -187,7 +194,7 @@ def test_a_saved_walk_goes_on_tuned() -> None:
 
 @pytest.mark.slow
 def test_a_replay_at_full_speed_tunes_and_estimates_as_the_run_did() -> None:
-    """The test makes true fits: eighty to publish, and forty that tune the estimates."""
+    """The test makes real fits: eighty that are published, and forty that tune the filters."""
     generator = NoiseGenerator(parse_noise("alpha=0.8&f=-1&Q=20&R=0.004&seed=7"))
     rows = [tuple(map(int, generator.step())) for _ in range(9020)]
     block = block_of([RawSample(k, k * 10_000, k * 10_000_000, row) for k, row in enumerate(rows)])

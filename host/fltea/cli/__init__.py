@@ -1,6 +1,7 @@
-"""The command line; related commands share a module."""
+"""The command line. Related commands are in one module."""
 
 import gc
 
-# The program makes hardly any reference cycles; searching for them as often as usual takes 3 % of a run.
+# The program makes hardly any reference cycles. Searching for them as often as Python does by default takes 3
+# % of a run.
 gc.set_threshold(20_000)

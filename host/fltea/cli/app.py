@@ -50,13 +50,15 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Run the command; every expected failure is one line on stderr and an exit code."""
-    # All matrices are small; OpenBLAS's threads would only spin while they wait, for 1.5 % of a core.
+    """Run the command. Every expected failure gives one line on stderr and an exit code."""
+    # All matrices are small. OpenBLAS's threads would only wait in a loop, which takes 1.5 % of a core.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if not os.environ.get("COLUMNS", "1").strip("0"):
-        del os.environ["COLUMNS"]  # the terminal does not know its width; with width 0 nothing is printed
-    gc.freeze()  # loaded modules stay, so the collector need not search them
-    atexit.register(gc.freeze)  # else the interpreter searches all objects for cycles at exit, for 40 ms
+        # the terminal does not know its width and states 0, with which nothing would be printed
+        del os.environ["COLUMNS"]
+    gc.freeze()  # the loaded modules are never freed, so the garbage collector need not search them
+    # otherwise the interpreter searches all objects for cycles at exit, which takes 40 ms
+    atexit.register(gc.freeze)
     try:
         standard_output.prepare()
         refuse_secrets(sys.argv[1:])

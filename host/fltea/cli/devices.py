@@ -100,7 +100,7 @@ def _iio_lines(sensor: "IioDevice") -> list[str]:
 
 
 def _in_the_way(found: "Port | Bus | IioDevice") -> list[str]:
-    """Return the lines that say why the device cannot be used now."""
+    """Return lines of text that say why the device cannot be used now."""
     holders = ", ".join(map(str, getattr(found, "holders", ())))
     lines = [] if found.remedy is None else [f"{INDENT}no permission: {found.remedy}"]
     return [*lines, f"{INDENT}in use by {holders}"] if holders else lines

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from fltea.identification.axis_report import AxisReport, FileReport
 
 Inflate = tuple[float, float] | Literal["auto"]
-"""Factors for noise densities and for random walks, or "auto" for factors computed from the recording."""
+"""Factors for noise densities and for random walks, or "auto": factors that are computed from the
+recording.
+"""
 
 
 class Files(NamedTuple):
-    """Paths of the files that the user asks for; None: not asked for.
+    """Paths of the files that the user asks for. None means that a file is not asked for.
 
     `inflation`: factors for imu.yaml and for the settings of other programs.
     """
@@ -35,7 +37,7 @@ class Files(NamedTuple):
 
     @property
     def flags(self) -> list[str]:
-        """The options by which files are asked for."""
+        """The options in use by which the user asks for files."""
         named = {
             "--export-model": self.model,
             "--imu-yaml": self.yaml,
@@ -52,7 +54,7 @@ def parse_inflation(text: str | None, wanted: object) -> Inflate:
     `wanted`: the file or program that the factors are for; None: there is none.
 
     Raises:
-        UsageError: the factors are no numbers or below 1, or nothing is asked for that they apply to.
+        UsageError: the factors are no numbers or below 1, or no file is asked for to which they apply.
     """
     if text is None:
         return 1.0, 1.0
@@ -151,7 +153,7 @@ def withheld(report: "FileReport", flags: Sequence[str], of_axes: Sequence[str])
         f"{where and f'{where}: '}{data_check.text} {data_check.remedy}" for where, data_check in bad
     )
     gyro = [name for name in rest if name in AXES]
-    # A model file has no gyro_y without gyro_x.
+    # A model file that has gyro_y also has gyro_x.
     possible = rest and flags and ("--export-model" not in flags or gyro == list(AXES[: len(gyro)]))
     others = f" The others are sound: --channels {','.join(rest)}." if possible else ""
     what = ", ".join((*flags, *of_axes))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from fltea.settings.mqtt import MqttConfig
 
 SETTLED_S = 1.0
-"""Time without a message after which the broker is taken to have sent all retained messages [s]."""
+"""After this time without a message, the broker is assumed to have sent all retained messages [s]."""
 
 FIRST_S = 10.0
 """Longest wait for the broker's answer with --json [s]."""

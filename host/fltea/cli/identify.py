@@ -84,7 +84,8 @@ def identify(
     if part is not None:
         for report in reports:
             report.compare_with(part)
-    # Results are printed before files are written: an unwritable file must not lose minutes of computing.
+    # Results are printed before files are written, so that a file that cannot be written does not cost the
+    # results of minutes of computing.
     if program is not None:
         print_result(exports.lines_for(reports[0], *program, exported.inflation))
     else:
@@ -156,7 +157,7 @@ def _settings(
         options,
         config.estimator,
         config.accel,
-        details=shown.needs_details,  # a plain answer shows no details
+        details=shown.needs_details,  # the plain text output shows no details
         figures=shown.report is not None,
         forecast=forecast,
         live=config.live,
@@ -192,8 +193,9 @@ def _run(
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, _interrupt_once)
     workers = _workers(work.jobs, work.dask, len(requests))
-    # Files are read in this process if a cluster may not see them, if one is a pipe, which no other process
-    # can open, or if there is only one recording, which is read while the worker processes start.
+    # Files are read in this process in three cases: if a cluster may not see them; if one of them is a pipe,
+    # which no other process can open; or if there is only one recording, which is then read while the worker
+    # processes start.
     here = any(is_of_this_process(path) for one in requests for path in getattr(one, "paths", ()))
     readers = Here() if work.dask or len(requests) == 1 or here else None
     try:
@@ -238,7 +240,8 @@ def _show(reports: "Sequence[FileReport]", *, details: bool) -> None:
 
     from fltea.identification.terminal import show, summary
 
-    text = io.StringIO()  # else rich would end the program if stdout cannot be written
+    # the text is collected first, since rich would end the program if stdout cannot be written
+    text = io.StringIO()
     console = Console(file=text, force_terminal=sys.stdout.isatty() or None)
     for number, one in enumerate(reports):
         show(console, one, first=number == 0, details=details)

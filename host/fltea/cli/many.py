@@ -50,8 +50,8 @@ def identify_many(files: Sequence[str], out: Path, ask: Any, open_workers: "Call
 
     Raises:
         UsageError: there is no file to identify, or the options or files cannot be used.
-        FlteaError: some files have a failure in the table, from this or an earlier run; or the workers are
-            gone.
+        FlteaError: the table has failures for some files, from this run or an earlier one, or the worker
+            processes have ended.
     """
     table_module = load("fltea.cluster.verdict_table", "pyarrow", "tables", "--out needs")
     from fltea.cluster.listing import files_of
@@ -95,7 +95,7 @@ def _line(progress: "Progress", seconds: float) -> str:
 
 @contextlib.contextmanager
 def _reporting(begin: float) -> "Iterator[Callable[[Progress], None]]":
-    """Show the progress on stderr: a bar on a terminal, else a line every `TELL_S` seconds."""
+    """Show the progress on stderr: as a bar on a terminal, otherwise as a line every `TELL_S` seconds."""
     from rich.console import Console
     from rich.progress import Progress as Bar
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn

@@ -27,7 +27,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on s
 
 
 BAR_AFTER_S = 2.0
-"""Time after which the progress bar appears [s]; shorter work needs no bar."""
+"""The progress bar appears after this time [s]. Shorter work needs no bar."""
 
 
 @contextlib.contextmanager
@@ -35,7 +35,7 @@ def progress_bar(total: int | None = None) -> Iterator[Callable[..., None]]:
     """Show a progress bar on stderr after `BAR_AFTER_S`, if stderr is a terminal.
 
     It yields a function to report progress. Its arguments are a text, and `advance`, `completed` or `total`
-    as for rich's `Progress.update`.
+    with the meaning that they have for rich's `Progress.update`.
     """
     if not sys.stderr.isatty():
         yield lambda text, **far: None
@@ -109,7 +109,7 @@ def say(text: str) -> None:
 
 
 def end_with(failures: Sequence[FlteaError]) -> None:
-    """Report all failures except the first, then raise the first, if there is one."""
+    """Report all failures except the first on stderr, then raise the first; without a failure do nothing."""
     for failure in failures[1:]:
         say(f"fltea: error: {failure}")
     if failures:
@@ -123,11 +123,12 @@ def print_lines(text: str) -> None:
 
 @contextlib.contextmanager
 def result_console() -> "Iterator[Console]":
-    """Yield a rich console; its content is written to stdout when the context ends."""
+    """Yield a rich console whose content is written to stdout when the context ends."""
     from rich.console import Console
 
     console = Console()
-    with console.capture() as shown:  # else rich would end the program if the reader has left
+    # the text is captured, since rich would end the program if the reader of stdout has ended
+    with console.capture() as shown:
         yield console
     print_result(shown.get())
 
@@ -150,7 +151,7 @@ def escaped(text: str) -> str:
 
 
 def print_result(text: str) -> None:
-    """Write a result to stdout; if its reader has ended, that is no error."""
+    """Write a result to stdout. It is no error if the reader of stdout has ended."""
     try:
         print(text, end="", flush=True)
     except BrokenPipeError:

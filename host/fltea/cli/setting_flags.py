@@ -35,11 +35,11 @@ Sources = Annotated[
     ),
 ]
 LIMITS = ("replay.max_chunk_mb", "replay.max_mb")
-"""Settings that say how much memory a recording may take."""
+"""Settings that limit the memory that a recording may take."""
 
 FILTERS = ("estimator.variant", "estimator.guard", "estimator.window", "estimator.startup")
 RECORDING = tuple(f"replay.{name}" for name in How.__struct_fields__)
-"""Settings that describe a recording whose file does not state its columns, units or rate."""
+"""Settings that describe a recording if its file does not state columns, units or rate."""
 
 
 def takes_settings(
@@ -51,9 +51,9 @@ def takes_settings(
     flags. Values stay texts until the setting's declaration converts and checks them, so a wrong value gives
     the same error as in a file.
 
-    `paths`: settings whose flags are added; None: all settings that declare a flag.
-    `only`: beginnings of the paths that `--set` takes; if it is empty, there is no `--set`.
-    `of_both`: flags for the gyroscope's filters also set those of the accelerometer.
+    `paths`: settings whose flags are added; None: all settings that declare a flag. `only`: `--set` accepts
+    settings whose path begins with one of these; if it is empty, there is no `--set`. `of_both`: a flag for
+    the filters of the gyroscope also applies to the filters of the accelerometer.
     """
     taken = [f"settings of [{start[:-1]}]" if start.endswith(".") else start for start in only]
     flags = {

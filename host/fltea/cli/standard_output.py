@@ -1,4 +1,4 @@
-"""Handle a standard output that is full, closed, left by its reader, or limited to ASCII."""
+"""Handle a standard output that is full, is closed, has lost its reader, or is limited to ASCII."""
 
 import codecs
 import contextlib
@@ -20,14 +20,16 @@ SPELLINGS = {
     )
     for character in characters
 }
-"""ASCII spellings of characters whose Unicode name or decomposition gives no good one; see `spelled`."""
+"""ASCII spellings of characters for which Unicode's names and decompositions give no good spelling
+(`spelled`).
+"""
 
 SPELL = "fltea.spelled"
 """Name under which `spelled` is registered as an error handler of Python's codecs."""
 
 
 class OutputFailed(OSError):
-    """Writing to standard output failed; other files raise a plain OSError."""
+    """Writing to standard output failed. For other files, the error is a plain OSError."""
 
     def as_failure(self) -> FlteaError:
         """Return the error for the user, with exit code 1."""
@@ -41,10 +43,10 @@ class OutputFailed(OSError):
 
 
 class _Text(io.TextIOWrapper):
-    """Standard output with an error of its own.
+    """Standard output that raises `OutputFailed`.
 
-    What writes the bytes stays Python's: one of ours could be interrupted after the write, and Python would
-    write them again.
+    The object that writes the bytes is still Python's. An object of ours could be interrupted after a write,
+    and Python would then write the same bytes again.
     """
 
     def write(self, text: str) -> int:
@@ -87,10 +89,11 @@ def prepare() -> None:
 
 
 def finish() -> None:
-    """Write what is still buffered. If the reader has ended, that is no error.
+    """Write what is still buffered. It is no error if the reader of the output has ended.
 
     Raises:
-        OutputFailed: the output does not take it, and gets no more; a reader that has left is no failure.
+        OutputFailed: the buffered text cannot be written, and nothing more is written. It is no failure if
+            the reader has ended.
     """
     try:
         sys.stdout.flush()

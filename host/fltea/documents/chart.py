@@ -1,7 +1,7 @@
-"""Draw a chart as SVG, for notebooks, reports and the live page: scales, curves, bands, legend.
+"""Draw a chart as SVG, with scales, curves, bands and legend, for notebooks, reports and the live page.
 
-The chart takes the colour of the text around it, light or dark. However long a record is, a curve has some
-hundred points.
+The chart has the colour of the text around it, light or dark. A curve has some hundred points at most, even
+for a long record.
 """
 
 import math
@@ -17,12 +17,14 @@ from fltea.records.arrays import Array
 
 WIDTH, HEIGHT = 420, 260
 SMALL = 130
-"""Height of a small chart next to others, without values under the pointer [px]."""
+"""Height of a small chart, which stands next to others and shows no values at the pointer [px]."""
 LEFT, RIGHT, TOP, BOTTOM = 64, 10, 24, 40
 MOST_POINTS = 200
-"""Number of points up to which a curve is drawn with all of them."""
+"""A curve with at most this many points is drawn with all of them."""
 COLUMN_PX = 3
-"""Width of a column [px]; a longer curve keeps the lowest and the highest point of each column."""
+"""Width of a column of a chart [px]. Of a curve with more points, the lowest and the highest point of each
+column are drawn.
+"""
 MOST_TIPS = 80
 
 Point = tuple[float, float]
@@ -32,9 +34,9 @@ Numbers = Sequence[float] | Array
 class Curve(NamedTuple):
     """The points of a curve in one of `STYLES`, and the ends `low` and `high` of the band around it.
 
-    The curve is broken where a number is missing or cannot be shown on the scales. Without y, only the band
-    is
-    drawn. `name`: text at the middle of the curve. `label`: entry in the legend; empty for none.
+    The curve is interrupted where a number is missing or cannot be shown on the scales. If there are no y
+    values, only the band is drawn. `name`: text at the middle of the curve. `label`: entry in the legend;
+    empty for none.
     """
 
     x: Numbers
@@ -47,7 +49,7 @@ class Curve(NamedTuple):
 
 
 class Bands(NamedTuple):
-    """Ranges of the x-axis that are grey from the bottom to the top. `label`: entry in the legend."""
+    """Ranges of the x axis in which the chart is grey over its whole height. `label`: entry in the legend."""
 
     ends: Sequence[tuple[float, float]]
     label: str = ""
@@ -119,7 +121,7 @@ def chart(
 
 
 def _frame(title: str, x_axis: Axis, y_axis: Axis, x: Scale, y: Scale) -> Iterator[str]:
-    """Yield the frame, the grid, the numbers and the titles."""
+    """Yield the SVG of the frame, the grid, the numbers and the titles."""
     yield (
         f'<rect x="{LEFT}" y="{TOP}" width="{WIDTH - LEFT - RIGHT}" height="{y.begin - TOP:g}" '
         'fill="none" stroke="currentColor" stroke-opacity="0.4"/>'
@@ -149,7 +151,7 @@ def _bands(bands: Bands, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _between(curve: Curve, style: Style, x: Scale, y: Scale) -> Iterator[str]:
-    """Yield the band from low to high, cut off at the frame."""
+    """Yield the SVG of the band around a curve, cut off at the frame."""
     known = [
         row
         for row in zip(curve.x, curve.low, curve.high, strict=False)
@@ -163,7 +165,7 @@ def _between(curve: Curve, style: Style, x: Scale, y: Scale) -> Iterator[str]:
 
 
 def _line(curve: Curve, style: Style, runs: list[list[Point]], y: Scale) -> Iterator[str]:
-    """Yield the curve or its points, as far as they are in the chart, and its name."""
+    """Yield the SVG of the curve or its points, as far as they are inside the chart, and its name."""
     if style.is_points:
         dots = [point for run in runs for point in _thinned(run) if TOP <= point[1] <= y.begin]
         if dots:
@@ -179,14 +181,14 @@ def _line(curve: Curve, style: Style, runs: list[list[Point]], y: Scale) -> Iter
 
 
 def _runs(x: Scale, y: Scale, xs: Numbers, ys: Numbers) -> list[list[Point]]:
-    """Return the points in pixels, in runs in which both numbers are known."""
+    """Return the points in pixels, divided into runs in which both coordinates are known."""
     pairs = zip(xs, ys, strict=False)
     grouped = groupby(pairs, key=lambda pair: x.has(pair[0]) and y.has(pair[1]))
     return [[(x(a), y(b)) for a, b in run] for is_known, run in grouped if is_known]
 
 
 def _thinned(points: list[Point]) -> list[Point]:
-    """Thin out a long curve: keep the lowest and the highest point of each column, in order."""
+    """Thin out a long curve: keep the lowest and the highest point of each column, in their order."""
     if len(points) <= MOST_POINTS:
         return points
     kept: list[Point] = [points[0]]
@@ -218,7 +220,7 @@ def _cut(points: list[Point], bottom: float) -> list[list[Point]]:
 
 
 def _tips(curve: Curve, x: Scale, y: Scale) -> Iterator[str]:
-    """Yield invisible points that show their values when the pointer rests on them."""
+    """Yield the SVG of invisible points that show their values when the pointer rests on them."""
     rows = list(zip(curve.x, curve.y, strict=False))
     for i in range(0, len(rows), max(1, math.ceil(len(rows) / MOST_TIPS))):
         a, b = rows[i]

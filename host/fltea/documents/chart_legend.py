@@ -8,13 +8,13 @@ from typing import NamedTuple
 from fltea.documents.chart_style import Style, line
 
 LEGEND_LINE = 15
-"""Height of a row [px]."""
+"""Height of a row of the legend [px]."""
 BEGIN, END = 12, 412
-"""Ends of a row [px]."""
+"""Left and right end of a row of the legend [px]."""
 SAMPLE, SPACE = 22, 6
-"""Width of the sample of a curve, and of the space after it [px]."""
+"""Width of the short piece of a curve before its label, and of the space behind that piece [px]."""
 LETTER = 5.6
-"""Average width of a letter at the chart's text size [px]."""
+"""Average width of a letter in the chart's text size [px]."""
 BETWEEN = 14
 
 

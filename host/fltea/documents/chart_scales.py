@@ -6,14 +6,15 @@ from typing import NamedTuple
 
 MOST_TICKS, FEW_DECADES = 8, 2.2
 MOST_LINEAR = 6
-"""Largest number of intervals between the numbers at a linear scale."""
+"""Largest number of intervals between the numbers at the ticks of a linear scale."""
 MOST_DECIMALS = 5
 
 
 class Axis(NamedTuple):
     """An axis of a chart.
 
-    `label`: what the axis shows, with the unit. `ends`: limits; None: those of the curves, with some room.
+    `label`: what the axis shows, with the unit. `ends`: lower and upper limit; None: the limits of the
+    curves, with some room around them.
     """
 
     label: str
@@ -22,7 +23,10 @@ class Axis(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """A scale between two ends in pixels; `low` and `high` of a logarithmic scale are logarithms."""
+    """A scale from `low` to `high`, drawn between two positions in pixels.
+
+    For a logarithmic scale, `low` and `high` are logarithms.
+    """
 
     low: float
     high: float
@@ -37,16 +41,16 @@ class Scale(NamedTuple):
         return self.begin + share * (self.end - self.begin)
 
     def has(self, value: float) -> bool:
-        """Whether the scale can show the value, which may lie beyond its ends."""
+        """Whether the value has a position on the scale, even if that is beyond the ends."""
         return math.isfinite(value) and (value > 0 or not self.is_log)
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Return some values of the scale, and how they are written."""
+        """Return the values of the ticks, each with its text."""
         return _decades(self.low, self.high) if self.is_log else _steps(self.low, self.high)
 
 
 def scale(axis: Axis, values: Iterable[float], begin: float, end: float) -> Scale | None:
-    """Return the scale of an axis from `begin` to `end` (pixels); None if it can show none of the values."""
+    """Return the scale of an axis from `begin` to `end` (pixels); None if no value can be shown on it."""
     known = [v for v in values if math.isfinite(v) and (v > 0 or not axis.is_log)]
     if not known:
         return None
@@ -56,7 +60,7 @@ def scale(axis: Axis, values: Iterable[float], begin: float, end: float) -> Scal
 
 
 def _room(ends: Sequence[float], is_log: bool) -> tuple[float, float]:
-    """Return the ends with some room around them, also if both are equal."""
+    """Return the ends with some room around them, even if both ends are equal."""
     low, high = ends
     room = 0.05 * (high - low)
     room = max(room, 0.1) if is_log else room or 0.05 * abs(low) or 0.1
@@ -64,7 +68,7 @@ def _room(ends: Sequence[float], is_log: bool) -> tuple[float, float]:
 
 
 def _decades(low: float, high: float) -> list[tuple[float, str]]:
-    """Return the decades, and some values between them if there are few decades."""
+    """Return ticks at the decades, and between them if there are few decades."""
     span = high - low
     steps = (1, 2, 3, 5, 7) if span < 1 else (1, 2, 5) if span < FEW_DECADES else (1,)
     powers = range(math.floor(low), math.ceil(high) + 1)
@@ -74,7 +78,7 @@ def _decades(low: float, high: float) -> list[tuple[float, str]]:
 
 
 def _steps(low: float, high: float) -> list[tuple[float, str]]:
-    """Return multiples of 1, 2 or 5 times a power of ten."""
+    """Return ticks at multiples of 1, 2 or 5 times a power of ten."""
     power = math.floor(math.log10((high - low) / MOST_LINEAR))
     step = next(
         one

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 
 class Style(NamedTuple):
-    """Style of a curve, or of points alone, and of the band around it; widths and dashes in pixels."""
+    """Style of a curve or of single points, and of the band around it; widths and dashes are in pixels."""
 
     colour: str
     width: float

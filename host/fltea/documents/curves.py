@@ -14,9 +14,9 @@ def spectrum(
     board: tuple[Sequence[float], Sequence[float]] = ((), ()),
     height: int = HEIGHT,
 ) -> str:
-    """Draw noise density and fitted model; bands that were left out are grey.
+    """Draw noise density and fitted model; frequency bands that were left out of the fit are grey.
 
-    `board`: the board's own bins.
+    `board`: the bins that the board fitted.
     """
     title = "Spectrum (orange: fitted" + (", grey: left out" if left_out else "")
     title += ", crosses: the board's bins)" if board[0] else ")"
@@ -30,7 +30,7 @@ def density_label(unit: str) -> str:
 
 
 def allan(a: FitAllan, unit: str) -> str:
-    """Draw the Allan deviation with intervals, that of the model, and the straight lines of N, B and K."""
+    """Draw the Allan deviation with intervals, the model's, and the straight lines of N, B and K."""
     curves = [Curve(a.tau_s, a.adev, "data", a.low, a.high), Curve(a.tau_s, a.model, "model")]
     title = "Allan deviation, 95 % (orange: fitted)"
     return log_log(title, *allan_labels(unit), [*curves, *coefficients(a)])

@@ -1,4 +1,4 @@
-"""Write one self-contained HTML page, as all reports do."""
+"""Write a self-contained HTML page; all reports are made with it."""
 
 from collections.abc import Iterable, Sequence
 from html import escape
@@ -18,7 +18,7 @@ MEANING = (
 def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
     """Return the page.
 
-    `body`, `made_by` and `head` are HTML; text from outside is already escaped in them.
+    `body`, `made_by` and `head` are HTML, in which text from outside has already been escaped.
     """
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
@@ -30,11 +30,11 @@ def html_page(title: str, body: str, made_by: str, head: str = "") -> str:
 
 
 def table(rows: Iterable[Sequence[str]], head: Sequence[str] = (), kinds: Sequence[str] = ()) -> str:
-    """Return a table that scrolls on its own where it does not fit; texts are escaped here.
+    """Return a table that scrolls by itself where it is too wide for the page; texts are escaped here.
 
-    `kinds`: kinds of the first columns; further columns are plain. "th": labels, and an indented label
-        belongs to
-    the row above. "word": the text is its own CSS class. Others: a class of report.css.
+    `kinds`: kinds of the first columns; the other columns are plain. "th": a column of labels, where an
+    indented label belongs to the row above. "word": the text of a cell is its CSS class. Any other kind is a
+    class of report.css.
     """
     return table_of(("".join(map(_cell, row, chain(kinds, repeat("")))) for row in rows), head)
 

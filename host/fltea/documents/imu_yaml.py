@@ -12,18 +12,18 @@ from fltea.records.visible import visible
 
 
 class Shown(NamedTuple):
-    """N or K of one axis. None where it is not known; `remark` then says why."""
+    """N or K of one axis. `value` is None if it is not known, and `remark` then says why."""
 
     value: float | None
     remark: str = ""
-    """Explanation of the value, or why it is not known."""
+    """Explanation of the value, or the reason why it is not known."""
     at_most: float | None = None
-    """Upper bound with 95 % probability, where the value is not known."""
+    """Upper bound, with 95 % probability, of a value that is not known."""
     slower: tuple[tuple[float, float], ...] = ()
-    """For N: slower noise that Kalibr has no term for.
+    """For N: slower noise for which Kalibr has no term.
 
-    Each entry is the correlation time of a Gauss-Markov state [s], and the noise density at this time and
-    longer.
+    Each entry is the correlation time of a Gauss-Markov state [s], and the noise density at this averaging
+    time and longer ones.
     """
 
 
@@ -35,14 +35,14 @@ class AxisNoise(NamedTuple):
 
 
 class Inflation(NamedTuple):
-    """Factors of at least 1 by which measured figures are enlarged in files."""
+    """Factors of at least 1 by which the measured figures are multiplied in files for other programs."""
 
     density: float
     random_walk: float
     of_axes: Mapping[str, float] = {}
-    """Axes with a factor of their own, for densities and random walks alike."""
+    """Factors for single axes, which apply to their densities and random walks alike."""
     reasons: Sequence[str] = ()
-    """Sentences on what the factors of these axes are for."""
+    """Sentences that explain the factors of these axes."""
 
     def densities(self, axes: Iterable[str]) -> dict[str, float]:
         """Return the factor of the noise density of each axis."""
@@ -56,7 +56,7 @@ class Inflation(NamedTuple):
 AS_MEASURED = Inflation(1.0, 1.0)
 
 WIDTH = 100
-"""Largest width of comments."""
+"""Largest number of characters in a line of a comment."""
 
 NOT_ANALYSED = "the accelerometer was not analysed"
 
@@ -72,9 +72,8 @@ def imu_yaml(
 ) -> str:
     """Return the text of the file, for axes by name. `source`: the recording that was identified.
 
-    Kalibr takes one figure for all axes: the largest is written. A figure that is not known becomes a
-    comment. For
-    enlarged figures the comment has the measured value.
+    Kalibr has one figure for all axes, so that the largest is written. For a figure that is not known, there
+    is only a comment. For a figure that was multiplied by a factor, the comment states the measured value.
     """
     forces = accel or {}
     without = NOT_ANALYSED if not forces else ""
@@ -117,7 +116,7 @@ def imu_yaml(
 
 
 def _about(inflation: Inflation) -> list[str]:
-    """Return comments on what the factors are for."""
+    """Return comments that explain the factors."""
     if inflation == AS_MEASURED:
         return [
             "# These are figures of a sensor at rest. In motion come errors of scale, alignment and",
@@ -141,7 +140,7 @@ def _entry(
     factors: Mapping[str, float],
     without: str = "no axis was analysed",
 ) -> list[str]:
-    """Return the largest figure of the axes times its factor, in rad if the unit is one of angles."""
+    """Return the largest figure of the axes, multiplied by its factor, in rad if its unit has an angle."""
     scale = math.radians(1.0) if unit.startswith("rad") else 1.0
     known = {axis: one.value for axis, one in found.items() if one.value is not None}
     if not known:
@@ -161,14 +160,14 @@ def _entry(
 
 
 def _at_most(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield the largest bound of the axes."""
+    """Yield a comment on the largest upper bound of the axes."""
     bounds = [one.at_most for one in found.values() if one.at_most is not None]
     if bounds:
         yield f"at most {scale * max(bounds):.2e}, with 95 % probability"
 
 
 def _slower(found: Mapping[str, Shown], scale: float) -> Iterator[str]:
-    """Yield a comment on the noise that N leaves out, for the axis where it is largest."""
+    """Yield a comment on the slow noise that N leaves out, for the axis where that noise is largest."""
     worst = max(found, key=lambda axis: max((density for _, density in found[axis].slower), default=0.0))
     if slower := found[worst].slower:
         densities = ", ".join(f"{scale * density:.2e} at {tau_s:.2g} s" for tau_s, density in slower)

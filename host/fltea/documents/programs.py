@@ -1,4 +1,4 @@
-"""Write noise figures as navigation filters and simulators name them, by one table of programs."""
+"""Write noise figures with the names and units of navigation filters and simulators (programs.toml)."""
 
 import math
 import tomllib
@@ -16,11 +16,11 @@ from fltea.records.version import __version__
 Figure = Literal["N", "K", "sigma", "tau", "B"]
 Sensor = Literal["gyro", "accel"]
 WALKS = "K", "sigma"
-"""Figures that are multiplied by the inflation of random walks."""
+"""Figures that are multiplied by the inflation factor of random walks; the others have that of densities."""
 
 
 class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One parameter of a program; its value is scale (figure √rate)^power."""
+    """One parameter of a program. Its value is scale · (figure · √rate)^power."""
 
     name: str
     sensor: Sensor
@@ -34,12 +34,13 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def value(self, figure: float, rate_hz: float, step_s: float | None) -> float:
         """Return the value of the parameter for a figure in rad, m and s.
 
-        `rate_hz`: sampling rate [Hz]. `step_s`: time between updates of the program [s], if it has its own.
+        `rate_hz`: sampling rate [Hz]. `step_s`: time between two updates of the program [s], if this is not
+        the sampling period.
         """
         return self.scale * math.pow(figure * math.sqrt(self._rate(rate_hz, step_s)), self.power)
 
     def figure_of(self, value: float, rate_hz: float, step_s: float | None) -> float:
-        """Return the figure that gives this value of the parameter."""
+        """Return the figure for which the parameter has this value; it is the inverse of `value`."""
         return math.pow(value / self.scale, 1 / self.power) / math.sqrt(self._rate(rate_hz, step_s))
 
     def _rate(self, rate_hz: float, step_s: float | None) -> float:
@@ -47,7 +48,7 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An example from the program itself: the value of a parameter, and the figure behind it."""
+    """An example from the program's own files: the value of a parameter, and the figure that it means."""
 
     name: str
     value: float
@@ -56,7 +57,10 @@ class Checked(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Program(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One program. `line`: template of a parameter. `before`, `after`: text lines around the parameters."""
+    """One program.
+
+    `line`: template for the text of a parameter. `before`, `after`: lines of text around the parameters.
+    """
 
     title: str
     about: list[str]
@@ -82,7 +86,7 @@ def programs() -> dict[str, Program]:
 
 
 class FilterFigures(NamedTuple):
-    """The figures of one axis for a filter, in its unit (deg/s or m/s²) and s.
+    """The figures of one axis for a filter, in the axis's unit (deg/s or m/s²) and s.
 
     `said`: a remark on all of them.
     """
@@ -90,12 +94,16 @@ class FilterFigures(NamedTuple):
     N: Shown
     K: Shown
     tau: Shown
-    """Correlation time of the one Gauss–Markov state that stands for the random walk K."""
+    """Correlation time of the single Gauss–Markov state that some programs have in place of the random walk
+    K.
+    """
     B: Shown
     said: str = ""
 
     def of(self, figure: Figure, common_tau_s: float | None) -> Shown:
-        """Return a figure. `common_tau_s`: one correlation time for all axes, if the program has only one.
+        """Return a figure of this axis.
+
+        `common_tau_s`: correlation time for all axes, if the program has only one.
 
         For times below τ, a state of σ and τ behaves as the random walk K = σ √(2 / τ).
         """
@@ -122,7 +130,9 @@ def written(
     source: str,
     inflation: Inflation,
 ) -> str:
-    """Return text lines for a program, ready to paste; figures not known are comments with the reason.
+    """Return lines of text for a program, ready to paste.
+
+    For a figure that is not known, there is a comment with the reason.
 
     `gyro`, `accel`: axes by name. `source`: the recording that was identified.
     """
@@ -154,7 +164,10 @@ def _filled(text: str, rate_hz: float) -> str:
 def _lines(
     program: Program, entry: Entry, shown: Mapping[str, Shown], rate_hz: float, inflation: Inflation
 ) -> Iterator[str]:
-    """Yield the text line of a parameter, or why it is not known. `shown`: the figure of each axis."""
+    """Yield the lines of text for a parameter, or the reason why it is not known.
+
+    `shown`: the figure of each axis.
+    """
     known = {name: one.value for name, one in shown.items() if one.value is not None}
     factors = inflation.walks(shown) if entry.figure in WALKS else dict.fromkeys(shown, 1.0)
     factors = inflation.densities(shown) if entry.figure == "N" else factors
@@ -184,7 +197,7 @@ def _lines(
 
 
 def _remarks(by_axis: Mapping[str, str]) -> list[str]:
-    """Return each remark, with its axes if other axes have another remark or none."""
+    """Return each remark, preceded by its axes unless all axes have the same remark."""
     found: dict[str, list[str]] = {}
     for name, remark in by_axis.items():
         found.setdefault(remark, []).append(name)
@@ -194,7 +207,7 @@ def _remarks(by_axis: Mapping[str, str]) -> list[str]:
 
 
 def _three(names: Sequence[str]) -> list[str]:
-    """Return an axis for each of x, y and z; the first analysed axis where one was not analysed."""
+    """Return the axes for x, y and z. An axis that was not analysed is replaced by the first that was."""
     found = [next((name for name in names if name.endswith(f"_{axis}")), None) for axis in "xyz"]
     return [name or names[0] for name in found]
 

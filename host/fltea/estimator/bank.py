@@ -1,7 +1,7 @@
 """Run the filters of all axes of one sensor, from the start-up window to the test of the innovations.
 
-One native call takes a whole block of samples (host/native/axis_bank.hpp). The results are equal to the bit
-however samples are grouped into blocks.
+One native call processes a whole block of samples (host/native/axis_bank.hpp). The results do not depend on
+how samples are grouped into blocks, not even in the last bit.
 """
 
 import math
@@ -26,7 +26,7 @@ _T = TypeVar("_T")
 
 
 class Variances(NamedTuple):
-    """The variances that the filters of an axis use, in the sensor's unit squared.
+    """The variances that the filters of an axis use, in the square of the sensor's unit.
 
     `Q`: variance of the noise source's step, including h^2α. `R`: variance of the white part of the
     measurement.
@@ -37,7 +37,7 @@ class Variances(NamedTuple):
 
 
 class Bank:
-    """Finds bias and R in the start-up window, and estimates from the first sample after it.
+    """Finds bias and R in the start-up window, and runs the filters from the first sample after it.
 
     `axes`: names, at least one. `h`: sampling period [s]. `resolution`: size of one LSB in the sensor's unit,
     None if unknown. `state`: a result of `save`, to continue without a start-up window. `variances`:
@@ -74,10 +74,12 @@ class Bank:
             self._begin(self._rule.baseline_of([]))
 
     def run(self, y: ArrayLike) -> LaneBlock:
-        """Process n samples of every axis, (n, axes), in the sensor's unit; each result lane is an axis.
+        """Process n samples of every axis, (n, axes), in the sensor's unit.
 
-        While the start-up window fills there are no estimates: all columns are NaN, and at most
-        `startup_remaining` samples may come. Raises ValueError, and changes nothing, for more samples in that
+        Each lane of the result is an axis.
+
+        Until the start-up window is full there are no estimates: all results are NaN, and a call may have at
+        most `startup_remaining` samples. Raises ValueError, and changes nothing, for more samples in that
         time, for a wrong shape, and for numbers that are not finite or far too large.
         """
         rows = np.ascontiguousarray(y, dtype=np.float64)
@@ -99,21 +101,22 @@ class Bank:
         return LaneBlock._make((*out, valid, [Lost(*one) for one in lost], white))
 
     def fill(self) -> None:
-        """Begin to estimate with the next sample, since the native bank has taken the start-up window."""
+        """Begin to estimate with the next sample, since the start-up window of the native bank is full."""
         window = [Moments(*axis) for axis in self.native.window(self._rule.resolution)]
         self._begin(self._rule.baseline_of(window))
 
     def on_missing(self, count: int) -> list[Lost]:
-        """Bridge `count` lost samples by prediction alone; the start-up window ignores lost samples.
+        """Bridge `count` lost samples by prediction alone. In the start-up window lost samples are ignored.
 
-        Returns the lanes that became invalid meanwhile; row 0 is the first lost sample.
+        Returns the lanes (axes) that became invalid during the lost samples; row 0 is the first of these
+        samples.
         """
         return [Lost(*one) for one in self.native.skip(count)]
 
     def retune(
         self, variances: Mapping[str, Variances], filter_models: Mapping[str, FilterModel] | None = None
     ) -> None:
-        """Change the variances of axes, from the next sample on, and for later restarts.
+        """Change the variances of axes from the next sample on, also for later restarts of the filters.
 
         The filters keep their states and memory. `filter_models`: orders and parameters with which some of
         these axes continue, since their present estimates were made with other variances. Raises ValueError,
@@ -149,12 +152,15 @@ class Bank:
 
     @property
     def restarts(self) -> dict[str, int]:
-        """Number of restarts of each axis."""
+        """Number of restarts of each axis's filters."""
         return self._by_axis(self.native.restarts, 0)
 
     @property
     def interventions(self) -> dict[str, dict[str, int]]:
-        """For each axis, number of the guard's interventions since its last start, by cause; no zeros."""
+        """For each axis, the number of the guard's interventions since its last start, by cause.
+
+        Causes without interventions are left out.
+        """
         none: dict[str, int] = {}
         return self._by_axis(self._counts, none)
 
@@ -178,7 +184,7 @@ class Bank:
         )
 
     def save(self) -> OnlineState | None:
-        """Return the state for a later bank; None in the start-up window and with a constant axis."""
+        """Return the state for a later bank; None in the start-up window, and if an axis is constant."""
         base, settings = self.baseline, self._settings
         if base is None or settings is None or base.constant_axes:
             return None
@@ -211,7 +217,10 @@ class Bank:
         return LaneSettings(self._config, self._h, R, {"state.Q": Q})
 
     def _by_axis(self, values: Callable[[], Sequence[_T]], otherwise: _T) -> dict[str, _T]:
-        """Return values by axis; `otherwise` for constant axes, and for all axes without a baseline."""
+        """Return a value for each axis.
+
+        It is `otherwise` for a constant axis, and for all axes in the start-up window.
+        """
         if self.baseline is None:
             return dict.fromkeys(self.axes, otherwise)
         constant = self.baseline.constant_axes
@@ -228,7 +237,7 @@ class Bank:
         return {axis: figure(*one) for axis, one in zip(self.axes, self.native.whiteness(), strict=True)}
 
     def _begin(self, baseline: Baseline, Q: Sequence[float] | None = None) -> None:
-        """Start the lanes. A constant axis gets any R, since its estimates are not used."""
+        """Start the lanes. A constant axis gets an arbitrary R, since its estimates are not used."""
         live = [axis not in baseline.constant_axes for axis in self.axes]
         R = [R if alive else 1.0 for R, alive in zip(baseline.R, live, strict=True)]
         variances = [Variances(*one) for one in zip(Q or [self._config.state.Q] * len(R), R, strict=True)]

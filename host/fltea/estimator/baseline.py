@@ -1,10 +1,10 @@
 """Find the offset and the variance of the samples, which must be known before the first estimate.
 
 The algorithm assumes noise with zero mean and a known measurement variance R. It does not tolerate errors in
-either. An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the printed algorithm diverge.
-An R that is four times too small makes it diverge, too; a real MPU-9250 has offsets of up to ±5 deg/s.
-Therefore the first samples, the start-up window, are taken with the device at rest: their mean is the bias,
-their variance is R. The arithmetic is in firmware/core/engine/baseline.hpp.
+either. An offset of 1 deg/s on white noise of variance 0.0235 (deg/s)² makes the algorithm as printed in the
+paper diverge. An R that is four times too small makes it diverge, too; a real MPU-9250 has offsets of up to
+±5 deg/s. Therefore the first samples, the start-up window, are taken with the device at rest: their mean is
+the bias, their variance is R. The arithmetic is in firmware/core/engine/baseline.hpp.
 """
 
 import math
@@ -31,16 +31,18 @@ class Baseline(NamedTuple):
 
 
 class Moments(NamedTuple):
-    """Mean and variance of one axis's samples in a start-up window."""
+    """Mean and variance of the samples of one axis in a start-up window."""
 
     mean: float
     variance: float
-    """Variance with n-1 in the denominator; at least the variance of rounding to the resolution."""
+    """Variance of the samples, with n-1 in the denominator. It is at least the variance of rounding to the
+    resolution.
+    """
     constant: bool
 
 
 class BaselineRule:
-    """Takes bias and R from the settings, or from the start-up window if the settings do not state them.
+    """Finds bias and R: in the settings if they are stated there, otherwise from the start-up window.
 
     `resolution`: size of one count in the axes' unit, if known. The quantisation variance, resolution²/12, is
     the smallest R that "auto" gives. `needed`: number of samples in the start-up window, 0 if no window is
@@ -60,7 +62,10 @@ class BaselineRule:
         self.needed = config.startup_needed
 
     def baseline_of(self, window: Sequence[Moments]) -> Baseline:
-        """Return the baseline for the moments of a start-up window; `window` is empty if none is needed."""
+        """Return the baseline for the moments of a start-up window.
+
+        `window` is empty if no window is needed.
+        """
         bias = self._given_bias
         if bias is None:
             bias = tuple(axis.mean for axis in window)

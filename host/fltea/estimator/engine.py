@@ -7,19 +7,19 @@ equations:
     y_k = x_k + noise of variance R
 
 y and x are in deg/s, h in s, f in s^-α; Q is the variance of the noise of one step, and includes h^2α. Lanes
-never influence each other, and neither their number nor the width of the instruction set changes their
-results.
+never influence each other. Their results depend neither on the number of lanes nor on the width of the
+instruction set.
 
 Variants: "triple" is the variant of the paper (equal to `reference` except for rounding), with the filters
 KFx for the state, KFo for the order and KFw for the parameter. "joint" has one unscented filter on (α, β =
 h^α f) instead of KFo and KFw.
 
 Guards: "off" is the algorithm as printed in the paper. It can diverge: its results are then not finite, or
-absurd, and no error is raised. "faithful" is the printed algorithm within bounds; the results are equal to
-the bit as long as no bound is reached. "consistent" has the same bounds as "faithful", and includes the
-variance of the state in KFo, KFw and the joint filter. With a guard, whatever the input, every estimate stays
-finite, 0 <= α <= 2 and -2 2^α <= h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement; every
-intervention is counted (`CAUSES`).
+absurd, and no error is raised. "faithful" is the printed algorithm within bounds: as long as no bound is
+reached, its results are those of "off", bit by bit. "consistent" has the same bounds as "faithful", and
+includes the variance of the state in KFo, KFw and the joint filter. With a guard, whatever the input, every
+estimate stays finite, 0 <= α <= 2 and -2 2^α <= h^α f <= 1, and |y - x| <= 4 sqrt(R) after each measurement;
+every intervention is counted (`CAUSES`).
 
 Compressed memory: an order outside [-1.95, 4] is replaced by the nearest order inside, and counted as
 "memory_order"; this can occur only with guard "off".
@@ -36,8 +36,8 @@ from fltea.records.arrays import Array
 from fltea.records.stats import CAUSE_WORDS
 
 CAUSES = tuple(CAUSE_WORDS)
-"""Causes of interventions, after which an estimate differs from the printed algorithm's; in the order of
-`Estimates.interventions`.
+"""Causes of interventions, in the order of `Estimates.interventions`. After an intervention, an estimate
+differs from that of the algorithm as printed in the paper.
 
 order_box: α left [0, 2]. order_sigma: a sigma point left [-1/2, 5/2]. order_variance: the predicted variance
 of α exceeded 1/3. order_gate, parameter_gate: the innovation of KFo (or of the joint filter), or of KFw,
@@ -63,7 +63,9 @@ class Estimates(NamedTuple):
     f: Array
     """Parameter f in s^-α; with variant "joint" it is β h^-α."""
     f_var: Array
-    """Variance of f; with variant "joint" to first order from the covariance of α and β."""
+    """Variance of f. With variant "joint" it is the first-order approximation from the covariance of α and
+    β.
+    """
     x: Array
     """Posterior state."""
     P: Array
@@ -72,8 +74,8 @@ class Estimates(NamedTuple):
     """Measurement minus prediction; NaN without a measurement."""
     innovation_var: Array
     interventions: NDArray[np.int32]
-    """Number of samples with an intervention since the lane's start, by cause. The shape is always (lanes,
-    len(CAUSES)).
+    """Number of samples with an intervention since the lane's last start, by cause. The shape is always
+    (lanes, len(CAUSES)).
     """
 
 
@@ -85,7 +87,7 @@ def instruction_sets() -> list[str]:
 def as_rows(
     lanes: int, y: ArrayLike, u: ArrayLike | None, missing: ArrayLike | None
 ) -> tuple[Array, Array | None, NDArray[np.uint8] | None]:
-    """Return samples, inputs and marks of missing samples, all (n, lanes), as the native code needs them.
+    """Return samples, inputs and marks of missing samples in the form for the native code, all (n, lanes).
 
     Raises:
         ValueError: an array has another shape.
@@ -137,7 +139,10 @@ class Engine:
         return Estimates._make((*(column[0] for column in one[:-1]), one.interventions))
 
     def run(self, y: ArrayLike, u: ArrayLike | None = None, missing: ArrayLike | None = None) -> Estimates:
-        """Process n samples of every lane, all (n, lanes); the results equal n calls of `step` to the bit."""
+        """Process n samples of every lane; all arguments are (n, lanes).
+
+        The results are those of n calls of `step`, bit by bit.
+        """
         measured, drive, gone = as_rows(self.lanes, y, u, missing)
         out = np.empty((8, *measured.shape))
         self._native.run(measured, drive, gone, out)
@@ -148,7 +153,7 @@ class Engine:
         return interventions_of(self._native, self.lanes)
 
     def retune(self, settings: LaneSettings) -> None:
-        """Use other numbers from the next sample on, and for later restarts of lanes.
+        """Use other settings from the next sample on, also for later restarts of lanes.
 
         The lanes keep their states and memory. Raises ValueError, and changes nothing, for settings that no
         filter works with, or with another window, memory, accuracy, variant or guard.
@@ -159,7 +164,10 @@ class Engine:
         self.settings = settings
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Restart the lanes of `mask` (lanes,), by default all, with initial estimates and empty memory."""
+        """Restart the lanes in `mask` (lanes,), by default all lanes.
+
+        They begin with the initial estimates and an empty memory.
+        """
         flags = np.ones(self.lanes, dtype=bool) if mask is None else np.ascontiguousarray(mask, dtype=bool)
         if flags.shape != (self.lanes,):
             raise ValueError(f"mask must have shape ({self.lanes},), got {flags.shape}")
@@ -167,5 +175,5 @@ class Engine:
 
     @property
     def storage_bytes(self) -> int:
-        """Size of the working memory of all lanes, with the unused lanes of the last vector [bytes]."""
+        """Size of the working memory [bytes], including that of the unused lanes of the last SIMD vector."""
         return self._native.storage_bytes

@@ -7,8 +7,8 @@ from typing import NamedTuple
 class FilterModel(NamedTuple):
     """An order and a parameter with their standard deviations, from a maximum-likelihood fit of all samples.
 
-    The errors of F = h^α f + α and of α are independent. F is the quantity that a single step of the samples
-    determines best.
+    The errors of F = h^α f + α and of α are independent. F is the factor from one sample to the next, which
+    the samples determine best.
     """
 
     alpha: float

@@ -1,4 +1,7 @@
-"""Combine an estimator's settings with numbers for each lane (independent system) for the native engine."""
+"""Combine an estimator's settings with the values for each lane.
+
+A lane is an independent system in the native engine.
+"""
 
 import hashlib
 import json
@@ -30,7 +33,7 @@ _DECLARED["h"] = Declared(
 
 @dataclass(frozen=True, eq=False)
 class LaneSettings:
-    """All settings of an engine; a number may also be an array with one entry for each lane.
+    """All settings of an engine. Each number may also be an array with one entry for each lane.
 
     `config`: the filters' settings, with the window in samples. `h`: sampling period [s]. `R`: measurement
     variance. `numbers`: values that replace the values in `config`, by the setting's path in the table
@@ -51,7 +54,10 @@ class LaneSettings:
 
     @property
     def kind(self) -> dict[str, object]:
-        """The settings that cannot change later, since memory and filters are made for them."""
+        """The settings that cannot change while an engine runs.
+
+        Its memory and filters are made for them.
+        """
         c = self.config
         return {
             "window": c.window_samples,
@@ -62,7 +68,7 @@ class LaneSettings:
         }
 
     def digest(self, lanes: int) -> str:
-        """Return a text that is equal for settings that make equal engines."""
+        """Return a text that is the same for all settings with which engines are the same."""
         kind = json.dumps(self.kind, sort_keys=True).encode()
         return hashlib.sha256(kind + self.table(lanes).astype("<f8").tobytes()).hexdigest()
 
@@ -132,7 +138,7 @@ class LaneSettings:
 def native_table(table: Array) -> Array:
     """Return `table` in the form for the native engine: with ln h in place of h."""
     result = table.copy()
-    # math.log rather than numpy's, whose last digit depends on the processor.
+    # This is math.log, since the last digit of numpy's logarithm depends on the processor.
     result[:, 0] = [math.log(h) for h in table[:, 0]]
     return result
 

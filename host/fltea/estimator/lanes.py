@@ -1,4 +1,6 @@
-"""Run lanes (independent filters) under the supervisor: in the live program, identification and evaluation.
+"""Run lanes (independent filters), each of which the supervisor restarts when it diverges.
+
+The live program, identification and evaluation use it.
 
 Engine, supervisor and restarts are one native call for a whole block (host/native/lanes.hpp). The
 supervisor's rules, which the board uses too, are in firmware/core/engine/supervisor.hpp.
@@ -19,8 +21,8 @@ LOST_ORDER = _native.LOST_ORDER
 
 BOUND_SAMPLES = _native.BOUND_SAMPLES
 BOUND_SHARE = _native.BOUND_MOST / _native.BOUND_SAMPLES
-"""Largest share of the last `BOUND_SAMPLES` samples in which the guard may bound the state of a valid
-lane.
+"""A lane becomes invalid if the guard bounds its state in more than this share of the last `BOUND_SAMPLES`
+samples.
 """
 
 Reason = Literal["runaway", "bound"]
@@ -50,9 +52,11 @@ class LaneBlock(NamedTuple):
     innovation_std: Array
     valid: Mask
     lost: list[Lost]
-    """Lanes that became invalid, by increasing row."""
+    """Lanes that became invalid, in the order of rising rows."""
     white: Mask | None
-    """Whether the last hundred complete innovations are white; None unless a `Bank` made the block."""
+    """After every sample, whether the last full hundred of innovations is white; None unless a `Bank` made
+    the block.
+    """
 
 
 class Lanes:
@@ -68,7 +72,9 @@ class Lanes:
         self._native = _native.Lanes(*settings.native(instruction_set or instruction_sets()[0], table))
 
     def run(self, y: ArrayLike, missing: ArrayLike | None = None) -> LaneBlock:
-        """Process n samples of every lane, (n, lanes); grouping into blocks changes no bit of the results.
+        """Process n samples of every lane, (n, lanes).
+
+        The results do not depend on how samples are grouped into blocks.
 
         `missing`, of the same shape, marks samples without a measurement. There a lane only predicts, and its
         y is ignored. Raises ValueError, and changes nothing, for wrong shapes and for numbers that are not

@@ -1,11 +1,11 @@
 """Weight the possible drifts of an offset by likelihood: random walks, slow relaxations and slopes.
 
-The spectrum leaves out noise that is slower than a tenth of a record. A filter in the time domain uses such
-noise as well. So each possible drift of the offset is weighted by the likelihood of all samples. The offset
-may be constant. It may be a random walk; the variances of a step that are tried reach from hardly visible to
-obvious in a record of n samples. It may be a bounded walk, which is a relaxation. In addition the offset may
-have a slope. A walk that the spectrum has found may be bounded, too: the samples show the bound long before
-the spectrum does.
+The fit of the spectrum leaves out noise whose period is longer than a tenth of the record. A filter in the
+time domain uses such noise as well. So each possible drift of the offset is weighted by the likelihood that
+such a filter gives to all samples. The offset may be constant. It may be a random walk; the step variances
+that are tried range from hardly visible to obvious in a record of n samples. It may be a bounded walk, which
+is a relaxation. In addition, the offset may have a slope. A random walk that the fit of the spectrum has
+found may also be bounded: the samples show the bound long before the spectrum does.
 """
 
 import functools
@@ -24,38 +24,50 @@ from fltea.records.arrays import Array, Mask
 from fltea.records.fit import Interval
 
 SHARES = tuple(10.0 ** (k / 2) for k in range(1, 10))
-"""Variances of a walk's step that are tried, divided by the spectrum's level and multiplied by n²."""
+"""Step variances of a random walk that are tried, divided by the level of the spectrum and multiplied by the
+square of the number of samples.
+"""
 AROUND = tuple(10.0 ** (k / 4) for k in range(-2, 3))
-"""Variances of a walk's step that are tried, as ratios to the variance that the spectrum has found."""
+"""Step variances of a random walk that are tried, as ratios to the step variance by the fit of the
+spectrum.
+"""
 BOUNDS = tuple(2.0**k / (20 * math.pi) for k in range(7))
 """Correlation times of relaxations that are tried, as ratios to the record's length. The spectrum cannot show
 even the shortest of these relaxations.
 """
 BOUNDS_FOUND = tuple(one / 4 for one in BOUNDS[:2]) + BOUNDS
-"""Ratios as in `BOUNDS`, used if the spectrum has found a walk, which may in truth be a relaxation."""
+"""Ratios as in `BOUNDS`, for a random walk that the fit of the spectrum has found and that may really be a
+relaxation.
+"""
 SLOW = BOUNDS_FOUND[1]
-"""Ratio of `BOUNDS_FOUND` for the fastest relaxation that the spectrum may have mistaken for a walk."""
+"""The ratio in `BOUNDS_FOUND` for the fastest relaxation that may be confused with a random walk."""
 RISES = 1.0, 10.0, 100.0, 1000.0
 """Standard deviations of a slope that are tried, as ratios to the standard deviation of the slope of a
 straight line fitted to white noise.
 """
 STAYS, ENDLESS, RAMPS = 0.6, 0.5, 0.25
-"""Prior probabilities that an offset does not walk, that a walk is unbounded, and that there is a slope."""
+"""Prior probabilities that an offset does not walk (STAYS), that its walk is unbounded (ENDLESS), and that it
+has a slope (RAMPS).
+"""
 CERTAIN = 0.95
 LEAST = 0.05
-"""Smallest share in the drift of a component in the filter's state; a smaller component is left out."""
+"""A component of the drift gets a state in the filter only if its share of the drift is at least this
+large.
+"""
 LEAST_RIVAL = 0.02
-"""Smallest probability of a drift that is used as a rival model."""
+"""Smallest probability of a walking offset, and of a constant one, with which both are kept as rival
+models.
+"""
 MOST_OF_RIVALS = 6
-"""Largest number of states of the noise, without the offset, with which rival models are used. More states
-hide a walk of the offset, and cost more time.
+"""Rival models are used only if the noise without the offset has at most this many states. More states hide a
+walk of the offset, and cost more time.
 """
 LEVEL_AT = 1e-3
-"""Frequency at which the spectrum's level is read [rad per sample]."""
+"""Frequency at which the level of the spectrum is measured [rad per sample]."""
 
 
 class OffsetRelaxation(NamedTuple):
-    """A relaxation that is used in place of all bounded walks."""
+    """A relaxation that stands for all bounded walks."""
 
     variance: float
     a: float
@@ -67,7 +79,10 @@ class OffsetRelaxation(NamedTuple):
 
 
 class OffsetWalk(NamedTuple):
-    """The possible drifts of an offset, with their weights; each index of the arrays is one drift."""
+    """The possible drifts of an offset, with their weights.
+
+    Each index of the arrays is one possible drift.
+    """
 
     steps: Array
     """Variance of a step of the walk; 0 if the offset does not walk."""
@@ -77,17 +92,17 @@ class OffsetWalk(NamedTuple):
     """Standard deviation of the offset's slope, per sample."""
     weights: Array
     is_found: bool = False
-    """Whether the spectrum has found the walk, or a slow relaxation in its place."""
+    """Whether the fit of the spectrum has found the walk, or a slow relaxation in its place."""
     likelihood: float = -math.inf
     """2 log L of the samples, with the likelihood averaged over all possible drifts."""
 
     @property
     def is_certain(self) -> bool:
-        """Whether the offset almost certainly walks."""
+        """Whether the weights of the drifts say that the offset almost certainly walks."""
         return float(self.weights[self.steps == 0].sum()) < 1 - CERTAIN
 
     def K(self, h: float) -> Interval:
-        """Return the rate random walk K [unit of the samples per √s]; empty if there may be no walk.
+        """Return the rate random walk K [unit of the samples per √s]; empty if the offset may be constant.
 
         K is the weighted median over the possible walks, with the interval that holds 95 % of the weight. A
         filter uses the mean variance of the walks' steps, but that would give too large a K for a sensor.
@@ -101,7 +116,9 @@ class OffsetWalk(NamedTuple):
         return Interval(*(math.sqrt(q / h) for q in np.exp(log_steps).tolist()))
 
     def system(self, bare: System, samples: int) -> System:
-        """Return the system of a noise with the mean drift of its offset. `bare`: system without an offset.
+        """Return the linear system of a noise with the mean drift of its offset.
+
+        `bare`: system of the noise without an offset.
 
         Of all linear filters, the filter for the mean of the drifts' spectra has the least mean square error.
         The relaxations are combined into one relaxation, which has their mean variance and the mean variance
@@ -115,10 +132,10 @@ class OffsetWalk(NamedTuple):
         return self._with_slope(found, samples)
 
     def rivals(self, bare: System, samples: int) -> "Rivals":
-        """Return two models, between which later samples may decide: an offset that walks, or a constant one.
+        """Return two models between which later samples decide.
 
-        The mean of both models would be too certain if the offset walks, and too slow if the offset is
-        constant.
+        The offset walks in one of them, and is constant in the other. The mean of both models would give too
+        small a σ if the offset walks, and would adapt too slowly if the offset is constant.
         """
         stays = self.steps == 0
         likely = 1 - float(self.weights[stays].sum())
@@ -127,19 +144,20 @@ class OffsetWalk(NamedTuple):
         walking = self._replace(weights=np.where(stays, 0.0, self.weights) / likely)
         system = walking.system(bare, samples)
         n, Q, P0 = len(bare.a), system.Q.copy(), system.P0.copy()
-        still = np.flatnonzero(system.a[n:] == 1.0)[0] + n  # index of the offset; its relaxation precedes it
+        # index of the offset; the state before it is the offset's relaxation
+        still = np.flatnonzero(system.a[n:] == 1.0)[0] + n
         Q[n:, :] = Q[:, n:] = 0.0
         P0[n:still, :] = P0[:, n:still] = 0.0
         return Rivals(system, system._replace(Q=Q, P0=P0), likely)
 
     @property
     def endless(self) -> float:
-        """Mean variance of a step of unbounded walks."""
+        """Mean step variance of the unbounded walks."""
         return float((self.weights * self.steps)[~self._bounded].sum())
 
     @property
     def relaxation(self) -> OffsetRelaxation | None:
-        """Mean of the bounded walks; None if bounded walks are unlikely."""
+        """The mean of the bounded walks, as one relaxation; None if bounded walks are unlikely."""
         bounded = self._bounded
         powers = (self.weights * self.steps)[bounded]
         if (q := float(powers.sum())) <= 0:
@@ -161,7 +179,7 @@ class OffsetWalk(NamedTuple):
         return bounded if float(self.weights[bounded].sum()) >= LEAST else np.zeros_like(bounded)
 
     def likely(self, bare: System, samples: int, least: float) -> list[tuple[float, System]]:
-        """Return weight and system of each possible drift whose weight is at least `least`."""
+        """Return weight and linear system of each possible drift whose weight is at least `least`."""
         found = zip(self.weights, self.steps, self.taus, self.slopes, strict=True)
         return [(w, _one(bare, samples, q, tau, slope)) for w, q, tau, slope in found if w >= least]
 
@@ -169,8 +187,8 @@ class OffsetWalk(NamedTuple):
         """Return the system with the slope added, if the slope explains enough of the samples.
 
         Let v be the variance of the slope of a straight line fitted to the samples. Then a slope of prior
-        variance s² explains the share s² / (s² + v). One Gaussian slope, which explains the mean share, is
-        used in place of all slopes.
+        variance s² explains the share s² / (s² + v). A single Gaussian slope that explains the mean of these
+        shares stands for all slopes.
         """
         most = float(self.slopes.max())
         if most == 0:
@@ -185,7 +203,7 @@ class OffsetWalk(NamedTuple):
 
 
 class Rivals(NamedTuple):
-    """The noise model of an axis, and a rival model. `likely`: probability of the first model."""
+    """The noise model of an axis, and a rival model; `likely`: probability of the first of them."""
 
     system: System
     rival: System | None = None
@@ -196,12 +214,12 @@ CONSTANT = OffsetWalk(np.zeros(1), np.full(1, np.inf), np.zeros(1), np.ones(1))
 
 
 class Followed(NamedTuple):
-    """The noise model from which a filter is made, with the possible drifts of the offset."""
+    """The noise model from which a tracker's filter is made, with the possible drifts of the offset."""
 
     system: System
     walk: OffsetWalk
     parts: Sequence[Part]
-    """The parts of the noise that the spectrum found, perhaps with a walk in place of the slowest
+    """The parts of the noise by the fit of the spectrum, perhaps with a random walk in place of the slowest
     relaxation.
     """
     rivals: "Rivals"
@@ -211,21 +229,22 @@ class Followed(NamedTuple):
 def system_of(
     parts: Sequence[Part], h: float, samples: int, remembered: Remembered, *, every: int = 1
 ) -> Followed:
-    """Return the system of a noise that was found in `samples` samples, and the drift of its offset.
+    """Return the noise model for a tracker, with the drift of the offset.
 
-    The offset may walk in addition to a noise of fractional order. Measurements show: if the offset is
-    constant, the bias is as accurate as with a constant offset in the model; if a fit has missed slow noise,
-    the bias is more accurate. The spectrum may also have mistaken a walk for a slow relaxation; if the noise
-    has a slow relaxation, both are tried. `remembered`: the samples. `every`: only one in `every` values of a
-    step, a bound and a slope is tried.
+    An offset that may walk is part of the model, even beside a noise of fractional order. Measurements show:
+    if the offset is really constant, the bias is as accurate as with a constant offset in the model; if the
+    fit has missed slow noise, the bias is more accurate. A slow relaxation by the fit of the spectrum may
+    really be a random walk, so both are tried. `samples`: number of samples of the fit. `remembered`: the
+    samples that the likelihood is computed from. `every`: only one in `every` values of the step variances,
+    correlation times and slopes is tried.
     """
     found = _followed(parts, h, samples, remembered, every)
     walking = _as_walk(parts, h, samples)
     if walking is None or found.walk is CONSTANT:
         return found
     other = _followed(walking, h, samples, remembered, every)
-    # The relaxation's correlation time is the best of all values. The walk's likelihood is a mean over as
-    # many values, so log(number of values) makes the comparison fair.
+    # The correlation time of the relaxation is the best of all values, while the likelihood of the walk is a
+    # mean over as many values. Adding log(number of values) makes the comparison fair.
     ahead = other.walk.likelihood - found.walk.likelihood + 2 * math.log(len(BOUNDS_FOUND))
     return other if other.walk is not CONSTANT and ahead > 0 else found
 
@@ -241,7 +260,10 @@ def _followed(parts: Sequence[Part], h: float, samples: int, remembered: Remembe
 
 
 def _as_walk(parts: Sequence[Part], h: float, samples: int) -> list[Part] | None:
-    """Return the parts with a walk in place of the slowest relaxation; None if it is not slow enough."""
+    """Return the parts with a random walk in place of the slowest relaxation, or None.
+
+    The result is None if no relaxation is slow enough.
+    """
     slow = [part for part in parts if isinstance(part, Relaxation) and part.tau_s > SLOW * samples * h]
     if not slow or _has_order(parts) or any(isinstance(part, Walk) for part in parts):
         return None
@@ -255,7 +277,7 @@ def _has_order(parts: Sequence[Part]) -> bool:
 
 
 def without_walk(parts: Sequence[Part], h: float, samples: int) -> tuple[System, float]:
-    """Return the system of the parts without their walk, and the variance of the walk's step."""
+    """Return the linear system of the parts without their random walk, and the walk's step variance."""
     bare = system([part for part in parts if not isinstance(part, Walk)], h, samples, found=True)
     return bare, math.fsum(part.K**2 * h for part in parts if isinstance(part, Walk))
 
@@ -271,15 +293,15 @@ def offset_walk(
 ) -> OffsetWalk:
     """Return the possible drifts of a noise's offset, with their weights.
 
-    `found`: variance of a step of the walk that the spectrum has found; 0 if the spectrum has found no walk.
-    `bounds`: correlation times to try, as ratios to the record's length. `every`: only one in `every` values
-    is tried.
+    `found`: step variance of the random walk by the fit of the spectrum; 0 if it has found none. `bounds`:
+    correlation times to try, as ratios to the length of the record. `every`: only one in `every` values is
+    tried.
     """
     level = float(bare.spectrum(np.array([LEVEL_AT]))[0])
     steps = [share * found for share in AROUND] if found else [one * level / samples**2 for one in SHARES]
     line = math.sqrt(12 * level / samples**3)
     steps = steps[::every]
-    # The filter needs three more states: for the offset, its relaxation and its slope.
+    # The filter needs three additional states: for the offset, its relaxation and its slope.
     has_room = len(bare.a) + 3 <= _native.TRACKER_COORDINATES
     slopes = [line * one for one in RISES[::every]] if has_room else []
     taus = [samples * one for one in bounds[::every]] if has_room else []
@@ -302,7 +324,7 @@ def offset_walk(
 def walks_tried(
     steps: Sequence[float], taus: Sequence[float], stays: float
 ) -> Iterator[tuple[float, float, float]]:
-    """Yield step, correlation time and prior weight of the possible drifts without their slope."""
+    """Yield step variance, correlation time and prior weight of the possible drifts, without slopes."""
     if stays > 0:
         yield 0.0, math.inf, stays
     for q in steps:
@@ -311,14 +333,17 @@ def walks_tried(
 
 
 def _parted(first: float, others: Sequence[float], weight: float) -> list[tuple[float, float]]:
-    """Return values with weights: `weight` for `first`, and equal shares of the rest for each of `others`."""
+    """Return values with weights that sum to 1: `weight` for `first`, and equal weights for `others`."""
     if not others:
         return [(first, 1.0)]
     return [(first, weight), *((one, (1 - weight) / len(others)) for one in others)]
 
 
 def _offset(power: float, samples: int, q: float, tau: float, slope: float) -> list[Coordinate]:
-    """Return the states of an offset. `power`: as in `offset_of`, without the relaxation of the offset."""
+    """Return the states of an offset with its relaxation and slope.
+
+    `power`: as in `offset_of`, without the relaxation of the offset.
+    """
     found = []
     if math.isfinite(tau):
         a = math.exp(-1 / tau)

@@ -1,4 +1,4 @@
-"""Define the saved state of a bank: its baseline, and its engine with the engine's settings."""
+"""Define the saved state of a bank of filters: its baseline, and its engine with the engine's settings."""
 
 import math
 import zlib

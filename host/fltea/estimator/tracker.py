@@ -2,8 +2,8 @@
 
 The bias is the sensor's offset plus the state of its noise. Until the noise is known, a bank of filters for
 random walks and relaxations is used (host/native/walk_bank.hpp). When the noise model changes, the samples
-that a filter remembers are filtered again with the new model. While the sensor moves, all axes predict. Where
-the bias of an axis steps, its filter restarts.
+that the tracker remembers are filtered again with the new model. While the sensor moves, the filters of all
+axes only predict. When the bias of an axis jumps (a step), the filter of that axis restarts.
 
 The bias is a forecast: the mean of offset and state that is expected over the next samples.
 """
@@ -35,7 +35,7 @@ class Tracks(NamedTuple):
 
 
 class Rest(IntEnum):
-    """What the caller knows about the motion of a sensor: nothing, that it rests, or that it moves."""
+    """What the caller knows about a sensor's motion: nothing, that the sensor rests, or that it moves."""
 
     UNKNOWN = 0
     AT_REST = 1
@@ -51,21 +51,26 @@ class EventKind(IntEnum):
 
 
 BY_ACCEL, BY_CALLER = -1, -2
-"""Values in place of an axis if the accelerometer (`BY_ACCEL`) or the caller detected motion."""
+"""Values of `TrackerEvent.axis` if the accelerometer (`BY_ACCEL`) or the caller (`BY_CALLER`) detected the
+motion.
+"""
 
 
 class TrackerEvent(NamedTuple):
-    """A step or motion. `row`: index in the call's samples of the sample that shows the event."""
+    """A step of the bias, or the begin or end of motion.
+
+    `row`: index, among the samples of the call, of the sample that shows the event.
+    """
 
     kind: EventKind
     row: int
     axis: int
-    """Axis of a step; for motion the axis that detected the motion, or BY_ACCEL or BY_CALLER."""
+    """Axis whose bias stepped. For motion: the axis that detected the motion, or BY_ACCEL or BY_CALLER."""
     ago: int
     """Number of samples since the event began, including the newest sample; 0 for the end of motion."""
     size: float
-    """Size of a step; for the end of motion, largest distance of a sample from the bias; in the samples'
-    unit.
+    """Size of a step, in the unit of the samples. For the end of motion: largest distance of a sample from
+    the bias.
     """
     size_std: float
     samples: int
@@ -76,11 +81,11 @@ class TrackerRules(NamedTuple):
     """Settings of a tracker, in samples and in their unit.
 
     `ahead`: number of coming samples whose mean bias is estimated; 0 means the newest sample alone.
-    `checked`: numbers of samples over which the bias is compared with later samples. `largest_step`: a larger
-    change within a second is motion, not a step. `largest_gravity_step`: largest step of the accelerometer,
-    with the same meaning. `still`: number of samples at rest at another value after which that value becomes
-    the new offset, if `settles` is set, if the caller knows that the sensor is at rest, or if the value is
-    nearer to 0. `patience`: number of samples after which the value becomes the new offset in any case.
+    `checked`: numbers of later samples with whose mean the bias is compared. `largest_step`: a larger change
+    within a second is motion, not a step. `largest_gravity_step`: the same for the accelerometer. `still`:
+    number of samples at rest at another value after which that value becomes the new offset. This holds if
+    `settles` is set, if the caller knows that the sensor is at rest, or if the value is nearer to 0.
+    `patience`: number of such samples after which the value becomes the new offset in any case.
     """
 
     ahead: int = 0
@@ -93,9 +98,9 @@ class TrackerRules(NamedTuple):
 
 
 class Checked(NamedTuple):
-    """The bias compared with the means of later samples, of which there are `pieces` pieces.
+    """The errors of the bias, compared with the means of `pieces` groups of later samples.
 
-    `rms`: root mean square of the error divided by σ; None if there is no piece yet.
+    `rms`: root mean square of the error divided by σ; None before the first group is complete.
     """
 
     pieces: int
@@ -103,10 +108,13 @@ class Checked(NamedTuple):
 
 
 class TrackerFigures(NamedTuple):
-    """Figures of an axis's tracker; the innovations' figures are None until there are enough innovations."""
+    """Figures of the tracker of an axis.
+
+    Those of the innovations are None until there are enough innovations.
+    """
 
     moved: int
-    """Number of samples taken in motion."""
+    """Number of samples during motion."""
     begun: int
     """Number of restarts of the filter because the offset had changed."""
     steps: int
@@ -122,7 +130,7 @@ class TrackerFigures(NamedTuple):
 
 
 class Remembered:
-    """A copy of the samples of an axis that a tracker remembers; may be used in any thread."""
+    """A copy of the samples of an axis that a tracker remembers. Any thread may use it."""
 
     def __init__(self, native: _native.Remembered) -> None:
         self.native = native
@@ -135,19 +143,22 @@ class Remembered:
         return self.likelihoods(system, [()])[0]
 
     def likelihoods(self, bare: System, more: Sequence[Sequence[Coordinate]]) -> list[float]:
-        """Return 2 log L of the samples for the system `bare` with each set of states in `more` added."""
+        """Return 2 log L of the samples for each set of states in `more`, added to the system `bare`."""
         return self.native.likelihoods(bare.numbers, more)
 
     def likelihood_of_walks(self) -> float:
-        """Return 2 log L for the bank of walks; NaN with too few samples, or once a system is set."""
+        """Return 2 log L for the bank of random walks.
+
+        NaN with too few samples, or after a noise model is set.
+        """
         return self.native.of_walks()
 
 
 class TrackerModel:
-    """A noise model for the tracker of an axis; made in any thread, for trackers with the same rules.
+    """A noise model for the tracker of an axis, which any thread may make.
 
-    `rival`: a rival model with the same number of states; later samples decide between `system` and `rival`.
-    `likely`: present probability of `system`.
+    The tracker has to have the same rules. `rival`: a second model with the same number of states; later
+    samples decide between `system` and `rival`. `likely`: present probability of `system`.
 
     Raises ValueError if no filter works with the model.
     """
@@ -164,21 +175,24 @@ class TrackerModel:
     def refilter(self, remembered: Remembered, to_come: int) -> None:
         """Filter the remembered samples, in any thread, so that less work is left to `Tracker.use_model`.
 
-        `to_come`: number of samples that the tracker takes until `Tracker.use_model`, at most MOST_TO_COME.
-        If an event happens before that, or if fewer samples come, the tracker filters all samples itself. The
-        results are the same, except that the test for steps then has the innovations only up to `remembered`.
+        `to_come`: number of samples that the tracker will process before `Tracker.use_model`, at most
+        MOST_TO_COME. If an event happens before that, or if fewer samples come, the tracker filters all
+        samples itself. The results are the same, except that the test for steps then has the innovations only
+        up to `remembered`.
 
-        Raises ValueError for more samples.
+        Raises ValueError if `to_come` is larger than MOST_TO_COME.
         """
         self.native.refilter(remembered.native, to_come)
 
 
 MOST_TO_COME = _native.TrackerModel.MOST_TO_COME
-"""Most samples that may come between the filtering of remembered samples and `Tracker.use_model`."""
+"""Largest number of samples between the filtering of remembered samples and `Tracker.use_model`."""
 
 
 AT_ONCE = 1 << 14
-"""Number of rows of a long recording in one call, so that their results fit the processor's caches."""
+"""Number of samples of a long recording that one call processes, so that the results fit the processor's
+caches.
+"""
 
 
 class Tracker:
@@ -195,10 +209,12 @@ class Tracker:
             list(offsets), ahead, list(checked), step, gravity_step, still, patience, settles
         )
         self.events: list[TrackerEvent] = []
-        """Steps and motions during the samples of the last call of `run`."""
+        """Steps and motions among the samples of the last call of `run`."""
 
     def run(self, y: ArrayLike, accel: ArrayLike | None = None, rest: Rest = Rest.UNKNOWN) -> Tracks:
-        """Process n samples of every axis, (n, axes); grouping into blocks changes no bit of the results.
+        """Process n samples of every axis, (n, axes).
+
+        The results do not depend on how samples are grouped into blocks.
 
         `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²], which help to detect motion.
         `rest`: what the caller knows about the motion.
@@ -213,7 +229,10 @@ class Tracker:
         return Tracks._make((*out, moving.view(np.bool_)))
 
     def take(self, y: Array) -> None:
-        """Process samples (n,) of one axis, if only the state after the last sample is wanted."""
+        """Process samples (n,) of one axis, without results for each sample.
+
+        Only the state after the last sample is kept.
+        """
         for begin in range(0, len(y), AT_ONCE):
             self.run(y[begin : begin + AT_ONCE, None])
 
@@ -240,9 +259,9 @@ class Tracker:
         return Remembered(self.native.remembered(lane))
 
     def x(self, lane: int) -> tuple[float, Array]:
-        """Return the origin of an axis's values, and its system's state x from there, after the last sample.
+        """Return a constant of an axis, and the state x of its system relative to it, after the last sample.
 
-        Without a system x is empty.
+        The constant was subtracted from the samples. Without a system x is empty.
         """
         origin, x = self.native.x(lane)
         return origin, np.array(x)

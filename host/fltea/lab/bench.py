@@ -1,15 +1,12 @@
 """Measure the speed of the estimator: engine, numpy reference and filterpy's unscented filter side by side.
 
-All run on one core in one run of the program. Every repetition measures all contenders in turn, so that a
-change
-of the machine's clock affects all of them; results are medians over repetitions. Times are processor times
-(user
-and system), not wall-clock times, so that other programs matter less. Memories are full before the first
-measurement.
+All run on one core in one run of the program. Every repetition measures all three one after the other, so
+that a change of the processor's clock affects all of them. Results are medians over repetitions. Times are
+processor times (user and system), not wall-clock times, so that other programs matter less. The filters'
+memories are full before the first measurement.
 
-This is a command of the product (`fltea bench estimator`): it tells how many axes a machine can estimate,
-without
-a clone of the repository and its tools. `make bench` runs it, too, with all other benchmarks.
+This is a command of the program (`fltea bench estimator`), so that users without a clone can find out how
+many axes a machine can estimate. `make bench` runs it, too, with all other benchmarks.
 """
 
 import statistics
@@ -32,7 +29,8 @@ WINDOW = 3000
 WINDOWS = {str(n): n for n in (1_000, 10_000, 100_000, 1_000_000)} | {"unlimited": 0}
 LANES = tuple(2**i for i in range(11))
 
-# Axis-steps in one measurement: about 0.1 s for fast contenders, enough to be repeatable for slow ones.
+# Number of axis-steps (samples of one axis) in one measurement. Fast contenders take about 0.1 s; slow ones
+# take longer, so that the result is repeatable.
 STEPS = {"engine_compressed": 200_000, "engine_direct": 20_000, "reference": 500, "filterpy_ukf": 2_000}
 LANE_STEPS = 400_000
 
@@ -43,16 +41,18 @@ TARGETS = {
     "engine_compressed": ("axis-steps/s, one lane", 3e6),
     "engine_compressed_lanes": ("axis-steps/s, many lanes", 12e6),
 }
-"""Description and target of each ratio: speeds at least, one cost at most, axis-steps per second at least."""
+"""Description and target of each result. A cost has to be at most its target, all others at least."""
 
 Work = Callable[[], int]
-"""Does some axis-steps and returns their number."""
+"""A function that does some axis-steps and returns their number."""
 
 
 def measure(repetitions: int = 5, scale: float = 1.0) -> dict[str, Any]:
-    """Measure everything; speeds are in axis-steps per second, and None for filterpy if it is not installed.
+    """Measure everything, and return the figures.
 
-    `repetitions`: number of repetitions of each measurement. `scale`: factor on its length, below 1 in tests.
+    Speeds are in axis-steps per second; that of filterpy is None if filterpy is not installed. `repetitions`:
+    number of repetitions of each measurement. `scale`: factor on the length of a measurement, below 1 in
+    tests.
 
     Raises:
         FlteaError: estimates of the engine were not finite, so that its figures are void.
@@ -137,7 +137,10 @@ def _ratios(speed: dict[str, Any], per_step: dict[str, float]) -> dict[str, floa
 
 
 def _in_turns(contenders: dict[str, Work], repetitions: int) -> dict[str, float]:
-    """Return the median axis-steps per second of each contender, measured in turn after a warm-up round."""
+    """Return the median axis-steps per second of each contender.
+
+    The contenders are measured one after the other, after a first round that does not count.
+    """
     rates: dict[str, list[float]] = {name: [] for name in contenders}
     for turn in range(repetitions + 1):
         for name, work in contenders.items():
@@ -157,7 +160,10 @@ def _noise(shape: tuple[int, ...]) -> NDArray[np.float64]:
 def _engine(
     lanes: int, window: int, memory: Literal["direct", "compressed"], steps: int, scale: float
 ) -> Work:
-    """Return work for an engine with the paper's gyroscope settings; its memory is filled up to `scale`."""
+    """Return work for an engine with the paper's settings for the gyroscope.
+
+    Its memory is filled before, if `scale` is not smaller than 1.
+    """
     engine = Engine(lanes, lane_settings(GYROSCOPE_FILTERS, window, Options(memory=memory)))
     y = _noise((max(1, steps), lanes))
     fill = round((window or WINDOW) * min(scale, 1.0))
@@ -211,5 +217,8 @@ def _filterpy(steps: int) -> Work | None:
 
 
 def _bytes_per_lane(window: int) -> float:
-    """Return the bytes per lane of an engine with 8 lanes (one pack of the widest instruction set)."""
+    """Return the bytes per lane of an engine with 8 lanes.
+
+    They fill one vector of the widest instruction set.
+    """
     return Engine(8, lane_settings(GYROSCOPE_FILTERS, window, Options(memory="compressed"))).storage_bytes / 8

@@ -1,1 +1,1 @@
-"""The machine's hardware: ports, boards, permissions, flashing."""
+"""The hardware of this machine: ports, boards, permissions, and flashing of boards."""

@@ -23,10 +23,9 @@ NATIVE_REMEDY = (
 class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
     """A serial port.
 
-    `path`: name to use: a stable link if there is one. `device`: its name in /dev.
-    `remedy`: how this user gets permission; null if the user has it.
-    `holders`: programs that have the port open.
-    `hello`, `trouble`: HELLO of the board, or why none came, if the board was asked.
+    `path`: name to use, which is a stable link if there is one. `device`: name of the port in /dev. `remedy`:
+    how this user gets permission to use the port; null if the user has it. `holders`: programs that have the
+    port open. `hello`, `trouble`: if the board was listened to, its HELLO, or why none came.
     """
 
     path: str
@@ -46,7 +45,10 @@ class Port(msgspec.Struct, frozen=True, tag_field="class", tag="port"):
 
 
 class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
-    """An I²C bus. `driver`: name of its adapter. `remedy`: how this user gets permission, or null."""
+    """An I²C bus. `driver`: name of its adapter.
+
+    `remedy`: how this user gets permission, null if not needed.
+    """
 
     path: str
     driver: str
@@ -56,15 +58,12 @@ class Bus(msgspec.Struct, frozen=True, tag_field="class", tag="i2c_bus"):
 class IioDevice(msgspec.Struct, frozen=True, tag_field="class", tag="iio_device"):
     """A gyroscope or IMU that the kernel has a driver for.
 
-    `path`: its node in /dev.
-    `name`: its name in a URL.
-    `sensors`: kinds of sensors in it, such as `gyroscope`.
-    `rate_hz`: rate that its driver states [Hz], or null.
-    `trigger`: name of its trigger; "" for none, null where the chip needs no trigger.
-    `remedy`: how this user gets permission; null if the user has it.
-    `holders`: programs that read it.
-    `mount_matrix`: matrix that rotates the axes of the gyroscope (of the accelerometer, if there is no
-    gyroscope); "" if none is stated.
+    `path`: node of the device in /dev. `name`: name of the device in a URL. `sensors`: kinds of sensors in
+    the device, such as `gyroscope`. `rate_hz`: sampling rate that the driver states [Hz]; null if it states
+    none. `trigger`: name of the device's trigger; "" if it has none, null if the chip needs none. `remedy`:
+    how this user gets permission to use the device; null if the user has it. `holders`: programs that read
+    the device. `mount_matrix`: matrix that rotates the axes of the gyroscope (of the accelerometer, if there
+    is no gyroscope); "" if none is stated.
     """
 
     path: str
@@ -97,7 +96,7 @@ def find_iio(system: System) -> list[IioDevice]:
 
 
 def find_ports(system: System) -> list[Port]:
-    """Return the serial ports of this machine, Dues first."""
+    """Return the serial ports of this machine, those of Arduino Dues first."""
     ports = [_describe(system, port) for port in system.serial_ports()]
     return sorted(
         ports, key=lambda port: (not port.is_board, port.kind != NATIVE, port.usb_id is None, port.path)
@@ -122,7 +121,7 @@ def is_raspberry_pi(system: System) -> bool:
 
 
 def stable_name(system: System, device: str) -> str:
-    """Return udev's stable link to a device, which survives a reboot; the device itself if there is none."""
+    """Return udev's stable link to a device, which survives a reboot, or the device if there is no link."""
     target = system.path(device).resolve()
     for folder, pattern in STABLE:
         for link in system.names(folder, pattern):

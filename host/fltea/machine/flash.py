@@ -1,4 +1,4 @@
-"""Flash the firmware to an Arduino Due: find the board, choose a tool, write, and wait for the new HELLO.
+"""Flash the firmware to an Arduino Due: find the board, choose a tool, write, and wait for a HELLO message.
 
 This is the only module that opens a port at 1200 baud, which erases a Due. firmware/README.md explains the
 USB ids, the opening at 1200 baud ("touch") and bossac.
@@ -43,24 +43,29 @@ Method = Literal["auto", "arduino-cli", "platformio", "bossac"]
 FQBN = "arduino:sam:arduino_due_x_dbg"
 
 HOLD_S = 1.0
-"""Time to hold the port open at 1200 baud [s]: the USB chip erases for 0.49 s and then resets, 0.74 s in all
-(180 ticks of 4.1 ms in ArduinoCore-sam's Arduino-usbserial.c). Changing DTR or the speed during this time
-starts it again."""
+"""Time for which the port is held open at 1200 baud [s]. In it, the Due's USB chip erases the flash for 0.49
+s and then resets the Due, which takes 0.74 s in all (180 ticks of 4.1 ms in ArduinoCore-sam's
+Arduino-usbserial.c). Changing DTR or the speed before the end starts this again.
+"""
 
 SAFE_BAUD = 115200
-"""Speed that the port keeps afterwards, since opening raises DTR before a program can set the speed."""
+"""Speed to which the port is set after 1200 baud. Opening a port raises DTR before a program can set the
+speed, so the port must not keep 1200 baud.
+"""
 
 SETTLE_S = 0.5
-"""Pause after the touch [s], in which the board starts its boot loader."""
+"""Pause after the port was open at 1200 baud [s], in which the board starts its boot loader."""
 
 FLASH_BEGIN = 0x0008_0000
 FLASH_BYTES = 512 * 1024
 RAM_BEGIN = 0x2007_0000
 RAM_END = 0x2008_8000
-"""Flash and RAM of the ATSAM3X8E (datasheet, 7 Memories)."""
+"""Addresses of flash and RAM of the Due's microcontroller, the ATSAM3X8E (datasheet, 7 Memories)."""
 
 VERIFY_S = 15.0
-"""Longest wait for HELLO after flashing [s]. HELLO comes every second, but the port may come back late."""
+"""Longest wait for HELLO after flashing [s]. The board sends HELLO every second, but the port may come back
+late.
+"""
 
 WRONG_PORT = (
     "is the Due's native port; the firmware speaks on the programming port, the one beside the power socket"
@@ -80,7 +85,7 @@ class Plan(NamedTuple):
     """Whether the port is first opened at 1200 baud, which erases the board."""
     command: list[str]
     build_id: str | None
-    """The build that HELLO must name afterwards; None if any build is accepted."""
+    """Build of the firmware that HELLO must name afterwards; None if any build is accepted."""
     warning: str | None = None
 
     def lines(self) -> list[str]:
@@ -266,7 +271,7 @@ def _build_id_of_sources(root: Path) -> str:
 
 
 def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
-    """Touch the port if the plan says so, and run the command; its output is shown on the terminal.
+    """Open the port at 1200 baud if the plan says so, and run the command with its output on the terminal.
 
     Raises:
         FlteaError: the port cannot be opened, or the command failed.
@@ -293,7 +298,8 @@ def carry_out(plan: Plan, sleep: Callable[[float], None] = time.sleep) -> None:
 def touch(port: str, sleep: Callable[[float], None] = time.sleep) -> None:
     """Drop DTR at 1200 baud; the Due's USB chip then erases the flash and resets the Due.
 
-    The port stays open until that has ended, and its speed is set to SAFE_BAUD, also after an exception.
+    The port stays open until the reset has ended. Then its speed is set to SAFE_BAUD, also after an
+    exception.
 
     Raises:
         FlteaError: the port cannot be opened, or was lost.
@@ -323,7 +329,8 @@ def _drop_dtr(connection: serial.Serial) -> None:
     try:
         connection.dtr = False
     except OSError as error:
-        if error.errno not in (errno.ENOTTY, errno.EINVAL):  # these mean a pseudo-terminal, without DTR
+        # these errors mean that the port is a pseudo-terminal, which has no DTR
+        if error.errno not in (errno.ENOTTY, errno.EINVAL):
             raise
 
 

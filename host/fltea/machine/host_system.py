@@ -1,4 +1,4 @@
-"""All queries of `fltea devices` and `fltea doctor` to the machine, in one class that tests can replace."""
+"""Asks the machine what `fltea devices` and `fltea doctor` need, in one class that tests can replace."""
 
 import contextlib
 import ctypes
@@ -33,7 +33,7 @@ class Holder(msgspec.Struct, frozen=True):
 
 
 class System:
-    """The machine as `fltea devices` and `fltea doctor` see it. `root`: folder that is used as /."""
+    """The machine that `fltea devices` and `fltea doctor` examine. `root`: folder that is used as /."""
 
     def __init__(self, root: Path = Path("/")) -> None:
         self.root = root
@@ -47,7 +47,7 @@ class System:
         return self.path(name).exists()
 
     def names(self, folder: str, pattern: str = "*") -> list[str]:
-        """Return the sorted absolute names of entries of a folder; none if the folder cannot be read."""
+        """Return the sorted absolute paths of a folder's entries; none if the folder cannot be read."""
         try:
             paths = sorted(self.path(folder).glob(pattern))
         except OSError:
@@ -70,7 +70,7 @@ class System:
         return sorted(list_ports.comports(), key=lambda port: port.device)
 
     def run(self, *command: str) -> str | None:
-        """Return the stripped output of a command, or None if it is missing or fails to run.
+        """Return a command's output, stripped of white space; None if the command is missing or fails to run.
 
         The exit code is ignored: systemctl prints `inactive` and returns 3.
         """
@@ -80,7 +80,7 @@ class System:
         return None
 
     def who(self) -> User:
-        """Return the user who runs this program, with groups."""
+        """Return the user who runs this program, with the user's groups."""
         return this_user()
 
     def user(self) -> str:
@@ -98,8 +98,8 @@ class System:
     def holders(self, name: str) -> list[Holder]:
         """Return the other programs that have a file open.
 
-        Without root's rights, these are the user's own programs, and programs of others that locked the file,
-        as fltea does.
+        Without root's rights, only the user's own programs are found, and programs of others that locked the
+        file, as fltea does.
         """
         pids = self._openers(str(self.path(name).resolve()), name) | self._lockers(name)
         return [Holder(pid, self._program(pid)) for pid in sorted(pids - {os.getpid()})]
@@ -107,13 +107,16 @@ class System:
     def _openers(self, *targets: str) -> set[int]:
         found = set()
         for folder in self.path("/proc").glob("[0-9]*/fd"):
-            with contextlib.suppress(OSError):  # a process of another user, or one that has ended
+            with contextlib.suppress(OSError):  # the process belongs to another user, or has ended
                 if any(os.readlink(link) in targets for link in folder.iterdir()):
                     found.add(int(folder.parent.name))
         return found
 
     def _lockers(self, name: str) -> set[int]:
-        """Return the processes in lines like `1: FLOCK  ADVISORY  WRITE 1234 00:05:678 0 EOF` (proc(5))."""
+        """Return the IDs of the processes that hold a lock on a file.
+
+        The kernel lists locks in lines such as `1: FLOCK ADVISORY WRITE 1234 00:05:678 0 EOF` (proc(5)).
+        """
         try:
             status = self.path(name).stat()
         except OSError:
@@ -125,7 +128,7 @@ class System:
         }
 
     def _program(self, pid: int) -> str:
-        """Return the first words of a process's command line."""
+        """Return the name of a process's program, as the first words of its command line."""
         words = (self.read(f"/proc/{pid}/cmdline") or b"").decode("utf-8", "replace").split("\0")
         words = [word for word in words if word]
         if not words:
@@ -141,7 +144,7 @@ class System:
         yield from self.names("/proc", "[0-9]*")
 
     def clock_is_kept(self) -> bool | None:
-        """Return whether the clock is synchronised, for instance by NTP; None where that is not known."""
+        """Return whether the clock is synchronised, for instance by NTP; None if that is not known."""
         try:
             adjtimex = ctypes.CDLL(None).adjtimex
         except (OSError, AttributeError):
@@ -170,7 +173,7 @@ class System:
 
 
 def first_existing(folder: Path) -> Path:
-    """Return the folder, or the first of its parents that exists."""
+    """Return the folder if it exists, else the nearest parent folder that exists."""
     return next((path for path in (folder, *folder.parents) if path.exists()), folder)
 
 

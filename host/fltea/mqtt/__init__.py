@@ -1,1 +1,1 @@
-"""Connections to MQTT brokers, for outputs, sources and the fleet alike."""
+"""Connections to MQTT brokers, which outputs, sources and the table of many devices use."""

@@ -1,4 +1,4 @@
-"""Define how to reach an MQTT broker: address, secrets and certificates, and what each failure means.
+"""Define how to reach an MQTT broker (address, password, certificates), and explain each failure.
 
 User and password come from the environment or from a file, and are sent only to the broker: no message
 contains them.
@@ -20,14 +20,14 @@ from fltea.settings.mqtt import BrokerAddress, MqttConfig
 
 USER, PASSWORD = "FLTEA_MQTT_USER", "FLTEA_MQTT_PASSWORD"
 REFUSED_BY_NAME = (0x86, 0x87, 0x8C)
-"""MQTT 5 reason codes for a bad user name or password, not authorized, and a bad authentication method."""
+"""MQTT 5 reason codes: bad user name or password, not authorized, and bad authentication method."""
 
 Failure = tuple[str, str]
 """Kind and text of an `error` record."""
 
 
 class Broker:
-    """One broker as the settings describe it.
+    """An MQTT broker as the settings describe it.
 
     Raises:
         UsageError: a file named in the settings cannot be used.
@@ -39,14 +39,14 @@ class Broker:
         self.tls = _tls(settings) if self.address.tls else None
 
     def report_plain(self, report: Report) -> None:
-        """Report that the password crosses a network unencrypted, if it does."""
+        """Report it if the password would cross a network unencrypted."""
         local = self.address.host in ("localhost", "::1") or self.address.host.startswith("127.")
         if self.password is not None and self.tls is None and not local:
             text = "the password crosses the network in clear; use mqtts:// if the broker can."
             report("broker_plain", f"{self.address}: {text}")
 
     def client(self, client_id: str, userdata: object) -> Client:
-        """Return a client with this login and these certificates, which is not connected yet."""
+        """Return a client, not connected yet, with the broker's user name, password and certificates."""
         client = Client(
             CallbackAPIVersion.VERSION2,
             client_id,
@@ -61,7 +61,7 @@ class Broker:
         return client
 
     def explain_failure(self, error: BaseException | None) -> Failure:
-        """Return why the broker could not be reached."""
+        """Return kind and text of the failure to reach the broker."""
         where = str(self.address)
         if isinstance(error, ssl.SSLCertVerificationError):
             return "broker_certificate", (
@@ -87,7 +87,7 @@ class Broker:
         return "broker_lost", f"{where}: {hint} It is tried again."
 
     def explain_refusal(self, reason: ReasonCode) -> Failure:
-        """Return why the broker refused the connection."""
+        """Return kind and text of the broker's refusal of a connection."""
         where, name = str(self.address), reason.getName()
         if reason.value not in REFUSED_BY_NAME:
             return (
@@ -105,14 +105,17 @@ class Broker:
         )
 
     def explain_unreadable(self, topics: Iterable[str]) -> Failure:
-        """Return which topics the broker does not let this user read."""
+        """Return kind and text about the topics that the broker does not let this user read."""
         return "broker_refused", (
             f"{self.address}: the broker does not let this user read {', '.join(topics)}: its access list "
             "has to."
         )
 
     def explain_end(self, reason: ReasonCode, answered: bool) -> Failure:
-        """Return why an open connection ended. `answered`: the broker had accepted the connection."""
+        """Return kind and text about the end of an open connection.
+
+        `answered`: whether the broker had accepted it.
+        """
         where, name = str(self.address), reason.getName()
         if answered:
             return "broker_lost", f"{where}: the connection was lost ({name}). It is tried again."
@@ -140,7 +143,8 @@ def _credentials(file: str | None) -> tuple[str | None, str | None]:
 def _tls(settings: MqttConfig) -> ssl.SSLContext:
     context = ssl.create_default_context()
     if settings.ca is not None:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)  # trusts only the authority of the settings
+        # this context trusts only the certificate authority that the settings name
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         try:
             context.load_verify_locations(settings.ca)
         except OSError as error:
@@ -157,7 +161,10 @@ def _tls(settings: MqttConfig) -> ssl.SSLContext:
 
 
 def _no_passphrase() -> str:
-    """Give no passphrase, since otherwise OpenSSL would ask for one at the terminal and wait."""
+    """Return an empty passphrase.
+
+    Without this function, OpenSSL would ask for one at the terminal and wait.
+    """
     return ""
 
 

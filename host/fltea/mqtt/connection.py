@@ -1,8 +1,9 @@
-"""Keep one connection to an MQTT broker from its opening to its end; it is never opened again.
+"""Keep one connection to an MQTT broker from its opening to its end. It is never opened a second time.
 
-Each connection has a thread of its own, which runs the library's client. What happens is queued in `events`,
-which the owner reads, so no lock is needed here. Each attempt uses a new client, since a client that
-reconnects sends its old messages after the sink's newest status.
+Each connection has a thread of its own, which runs the library's client. The thread puts everything that
+happens into the queue `events`, which the connection's owner reads. So no lock is needed here. Each attempt
+uses a new client, since a client that reconnects would send its old messages after the output's newest
+status.
 """
 
 import threading
@@ -25,20 +26,23 @@ KEEPALIVE_S = 15
 POLL_S = 0.002
 HOLD_S = 0.1
 TURN_S = 1.0
-"""Longest wait for the network in one turn of the thread [s]; a message to send ends the wait."""
+"""Longest time for which the thread waits for the network at once [s]; a message to send ends the wait."""
 
 
 class Up(NamedTuple):
     """The broker has accepted the connection and at least one of its subscriptions, if there are any.
 
-    `unreadable`: the topics that the broker does not let this user read, each with the broker's reason.
+    `unreadable`: topics that the broker does not let this user read, each with the broker's reason.
     """
 
     unreadable: tuple[str, ...] = ()
 
 
 class Acknowledged(NamedTuple):
-    """A message was sent (QoS 0), or reached the broker (QoS 1). `refusal`: why it was not taken."""
+    """A message was sent (QoS 0), or reached the broker (QoS 1).
+
+    `refusal`: why the broker refused it, if it did.
+    """
 
     mid: int
     refusal: str | None
@@ -55,19 +59,19 @@ Event = Up | Acknowledged | Down
 
 
 class Subscription(NamedTuple):
-    """A topic filter to subscribe to. `retained`: whether the broker also sends what it retains."""
+    """A topic filter to subscribe to. `retained`: whether the broker also sends its retained messages."""
 
     topic: str
     retained: bool = True
 
 
 class Receiver(NamedTuple):
-    """What a connection does with incoming messages.
+    """States what a connection does with incoming messages.
 
-    `take`: function that processes topic, payload and whether the message was retained; the topic is empty if
-    it is not valid UTF-8. It is called in the connection's thread, and the broker waits meanwhile.
-    `has_room`: function that waits for the given time until there is room for messages [s], and returns
-    whether there is. While there is none, nothing is read, so messages wait at the broker.
+    `take`: function that processes a message, given topic, payload, and whether the message was retained. The
+    topic is empty if it is not valid UTF-8. The function is called in the connection's thread, and the broker
+    waits meanwhile. `has_room`: function that waits for the given time until there is room for messages [s],
+    and returns whether there is. While there is no room, nothing is read, so messages wait at the broker.
     """
 
     subscriptions: Sequence[Subscription]
@@ -76,12 +80,12 @@ class Receiver(NamedTuple):
 
 
 class Session(NamedTuple):
-    """What a connection asks of the broker.
+    """States what a connection asks of the broker.
 
-    `will`: topic and payload that the broker publishes, retained, if the program vanishes.
-    `kept_s`: time after a loss of the connection for which the broker keeps messages, as far as it has room;
-    0: not at all [s]. `resumed`: whether to receive the messages kept for the same client identifier.
-    `in_flight`: most messages that the broker may send before they are acknowledged; None: its own limit.
+    `will`: topic and payload that the broker publishes, retained, if the program vanishes. `kept_s`: time
+    after a loss of the connection for which the broker keeps messages, as far as it has room [s]; 0: it keeps
+    none. `resumed`: whether to receive the messages kept for the same client identifier. `in_flight`: largest
+    number of messages that the broker may send before they are acknowledged; None: the broker's own limit.
     """
 
     will: tuple[str, bytes] | None = None
@@ -91,7 +95,10 @@ class Session(NamedTuple):
 
 
 class _State:
-    """What the callbacks need; not the connection itself, so that its sockets are freed at once."""
+    """The data that the client's callbacks need.
+
+    The callbacks do not refer to the connection itself, so that its sockets are freed at once.
+    """
 
     def __init__(self, broker: Broker, receiver: Receiver | None, wake: Callable[[], None]) -> None:
         self.broker, self.receiver = broker, receiver
@@ -117,7 +124,7 @@ class _State:
 
 
 class Connection:
-    """Connects at once, in the background.
+    """A connection to a broker, which begins to open at once, in the background.
 
     `receiver`: what to subscribe to; None for a connection that only publishes. `wake`: function that is
     called after each new event, in the connection's thread.
@@ -137,7 +144,7 @@ class Connection:
         self._client = client = broker.client(client_id, state)
         client.on_connect, client.on_disconnect = _on_connect, _on_disconnect
         client.on_publish, client.on_subscribe, client.on_message = _on_publish, _on_subscribe, _on_message
-        # With a function here, the library leaves all writing to the thread that calls `loop`.
+        # If this callback is set, the library leaves all writing to the thread that calls `loop`.
         client.on_socket_register_write = lambda *_: None
         if session.will is not None:
             client.will_set(*session.will, qos=1, retain=True)
@@ -161,13 +168,16 @@ class Connection:
         self._client.unsubscribe(topics)
 
     def close(self) -> None:
-        """End the connection after all published messages, without waiting; the will is not published."""
+        """End the connection after all published messages, without waiting.
+
+        The broker does not publish the will.
+        """
         self._state.is_closed = True
         self._client.disconnect(properties=_expiry(PacketTypes.DISCONNECT, 0) if self._keeps else None)
 
 
 def await_end(events: deque[Event], deadline_s: float) -> None:
-    """Wait for the end of a closed connection, at most until `deadline_s` of `time.monotonic()`.
+    """Wait until a closed connection has ended, at most until `deadline_s` of `time.monotonic()`.
 
     If the program hung up sooner, the broker would publish the will.
     """
@@ -193,10 +203,11 @@ def _run(client: Client, state: _State, session: Session) -> None:
 
 
 def _exchange(client: Client, state: _State) -> None:
-    """Send and receive until the connection ends; while there is no room, leave messages at the broker.
+    """Send and receive until the connection ends. While there is no room for messages, do not read any.
 
-    A broker drops a silent client. The answer to a ping could not be read without messages, and the library
-    would then end the connection. So the client subscribes again instead, which changes nothing.
+    A broker drops a silent client. A ping does not help, since its answer could not be read without reading
+    messages too, and the library would end the connection for lack of an answer. So the client subscribes
+    again instead, which changes nothing.
     """
     alive_s = time.monotonic()
     while client.socket() is not None:
@@ -211,14 +222,17 @@ def _exchange(client: Client, state: _State) -> None:
 
 
 def _can_read(state: _State) -> bool:
-    """Return whether there is room for messages, perhaps after a short wait, or none can come yet."""
+    """Return whether to read from the broker: there is room for messages, or none can come yet.
+
+    This may wait shortly for room.
+    """
     if state.receiver is None or state.receiver.has_room is None or not state.is_up or state.is_closed:
         return True
     return state.receiver.has_room(HOLD_S)
 
 
 def _subscribe(client: Client, subscriptions: Sequence[Subscription]) -> int | None:
-    """Return the number of the request."""
+    """Subscribe, and return the number of the request, or None."""
     send, leave_out = SubscribeOptions.RETAIN_SEND_ON_SUBSCRIBE, SubscribeOptions.RETAIN_DO_NOT_SEND
     options = [
         (topic, SubscribeOptions(qos=1, retainHandling=send if retained else leave_out))
@@ -228,7 +242,7 @@ def _subscribe(client: Client, subscriptions: Sequence[Subscription]) -> int | N
 
 
 def _expiry(packet: int, seconds: int) -> Properties:
-    """Return how long the broker keeps the session of a connection that has ended."""
+    """Return the property that states how long the broker keeps the session of an ended connection."""
     found = Properties(packet)  # type: ignore[no-untyped-call]
     found.SessionExpiryInterval = seconds
     return found

@@ -1,4 +1,4 @@
-"""Keep a user of MQTT connected to its broker: open a connection, and open another one after an outage."""
+"""Keep a part of the program connected to an MQTT broker: open another connection after each outage."""
 
 from collections import deque
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from fltea.records import clock
 from fltea.records.ports import Report
 
 BACKOFF_S = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
-"""Times from a lost connection to the next attempt, by the number of failures in a row [s]."""
+"""Times from a lost connection to the next attempt, after one failure, two failures and so on [s]."""
 
 SETTLED_NS = 10 * 10**9
 """Time after which a connection counts as good, so that the wait after a failure is short again [ns]."""
@@ -20,7 +20,7 @@ OPENING_NS = 45 * 10**9
 
 
 class Opened(Protocol):
-    """A connection, or a share of one."""
+    """A connection to a broker, or one user's part of a shared connection."""
 
     events: deque[Event]
 
@@ -32,10 +32,10 @@ class Opened(Protocol):
 
 
 class Link:
-    """Has one connection at a time. One thread calls all methods; the connection itself has another.
+    """Has one connection at a time. All methods are called by one thread; the connection has its own thread.
 
-    `report`: gets each kind of failure once in an outage. `up`: whether the broker takes messages now.
-    `longest_wait_s`: longest wait before another attempt [s].
+    `report`: function that is called once in an outage for each kind of failure. `up`: whether the broker
+    takes messages at present. `longest_wait_s`: longest wait before another attempt [s].
     """
 
     def __init__(self, broker: Broker, report: Report, longest_wait_s: float = BACKOFF_S[-1]) -> None:
@@ -81,7 +81,7 @@ class Link:
             yield event
 
     def end_outage(self) -> float | None:
-        """Return for how many seconds the broker was away; None if it was not."""
+        """Return for how many seconds the broker was away, and end this outage; None if there was none."""
         since_ns, self._outage_since_ns = self._outage_since_ns, None
         self._reported.clear()
         return None if since_ns is None else (clock.host_ns() - since_ns) * 1e-9

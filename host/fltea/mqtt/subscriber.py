@@ -18,16 +18,17 @@ FAREWELL_S = 1.0
 """Longest wait for the end of a connection that is closed [s]."""
 
 
+# Over 12 attributes: what the caller asks for, and what becomes of one connection after another.
 class Subscriber:
-    """Receives until it is closed; a thread of its own keeps it connected.
+    """Receives messages until it is closed. A thread of its own keeps it connected.
 
     `name`: beginning of the client identifier. `session`: what each connection asks of the broker; if the
     broker keeps messages, later connections resume them. `on_back`: function that is called, in the thread of
     the subscriber, when the broker is back after an outage. `longest_wait_s`: longest wait before another
     attempt [s].
 
-    `is_up`: set while messages can come. `connections`: number of connections that worked. `outages`: number
-    of these that were lost. Each kind of failure is reported once in an outage.
+    `is_up`: an event that is set while messages can come. `connections`: number of connections that worked.
+    `outages`: number of these that were lost. Each kind of failure is reported once in an outage.
 
     Raises:
         UsageError: the settings or the password files cannot be used.
@@ -55,7 +56,7 @@ class Subscriber:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Begin to connect and to receive."""
+        """Begin to connect to the broker and to receive messages."""
         self.broker.report_plain(self._report)
         self._thread.start()
 
@@ -75,7 +76,7 @@ class Subscriber:
             self._connection.unsubscribe(topics)
 
     def close(self) -> None:
-        """Receive no more."""
+        """End the connection, and receive no further messages."""
         self._stop.set()
         self._wake.set()
         if self._thread.is_alive():

@@ -16,18 +16,19 @@ from fltea.records.arrays import Array
 NODES = 128
 """Number of Gauss–Legendre nodes in each panel.
 
-A panel is an octave of λ, or part of one of the highest octaves.
+A panel is an interval of the quadrature: an octave of λ, or part of one of the highest octaves.
 """
 PARTS = (16, 8, 4)
-"""Number of panels in each of the highest octaves, where AR(2) and orders above 1 have resonances."""
+"""Number of panels in each of the three highest octaves, where AR(2) and orders above 1 have resonances."""
 PERIODS = 16
-"""Number of periods of sin(mλ) in a panel above which its powers are replaced by their means."""
+"""If a panel has more periods of sin(mλ) than this, the powers of the sine are replaced by their means."""
 MEANS = {1: 3 / 8, 2: 35 / 128}
 """Means of sin⁴ and of sin⁸."""
 BELOW = 24
-"""Number of octaves below π/m in the quadrature. There the integrand falls with λ² S.
+"""Number of octaves below π/m that the quadrature covers.
 
-The spectrum S of a stationary state rises more slowly than λ^-1.
+The integrand falls with λ² S at these frequencies, since the spectrum S of a stationary state rises more
+slowly than λ^-1.
 """
 
 
@@ -37,9 +38,9 @@ def model_adev(
     """Return the Allan deviation at averaging times of `factors` samples, (k,), in the unit of the samples.
 
     Args:
-        spectrum: returns S at frequencies 0 < λ < π in rad per sample, (n,) to (n,).
+        spectrum: a function that returns S (n,) at frequencies 0 < λ < π in rad per sample, (n,).
         factors: averaging times in samples, (k,).
-        around: frequency and half the width of each narrow spectral line in S, in rad per sample.
+        around: frequency and half-width of each narrow spectral line in S, in rad per sample.
 
     Raises:
         ValueError: a factor is below 1.
@@ -59,7 +60,8 @@ def allan_integrals(
     """Return 1/π ∫ F(λ) (2 sin⁴(m λ / 2) / (m² sin²(λ / 2)))^power dλ for each factor m, (k,).
 
     Args:
-        density: returns F. If F is a spectrum, the integrals with power 1 are its Allan variances.
+        density: a function that returns F. If F is a spectrum, the integrals with power 1 are its Allan
+            variances.
         factors: averaging times m in samples, (k,).
         power: 1 or 2.
         around: as for `model_adev`.
@@ -69,7 +71,7 @@ def allan_integrals(
     return np.asarray(np.einsum("ij,j->i", weights, density(lam)))
 
 
-@lru_cache(maxsize=2)  # 3 MB each, and more with spectral lines
+@lru_cache(maxsize=2)  # an entry takes 3 MB, and more with spectral lines
 def _quadrature(
     factors: tuple[float, ...], around: tuple[tuple[float, float], ...], power: int
 ) -> tuple[Array, Array]:
@@ -82,7 +84,7 @@ def _quadrature(
     width = edges[:-1] - edges[1:]
     x, weight = _gauss()
     lam = edges[1:, np.newaxis] + width[:, np.newaxis] * (1 + x) / 2
-    # Include dλ, divided by sin²(λ/2).
+    # The weights include dλ / sin²(λ/2).
     density = width[:, np.newaxis] / 2 * weight / np.sin(lam / 2) ** (2 * power)
     weights = np.zeros((len(factors), *lam.shape))
     for one, factor in zip(weights, factors, strict=True):
@@ -95,7 +97,7 @@ def _quadrature(
 
 
 def _edges(octaves: int, around: Iterable[tuple[float, float]]) -> Array:
-    """Return the edges of the panels, falling from π; near a spectral line they are closer together."""
+    """Return the edges of the panels, from π downwards; near a spectral line the panels are narrower."""
     cuts = [1 - np.arange(n) / (2 * n) for n in (*PARTS, *[1] * (octaves - len(PARTS)))]
     octave = [0.5**k * cut for k, cut in enumerate(cuts)]
     edges = np.pi * np.append(np.concatenate(octave), 0.5**octaves)

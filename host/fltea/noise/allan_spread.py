@@ -1,12 +1,13 @@
-"""Compute how the Allan variance of one record spreads about that of its noise, from the noise's spectrum.
+"""Compute how much the Allan variance of a single record scatters, from the spectrum of its noise.
 
 The variance of an average of squares follows from the covariance r(k) of the averaged terms. Over M
 differences of neighbouring means
 
     Var σ²(m) = 2 / M Σ (1 - |k| / M) r(k)²,    r(k) = 1/π ∫ S(λ) 2 sin⁴(m λ / 2) / (m² sin²(λ / 2)) cos kλ dλ
 
-(C. A. Greenhall and W. J. Riley, PTTI 2003, equations 7 and 8, there for powers of the frequency). A
-chi-squared variable with ν degrees of freedom and mean σ² has the variance 2 σ⁴ / ν.
+(C. A. Greenhall and W. J. Riley, PTTI 2003, equations 7 and 8, which are for spectra that are powers of the
+frequency). A chi-squared variable with ν degrees of freedom and mean σ² has the variance 2 σ⁴ / ν, which
+gives the degrees of freedom.
 """
 
 import math
@@ -22,13 +23,13 @@ from fltea.records.arrays import Array
 Spectrum = Callable[[Array], Array]
 
 POINTS = 16
-"""Number of lags per averaging time at which the covariance is computed."""
+"""Number of lags within one averaging time at which the covariance is computed."""
 MOST = 1 << 13
-"""Twice the largest number of slow frequencies for one averaging time."""
+"""Largest number of lags at one averaging time, which is twice the number of slow frequencies."""
 FAST = 1 << 11
-"""Number of fast frequencies."""
+"""Number of fast frequencies, which are those that the lags do not sample."""
 RUNG_OUT = 8.0
-"""Number of phase-memory times after which nothing of a spectral line is left."""
+"""Number of phase-memory times (1 / half-width) of a spectral line after which its covariance counts as 0."""
 
 
 class Line(NamedTuple):
@@ -37,15 +38,15 @@ class Line(NamedTuple):
     lam: float
     """Frequency in rad per sample, between 0 and π."""
     half: float
-    """Half the width at half the height in rad per sample: the rate at which the phase is forgotten."""
+    """Half-width at half the height, in rad per sample. It is the rate at which the covariance decays."""
     variance: float
 
     def at(self, lam: Array) -> Array:
-        """Return the spectrum of the spectral line at λ, (n,)."""
+        """Return the power spectrum of this spectral line at λ, (n,)."""
         return np.asarray(self._height / (1 + ((lam - self.lam) / self.half) ** 2))
 
     def mean(self, edges: Array) -> Array:
-        """Return the mean spectrum between neighbouring edges, which rise: (n + 1,) to (n,)."""
+        """Return the mean spectrum (n,) between neighbouring `edges` (n + 1,), which rise."""
         angles = np.arctan((edges - self.lam) / self.half)
         return np.asarray(self._height * self.half * np.diff(angles) / np.diff(edges))
 
@@ -55,7 +56,10 @@ class Line(NamedTuple):
         return self.variance * math.pi / (self.half * (high - low))
 
     def seen(self, terms: float) -> float:
-        """Return the share of Σ r(k)² that a record with `terms` terms shows; small if the line rings on."""
+        """Return the share of Σ r(k)² within a record of `terms` terms.
+
+        It is small if the line outlasts the record.
+        """
         ringing = 2 * self.half * terms
         return 1 + math.expm1(-ringing) / ringing
 
@@ -66,7 +70,8 @@ def allan_degrees(
     """Return the degrees of freedom of overlapping Allan variances, (k,), 1 or more.
 
     Args:
-        spectrum: returns S of everything except the spectral lines at frequencies 0 < λ < π, (n,) to (n,).
+        spectrum: a function that returns the spectrum (n,) of all noise except `lines`, at frequencies 0 < λ
+            < π, (n,).
         factors: numbers of averaged samples, (k,), whole numbers.
         variances: Allan variances of the whole noise at these factors, the squares of `model_adev`.
         terms: numbers of differences of neighbouring means that the record has, (k,).
@@ -91,7 +96,7 @@ def allan_degrees(
 def _of_line(
     line: Line, spectrum: Spectrum, factors: Array, around: Sequence[tuple[float, float]]
 ) -> tuple[Array, Array]:
-    """Return Σ r(k)² over all lags for a spectral line alone, and its cross term with the rest, each (k,)."""
+    """Return Σ r(k)² over all lags for a spectral line, and its cross term with other noise, each (k,)."""
     own = allan_integrals(lambda lam: line.at(lam) ** 2, factors, 2, around)
     return own, allan_integrals(lambda lam: 2 * line.at(lam) * spectrum(lam), factors, 2, around)
 
@@ -102,7 +107,7 @@ class _Shape(NamedTuple):
     m: float
     terms: float
     step: int
-    """Number of samples between lags."""
+    """Number of samples from one lag to the next."""
     points: int
     """Number of lags, after which the covariance repeats periodically."""
 
@@ -112,21 +117,25 @@ class _Shape(NamedTuple):
         return cls(m, terms, step, min(MOST, 1 << math.ceil(math.log2(2 * (terms + 2 * m) / step))))
 
     def resolves(self, line: Line) -> bool:
-        """Whether a spectral line is slow enough, and its covariance decays within the lags or the record."""
+        """Whether the lags represent a spectral line.
+
+        Its frequency has to be low enough for their distance, and its covariance has to decay within the lags
+        or the record.
+        """
         around = self.points * self.step
         is_short = around >= 2 * (self.terms + 2 * self.m) or line.half * around >= RUNG_OUT
         return line.lam < math.pi / self.step and is_short
 
 
 class _Grids:
-    """The spectrum at the midpoints of cells, shared by many averaging times."""
+    """The spectrum at the midpoints of frequency cells, shared by many averaging times."""
 
     def __init__(self, spectrum: Spectrum) -> None:
         self._spectrum = spectrum
         self._known: dict[tuple[float, float, int], tuple[Array, Array]] = {}
 
     def of(self, low: float, high: float, cells: int) -> tuple[Array, Array]:
-        """Return λ from low to high, and S at λ."""
+        """Return the midpoints λ of cells from `low` to `high`, and the spectrum S at λ."""
         key = low, high, cells
         if key not in self._known:
             lam: Array = low + (np.arange(cells, dtype=np.float64) + 0.5) * ((high - low) / cells)
@@ -147,7 +156,7 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
         S = S + sum(line.mean(edges) for line in lines)
     power = S * _weights(lam, m) * (2 / (points * step))
     lags = np.arange(points // 2)
-    # Frequencies are the midpoints of cells.
+    # The frequencies are the midpoints of cells.
     r = (np.exp(-1j * np.pi * lags / points) * np.fft.fft(power, points)[: points // 2]).real
     weights = np.maximum(1 - lags * (step / terms), 0.0)
     weights[1:] *= 2
@@ -155,9 +164,9 @@ def _slow_squares(grids: _Grids, shape: _Shape, lines: Sequence[Line]) -> float:
 
 
 def _fast_squares(grids: _Grids, shape: _Shape) -> float:
-    """Return the sum of `_slow_squares` for faster frequencies.
+    """Return the same sum as `_slow_squares`, for faster frequencies.
 
-    Their covariance is confined to lags near 0, m and 2 m.
+    The covariance of fast noise is confined to lags near 0, m and 2 m.
     """
     m, terms, step, _ = shape
     if step == 1:

@@ -25,19 +25,19 @@ def hz(log_lam: float, h: float) -> float:
 
 
 def logit(share: float) -> float:
-    """Return the logit of `share`; a share below the least that a fit allows gives the logit of the least."""
+    """Return the logit of `share`. A share below the lower bound of the fits gives the logit of the bound."""
     found = math.log(share / (1 - share)) if share > 0 else -LOGIT_END
     return max(found, -LOGIT_END)
 
 
 def logit_of_poles(poles: float) -> float:
-    """Return the transformed number of a filter's poles."""
+    """Return the transformed parameter for a filter's number of poles."""
     share = min(max((poles - 1) / (MOST_POLES - 1), 1e-7), 1 - 1e-7)
     return math.log(share / (1 - share))
 
 
 def poles_of_logit(logit: float) -> float:
-    """Return the number of a filter's poles from its transformed number."""
+    """Return a filter's number of poles for the transformed parameter `logit`."""
     return 1 + (MOST_POLES - 1) / (1 + math.exp(-logit))
 
 

@@ -48,9 +48,9 @@ def chi2_tail(x: float, degrees: float) -> float:
 
 
 def chi2_quantile(probability: float, degrees: ArrayLike) -> Array:
-    """Return the value that chi-squared with each of `degrees` stays below with this probability.
+    """Return the value that chi-squared stays below with this probability, for each number in `degrees`.
 
-    The relative error is below 1e-9 up to 150 degrees of freedom, and below 2e-4 above.
+    The relative error is below 1e-9 up to 150 degrees of freedom, and below 2e-4 for more.
 
     Raises:
         ValueError: probability is not between 0 and 1, or a number of degrees is not positive.
@@ -86,7 +86,10 @@ def chi2_log_std(degrees: ArrayLike) -> Array:
 
 
 def f_log_tail(ratio: float, first: float, second: float) -> float:
-    """Return the log probability that F with (first, second) degrees of freedom exceeds ratio."""
+    """Return the logarithm of the probability that F exceeds `ratio`.
+
+    F has `first` and `second` degrees of freedom.
+    """
     if ratio <= 0:
         return 0.0
     share = first * ratio / (first * ratio + second)
@@ -101,7 +104,8 @@ def f_deviate(ratio: ArrayLike, first: ArrayLike, second: ArrayLike) -> Array:
 
     Args:
         ratio: ratios, 0 or more.
-        first: degrees of freedom of the numerator, 2 or more; shapes have to broadcast.
+        first: degrees of freedom of the numerator, 2 or more. The shapes of the three arguments have to
+            broadcast.
         second: degrees of freedom of the denominator, 2 or more.
     """
     x, a, b = (np.asarray(one, dtype=np.float64) for one in (ratio, first, second))
@@ -136,9 +140,9 @@ def student_quantile(probability: float, degrees: float) -> float:
 
 
 def _most_terms(parameter: float) -> int:
-    """Return the largest number of terms for a series or continued fraction to converge.
+    """Return the largest number of terms that a series or continued fraction needs until it converges.
 
-    It grows with the square root of the parameter.
+    The number grows with the square root of the parameter.
     """
     return 200 + 20 * math.isqrt(math.ceil(parameter))
 
@@ -147,7 +151,7 @@ def _quantile_of_few(probability: float, k: Array, start: Array) -> Array:
     """Find quantiles by Newton's method on the logarithms of x = chi²/2 and of its distribution."""
     a = k / 2
     log_gamma = np.array([math.lgamma(one) for one in (a + 1).tolist()])
-    # x^a / Γ(a + 1) is above the distribution, so this bound is below the quantile.
+    # x^a / Γ(a + 1) exceeds the distribution function, so this starting value is below the quantile.
     least = (math.log(probability) + log_gamma) / a
     log_x = np.maximum(least, np.log(np.maximum(start / 2, np.finfo(np.float64).tiny)))
     rising = a[:, np.newaxis] + np.arange(1.0, TERMS + 1)

@@ -1,8 +1,8 @@
-"""Predict from the samples at rest: the error of a heading, and the mean of the bias.
+"""Predict the error of a heading and the mean of the bias, from the samples of a sensor at rest.
 
-Both follow from the system of a rate's noise. A heading is the integral of the rate minus its prediction,
-which uses only the samples at rest. Times are stepped over by repeated squaring, so an hour costs as little
-as a second.
+Both follow from the linear system of the noise of a rate. The error of a heading is the integral of the bias
+less its prediction, which uses only the samples at rest. Matrix powers are computed by repeated squaring, so
+that a prediction for an hour costs as little as for a second.
 """
 
 import math
@@ -20,16 +20,16 @@ from fltea.records.units import MOST_DEG
 LONGEST_REST_S = 86400.0
 LONGEST_DRIVE_S = 3600.0
 NEAR = 1.01
-"""Factor within which a time of rest or of drive is found."""
+"""A time of rest or of drive is searched for until it is known within this factor."""
 
 
 class Ahead(NamedTuple):
-    """A sum over future samples: its dependence on the state x, and the variance of additional noise."""
+    """A sum over future samples, expressed by the state x of the system and additional noise."""
 
     row: Array
-    """The sum is row @ x plus noise, where x is the state at the last sample at rest; (n,)."""
+    """The sum is `row @ x` plus noise, where x is the state (n,) at the last sample at rest."""
     variance: float
-    """Variance of that noise."""
+    """Variance of the noise in the sum."""
 
     def std(self, P: Array) -> float:
         """Return the standard deviation of the sum. `P`: covariance of x after the last sample at rest."""
@@ -37,19 +37,22 @@ class Ahead(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """How long to rest [s]; None, with a reason, if no rest is enough."""
+    """How long a sensor has to rest [s]. The time is None, with a reason, if no rest is long enough."""
 
     rest_s: float | None
     reason: str = ""
 
 
 def ahead(system: System, h: float, t_s: float) -> Ahead:
-    """Return the angle `t_s` seconds after the last sample at rest. `h`: sampling period [s]."""
+    """Return the angle that adds up in `t_s` seconds after the last sample at rest.
+
+    `h`: sampling period [s].
+    """
     return aheads(system, h, [t_s])[0]
 
 
 def aheads(system: System, h: float, times_s: Sequence[float]) -> list[Ahead]:
-    """Return the angle after each of several times, which share the squarings."""
+    """Return the angle after each of several times; the squared matrices are computed only once."""
     counts = [max(round(t_s / h), 1) for t_s in times_s]
     return _sums(system, h * system.c, h * h * system.R, counts)
 
@@ -58,9 +61,8 @@ def mean_ahead(system: System, samples: int) -> Ahead:
     """Return the mean of the bias over the next `samples` samples, in terms of x after the newest sample.
 
     Bias(T) is its expectation `row @ x`, with σ = `std(P)`. Noise that is no signal (white noise R, and
-    states that
-    `system.bias` leaves out) does not contribute: the variance of the mean of the samples has an additional
-    N²/T.
+    states that `system.bias` leaves out) does not contribute. So the mean of the samples themselves varies
+    more: by N²/T, for white noise.
 
     Raises:
         ValueError: `samples` is below 1.
@@ -69,7 +71,7 @@ def mean_ahead(system: System, samples: int) -> Ahead:
 
 
 def means_ahead(system: System, counts: Sequence[int]) -> list[Ahead]:
-    """Return `mean_ahead` for several numbers of samples, which share the squarings."""
+    """Return `mean_ahead` for several numbers of samples; the squared matrices are computed only once."""
     if any(count < 1 for count in counts):
         raise ValueError(f"a mean is one of a sample or more, got {list(counts)}")
     sums = _sums(system, system.bias, 0.0, counts)
@@ -98,7 +100,7 @@ def rested(system: System, samples: int) -> Array:
 
 
 def bias_std(system: System, P: Array) -> float:
-    """Return the standard deviation of the bias, that is of state plus offset; P as for `heading_std`."""
+    """Return the standard deviation of the bias (signal states plus offset); `P` as for `heading_std`."""
     return math.sqrt(max(float(system.bias @ P @ system.bias), 0.0))
 
 
@@ -108,9 +110,9 @@ def heading_stds(system: System, P: Array, h: float, times_s: Sequence[float]) -
 
 
 def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "°") -> Rest:
-    """Return the rest after which the heading's standard deviation is at most `within` at `t_s` later.
+    """Return how long to rest so that the heading's standard deviation is at most `within`, `t_s` later.
 
-    `unit`: unit of the heading, to stand after a number in the reason.
+    `unit`: unit of the heading, which is written after numbers in the reason.
     """
     at = ahead(system, h, t_s)
 
@@ -132,14 +134,15 @@ def rest_for(system: System, h: float, t_s: float, within: float, unit: str = "�
 
 
 def drive_for(system: System, h: float, rest_s: float, within: float) -> float | None:
-    """Return the time [s] after a rest up to which the heading's standard deviation stays at most `within`.
+    """Return how long [s] after a rest the heading's standard deviation stays at most `within`.
 
-    This is the inverse of `rest_for`, and likewise errs on the safe side. 0: the first sample exceeds
-    `within`. None: an hour does not.
+    This is the inverse of `rest_for`. Like that one, it rounds to the safe side. The result is 0 if the first
+    sample exceeds `within`, and None if even an hour does not.
     """
     P = rested(system, max(round(rest_s / h), 1))
     steps = math.ceil(math.log(max(LONGEST_DRIVE_S / h, 1.0)) / math.log(NEAR))
-    # The deviation of a heading may swing, and the first excess is wanted, so all times are computed.
+    # The standard deviation of a heading may oscillate. All times are computed, since the first excess is
+    # wanted.
     counts = sorted({round(min(NEAR**step, max(LONGEST_DRIVE_S / h, 1.0))) for step in range(steps + 1)})
     times_s = [count * h for count in counts]
     good_s = 0.0

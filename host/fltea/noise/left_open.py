@@ -26,15 +26,15 @@ from fltea.records.arrays import Array, merged
 
 STEP, STEPS = 0.1, 10
 LEAST, MOST = 0.05, 1.05
-"""Range of the orders that are tried in addition to the order that was found."""
+"""Lowest and highest order that are tried in addition to the order that was found."""
 UNLIKELY = 7.0
-"""Loss of log L beyond which an order no longer counts."""
+"""An order whose log L is lower than the best by more than this is left out."""
 LOWEST = 10
-"""Least number of periods in the record at which the spectrum is fitted."""
+"""The lowest fitted frequency has this number of periods in the record."""
 POINTS = 80
 CONVERGED, ITERATIONS = 1e-3, 60
 PRIOR = 1.0
-"""Prior information on each free parameter, nearly all of which are logarithms."""
+"""Fisher information that is added for each free parameter. Nearly all free parameters are logarithms."""
 
 
 def mean_order(
@@ -42,13 +42,13 @@ def mean_order(
 ) -> tuple[float, Array]:
     """Return the mean variance of the white noise, and the mean spectrum at λ of the order.
 
-    Next to white noise, a nearly white order is hardly known: the most likely order may leave nothing of the
-    white noise, or all of it. The filter for the mean of the spectra has the least mean square error of all
-    linear filters, and it predicts this error. The filter for the most likely order has a larger error, but
-    predicts a smaller one.
+    Next to white noise, an order whose spectrum is nearly white is hardly known: the most likely order may
+    take all of the white noise's power, or none of it. The filter for the mean of the spectra has the least
+    mean square error of all linear filters, and it predicts this error. The filter for the most likely order
+    has a larger error, but predicts a smaller one.
 
-    For each trial α, order and white noise are fitted to what both have together, and weighted by their
-    likelihood. The other parts are taken as known.
+    For each α that is tried, the order and the white noise are fitted to the spectrum that both have
+    together, and weighted by their likelihood. The other parts are assumed to be known.
 
     Args:
         parts: the parts of the noise, including `order`.
@@ -86,7 +86,7 @@ def mean_order(
 
 
 def distance(parts: Sequence[Part], others: Sequence[Part], h: float, samples: int) -> float:
-    """Return the expected loss of log L of a record of `parts` when it is described by `others`."""
+    """Return the expected loss of log L if `others` describe a record of the noise `parts`."""
     at, counts = _ordinates(samples)
     ratio = spectrum(parts, at, h) / spectrum(others, at, h)
     return float(counts @ (ratio - 1 - np.log(ratio)))
@@ -108,7 +108,7 @@ def _parts(codes: Sequence[int], eta: Array, h: float) -> list[Part]:
     return [part_of(code, list(itertools.islice(rest, free_of(code))), h) for code in codes]
 
 
-@functools.lru_cache(maxsize=8)  # shared by axes, and by devices with records of the same length
+@functools.lru_cache(maxsize=8)  # axes, and devices with records of the same length, share the results
 def _ordinates(samples: int) -> tuple[Array, Array]:
     """Return λ, and the number of ordinates of a record that each λ stands for."""
     low = min(2 * math.pi * LOWEST / samples, 1.0)

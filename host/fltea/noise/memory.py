@@ -6,10 +6,11 @@ from fltea.records.arrays import Array
 
 
 class NewestFirst:
-    """The last `window` arrays of one shape, newest first, contiguous.
+    """The last `window` arrays of one shape, the newest first, in one contiguous piece of memory.
 
-    The buffer is twice as long as the window and is filled downwards. When it is full, the window moves to
-    its upper end. So a push costs O(1) on average, and the content is always one slice.
+    The buffer is twice as long as the window and is filled from its end to its beginning. When it is full,
+    the stored arrays are copied to its end. So a push costs O(1) on average, and the content is always one
+    slice.
     """
 
     def __init__(self, window: int, shape: tuple[int, ...] = ()) -> None:

@@ -1,7 +1,7 @@
-"""Solve least squares with coefficients of 0 or more, by active sets.
+"""Solve least squares for coefficients of 0 or more, by the method of active sets.
 
-Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has this, but is no dependency of
-ours.
+Lawson & Hanson, *Solving Least Squares Problems*, 1974, chapter 23. SciPy has this algorithm, too, but fltea
+does not depend on SciPy.
 """
 
 import numpy as np
@@ -9,9 +9,11 @@ import numpy as np
 from fltea.records.arrays import Array, Mask
 
 TOLERANCE = 1e-10
-"""Slope of the sum of squares that counts as zero, for columns and right side of length 1."""
+"""A slope of the sum of squares up to this value counts as zero, where the columns and the right side are
+scaled to length 1.
+"""
 ROUNDS = 10
-"""Largest number of steps per column."""
+"""Largest number of iterations per column."""
 
 
 def non_negative(M: Array, d: Array) -> Array:

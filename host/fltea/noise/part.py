@@ -1,7 +1,7 @@
 """The base class of the parts of a noise, and the native table of the parts' properties.
 
-The table is `kTable` in host/native/whittle_parts.hpp. It holds the number of each part, its free
-parameters, and its traits. Code that treats parts differently by their properties asks for these traits.
+The table is `kTable` in host/native/whittle_parts.hpp. It holds the code number, the free parameters and the
+traits of each part. A trait is a property, such as "slow", by which other code decides how to treat a part.
 """
 
 import math
@@ -21,10 +21,10 @@ class Coordinate(NamedTuple):
     """A free (transformed) parameter of a part in the native fits."""
 
     kind: str
-    """Kind of the parameter: a name of the enum `Value` of the table."""
+    """Kind of the parameter: a name of the enum `Value` of the native table."""
     low: float
     high: float
-    """`low` and `high` are the bounds of an order or of a number."""
+    """`low` and `high` are the bounds of the parameter, if it is an order or a number."""
 
 
 class Row(NamedTuple):
@@ -35,9 +35,9 @@ class Row(NamedTuple):
     name: str
     coordinates: tuple[Coordinate, ...]
     traits: frozenset[str]
-    """Traits of the part: names of the enum `Trait` of the table."""
+    """Traits of the part: names of the enum `Trait` of the native table."""
     says: str
-    """The question of the verdict that the part answers: a name of the enum `Says` of the table."""
+    """The question of the verdict that the part answers: a name of the enum `Says` of the native table."""
     sought: int
     """Number of parameters that BIC counts in addition to the free ones."""
 
@@ -51,7 +51,9 @@ def _row(code: int, name: str, coordinates: list[tuple[str, float, float]], *res
 
 
 ROWS: tuple[Row, ...] = tuple(_row(code, *one) for code, one in enumerate(_native.noise_parts()))
-"""All rows, by the numbers of their parts. Rows with the trait "other" give a part other parameters."""
+"""All rows of the native table, in the order of the parts' numbers. A row with the trait "other" describes
+the same noise as another row, by other parameters.
+"""
 BY_NAME = {row.name: row for row in ROWS}
 
 
@@ -78,7 +80,7 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
 
     @classmethod
     def has(cls, trait: str) -> bool:
-        """Return whether the part has this trait, a name of the enum `Trait` of the table."""
+        """Return whether the part has `trait`, a name of the enum `Trait` of the native table."""
         return trait in cls.row().traits
 
     @property
@@ -100,9 +102,9 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {cls.tag()} is of no coordinates")
 
     def words(self, rate_hz: float) -> str:
-        """Return the words for the part in a sentence; empty if other words of the sentence name it.
+        """Return words that describe the part in a sentence; empty if other words of the sentence name it.
 
-        `rate_hz`: sample rate, as a corner may be far above it.
+        `rate_hz`: sample rate. The words say so if a corner frequency is far above it.
         """
         raise NotImplementedError(f"the part {self.tag()} has no words")
 
@@ -111,7 +113,7 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {self.tag()} has no response")
 
     def own_poles(self, lam: Array, h: float, room: int) -> list[complex]:
-        """Return the poles of a part that is no filter, or poles that approximate the part.
+        """Return the exact poles of a part that is no filter, or poles that approximate the part.
 
         `lam`: frequencies λ [rad per sample] at which the poles have to fit. `room`: largest number of
         states.
@@ -119,5 +121,5 @@ class Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="p
         raise NotImplementedError(f"the part {self.tag()} has no poles")
 
     def filter_poles(self, h: float) -> tuple[list[complex], int]:
-        """Return a filter's poles (of each pair the upper one), and the number of its further taps."""
+        """Return a filter's poles (of each pair the upper one) and the number of its additional taps."""
         raise NotImplementedError(f"the filter {self.tag()} has no poles")

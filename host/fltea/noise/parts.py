@@ -1,11 +1,11 @@
-"""Describe noise by a grammar: a noise is made of parts.
+"""Describe a noise as a sum of parts, such as white noise, a relaxation and a random walk.
 
     S(λ) = L(λ) (sum of the parts' spectra) + floor,    λ in rad per sample; white noise of variance R has S =
         R
 
-L is the chain of the sensor's filters, which act on the noise. A part has its parameters in physical units
-here. As `eta`, it has them as the transformed free parameters of the native fits
-(host/native/whittle_parts.hpp), where powers and rates are logarithms. The fields of a part have the order
+L is the chain of the sensor's filters, which act on the noise. The fields of a part are its parameters in
+physical units. `eta` converts them to the transformed free parameters of the native fits
+(host/native/whittle_parts.hpp), where variances and rates are logarithms. The fields of a part have the order
 of its free parameters, and each field is a monotonic function of the free parameter with the same index. The
 words for a part and its poles are defined here, too.
 
@@ -28,13 +28,13 @@ from fltea.noise.spectra import f_of, g_of, noise_variance, stationary, step_var
 from fltea.records.arrays import Array, Complex
 
 MEAN_FROM = _native.MEAN_FROM
-"""Codes of `Mean`: MEAN_FROM plus the number of averaged samples."""
+"""The code number of a `Mean` is MEAN_FROM plus the number of averaged samples."""
 ONE_POLE = 1.5
 """A filter with fewer poles than this looks like a relaxation."""
 
 
 def in_hz(value: float) -> str:
-    """Return a frequency with three digits at most."""
+    """Return words for a frequency, with three digits at most."""
     return f"{value:.3g} Hz"
 
 
@@ -161,7 +161,7 @@ class Arfima(Part, frozen=True, tag="arfima"):
     s2: float
 
     def eta(self, h: float) -> list[float]:
-        # d, log -log φ, and log of the level s2 / (1 - φ)²
+        # The free parameters are d, log(-log φ), and the logarithm of s2 / (1 - φ)².
         rate = math.log(-math.log(max(self.phi, 1e-6)))
         return [self.d, rate, co.log(self.s2) - 2 * math.log1p(-self.phi)]
 
@@ -182,7 +182,10 @@ class Arfima(Part, frozen=True, tag="arfima"):
 
 
 class Resonance(Part, frozen=True, tag="resonance"):
-    """A pair of poles: the height of the spectrum at its frequency, and the width at half this height."""
+    """A resonance of one pair of poles.
+
+    Its parameters include the height of the spectrum at its frequency, and the width at half this height.
+    """
 
     height: float
     frequency_hz: float
@@ -208,7 +211,10 @@ class Resonance(Part, frozen=True, tag="resonance"):
 
 
 class Quantisation(Part, frozen=True, tag="quantisation"):
-    """Differences of a rounded angle; the rounding is white noise of the angle with deviation Q."""
+    """Differences of a rounded angle.
+
+    The rounding error is white noise of the angle, with standard deviation Q.
+    """
 
     Q: float
 
@@ -247,17 +253,20 @@ class Rise(Part, frozen=True, tag="rise"):
 
 
 class Floor(_Level, frozen=True, tag="floor"):
-    """White noise of variance R that is added behind all filters, such as rounding noise."""
+    """White noise of variance R that is added after all filters, such as rounding noise."""
 
 
 class LowPass(Part, frozen=True, tag="low-pass"):
-    """A filter 1 / (1 + (ω/ω_c)^2n) before sampling; the corner may be above half the sample rate."""
+    """A filter 1 / (1 + (ω/ω_c)^2n) before sampling.
+
+    The corner frequency may be above half the sample rate.
+    """
 
     corner_hz: float
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # log λ² of the corner, logit of the poles
+        # The free parameters are log λ² of the corner frequency, and the logit of the number of poles.
         return [2 * co.log_lam(self.corner_hz, h), co.logit_of_poles(self.poles)]
 
     @classmethod
@@ -277,15 +286,16 @@ class LowPass(Part, frozen=True, tag="low-pass"):
 class HighPass(Part, frozen=True, tag="high-pass"):
     """A filter 1 / (1 + (s_c/s)^2n), s = 2 sin(ω h/2), that blocks slow signals, as AC coupling does.
 
-    With one pole it subtracts the exponentially fading average from the samples. The corner is at most a
-    tenth of the sample rate; a higher corner would be a rise.
+    With one pole it subtracts the exponentially fading average from the samples. The corner frequency is at
+    most a tenth of the sample rate. A filter with a higher one is described as a rise.
     """
 
     corner_hz: float
     poles: float
 
     def eta(self, h: float) -> list[float]:
-        # log |1 - e^{-iλ}|² at the corner, logit of the poles
+        # The free parameters are log |1 - e^{-iλ}|² at the corner frequency, and the logit of the number of
+        # poles.
         size = 2 * math.sin(min(math.pi * self.corner_hz * h, math.pi / 2))
         return [2 * co.log(size), co.logit_of_poles(self.poles)]
 
@@ -325,13 +335,13 @@ class Sharpening(Part, frozen=True, tag="sharpening"):
 
 
 class Notch(Part, frozen=True, tag="notch"):
-    """A filter that stops one frequency; the width is that at half the power."""
+    """A filter that stops one frequency. Its width is measured where half the power passes."""
 
     frequency_hz: float
     width_hz: float
 
     def eta(self, h: float) -> list[float]:
-        # logarithms of λ and of the width over the frequency
+        # The free parameters are the logarithms of λ and of the ratio of the width to the frequency.
         return [co.log_lam(self.frequency_hz, h), co.log(self.width_hz / self.frequency_hz)]
 
     @classmethod
@@ -355,7 +365,7 @@ class Mean(Part, frozen=True, tag="mean"):
 
     @property
     def code(self) -> int:
-        """Number of the part's kind in the native module."""
+        """The code number of the part in the native module."""
         return MEAN_FROM + self.samples
 
     def eta(self, h: float) -> list[float]:
@@ -392,7 +402,7 @@ AnyPart = (
 
 
 def _by_number() -> tuple[type[Part], ...]:
-    """Return the parts by their numbers in the native table.
+    """Return the kinds of parts, in the order of their numbers in the native table.
 
     Raises:
         LookupError: a part is missing in the native table or in this module.
@@ -408,19 +418,19 @@ def _by_number() -> tuple[type[Part], ...]:
 
 
 CODES = _by_number()
-"""The parts by their numbers in the native module."""
+"""The kinds of parts, indexed by their code numbers in the native module."""
 FILTERS = tuple(kind for kind in CODES if kind.has("filter"))
 SLOW = tuple(kind for kind in CODES if kind.has("slow"))
-"""Parts that have a memory: they belong to the state of a tracker."""
+"""Kinds of parts that have a memory: a tracker has states for them."""
 
 
 def kind_of(code: int) -> type[Part]:
-    """Return the kind of the part with this code."""
+    """Return the kind of the part with this code number."""
     return Mean if code >= MEAN_FROM else CODES[code]
 
 
 def free_of(code: int) -> int:
-    """Return the number of coordinates of a part."""
+    """Return the number of free parameters of the part with this code number."""
     return 0 if code >= MEAN_FROM else len(ROWS[code].coordinates)
 
 
@@ -430,7 +440,7 @@ def high_pass_of(parts: Iterable[Part]) -> HighPass | None:
 
 
 def part_of(code: int, eta: Sequence[float], h: float) -> Part:
-    """Return the part with this code and these free parameters."""
+    """Return the part with this code number and these free parameters."""
     return Mean(code - MEAN_FROM) if code >= MEAN_FROM else CODES[code].of_eta(eta, h)
 
 
@@ -455,7 +465,7 @@ def spectrum(parts: Iterable[Part], lam: Array, h: float) -> Array:
 
 
 def spectrum_of(codes: Sequence[int], eta: Sequence[float], lam: Array, h: float) -> Array:
-    """Return the spectrum of parts given by codes and free parameters, white noise first."""
+    """Return the spectrum of parts given by code numbers and free parameters, white noise first."""
     found = np.empty(len(lam))
     _native.model_spectrum(list(codes), list(eta), np.ascontiguousarray(lam, dtype=np.float64), h, found)
     return found

@@ -1,4 +1,4 @@
-"""Poles of a linear system that approximate the parts of a noise, from numbers alone."""
+"""Poles of linear systems that approximate the parts of a noise, computed from the parts' parameters."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,15 @@ A_DECADE = 2
 FASTEST = 3.0
 """Largest rate of a pole, per sample."""
 MOST_POLES = 6
-"""Largest number of poles of a low-pass; more of them look the same below its corner."""
+"""Largest number of poles of a low-pass. With more poles, it has about the same response below its corner
+frequency.
+"""
 MOST_TAPS = 10
 """Largest number of taps of a short filter."""
 SMALL = 0.005
-"""Error of a short filter that is approximated by poles, though it has none: the poles' size is its root."""
+"""Error that is allowed when poles approximate a short filter, which itself has none. The absolute value of
+the poles is a root of it.
+"""
 
 
 def size(poles: Sequence[complex]) -> int:
@@ -25,7 +29,7 @@ def size(poles: Sequence[complex]) -> int:
 
 
 def is_real(pole: complex) -> bool:
-    """Return whether a pole is real, and so takes one state instead of two."""
+    """Return whether a pole is real. A real pole needs one state instead of two."""
     return abs(complex(pole).imag) < 1e-9
 
 
@@ -46,7 +50,10 @@ def spread(low: float, room: int) -> list[complex]:
 
 
 def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
-    """Return the exact or nearly exact poles z of (1 - 1/z)^α = g / z; none slower than `slowest`."""
+    """Return the exact or nearly exact poles z of (1 - 1/z)^α = g / z.
+
+    Poles with rates below `slowest` are left out.
+    """
     rate = (-g) ** (1 / alpha) if g < 0 < alpha else 0.0
     if alpha > 1:
         w = 1 - rate * complex(np.exp(1j * math.pi / alpha))
@@ -61,14 +68,17 @@ def of_order(alpha: float, g: float, slowest: float) -> list[complex]:
 
 
 def of_low_pass(lam: float, poles: float) -> tuple[list[complex], int]:
-    """Return the upper poles of a low-pass with its corner at λ, and the number of taps for the remainder."""
+    """Return the upper poles of a low-pass with its corner frequency at λ, and how many taps to add.
+
+    The taps correct what the poles alone do not describe.
+    """
     n = math.ceil(min(max(poles, 1.0), MOST_POLES))
     angles = np.pi * (n + 1 + 2 * np.arange((n + 1) // 2)) / (2 * n)
     return list(np.exp(lam * np.exp(1j * angles))), 2 if poles != n else 0
 
 
 def of_high_pass(lam: float, poles: float) -> Complex:
-    """Return all poles of a high-pass with its corner at λ; the number of poles is rounded.
+    """Return all poles of a high-pass with its corner frequency at λ; the number of poles is rounded.
 
     The filter has the same number of zeros, at 1. The poles are where |1 - 1/z|² = -(1 - z)²/z is one of the
     roots s² of 1 + (c/s²)^n, with |z| < 1.
@@ -81,7 +91,10 @@ def of_high_pass(lam: float, poles: float) -> Complex:
 
 
 def of_notch(lam: float, width: float) -> list[complex]:
-    """Return the poles of a notch at λ: the bilinear transform of an analog notch; `width`: relative to λ."""
+    """Return the poles of a notch at λ, by the bilinear transform of an analog notch.
+
+    `width`: width of the notch as a ratio to λ.
+    """
     centre = math.tan(lam / 2)
     s = np.roots([1.0, centre * width, centre**2])
     return list((1 + s) / (1 - s))

@@ -1,7 +1,8 @@
 """Approximate parts of a noise by poles that one white noise drives.
 
-A part or a chain of filters has poles of its own, or real poles approximate it: two per decade for an order.
-The contribution of each pole is found by least squares, from magnitude and phase of the part's response.
+A part or a chain of filters has poles of its own, or is approximated by real poles: for an order, two per
+decade. The contribution of each pole is found by a least-squares fit to the magnitude and phase of the part's
+response.
 """
 
 import math
@@ -17,27 +18,29 @@ from fltea.noise.pole_sets import is_real, short, size
 from fltea.records.arrays import Array, Complex
 
 LINES = math.pi * np.arange(1, 4097) / 4096
-"""λ of a spectrum from which a response is found."""
+"""Frequencies λ of a spectrum from which a response is computed."""
 FAST = 0.3
-"""Weight of frequencies above 1 rad per sample, where less depends on the fit."""
+"""Weight in the fit of frequencies above 1 rad per sample, which matter less."""
 DISTINCT = 0.05
-"""Least distance between two poles, relative to the distance of one from the unit circle.
+"""Least distance between two poles, as a ratio to the distance of one of them from the unit circle.
 
 Poles that are closer would only cancel each other.
 """
 LEAST_SINGULAR, CANCELLING = (1e-8, 1e-6, 1e-4, 1e-2), 1e4
 """Thresholds of the least-squares fit.
 
-LEAST_SINGULAR: singular values relative to the largest that are kept. CANCELLING: ratio of the states' total
-    power to
-the power of their sum above which the states cancel each other too much for floating-point numbers.
+LEAST_SINGULAR: singular values are kept down to this ratio to the largest one. CANCELLING: if the total power
+of the states exceeds the power of their sum by this factor, they cancel each other too much for
+floating-point numbers.
 """
 DEEPEST = 1e-7
-"""Least value of a spectrum over its mean, since the logarithm of a filter's zero is infinite."""
+"""Least value of a spectrum, as a ratio to its mean: the logarithm of a zero of a filter would be
+infinite.
+"""
 
 
 class Block(NamedTuple):
-    """States that are independent of all other states."""
+    """A group of states that are independent of all other states."""
 
     a: Array
     b: Array
@@ -89,7 +92,7 @@ def filter_poles(filters: Sequence[Part], h: float) -> list[complex]:
 def fitted(
     wanted: Complex, total: Array, poles: Sequence[complex], lam: Array, room: int, *, signal: bool
 ) -> Block:
-    """Fit the response `wanted` by poles, weighted by its importance in the whole noise."""
+    """Fit the response `wanted` by poles. Each frequency is weighted by its importance in the whole noise."""
     chosen: list[complex] = []
     for one in poles:
         upper = complex(one.real, abs(one.imag)) if not is_real(one) else complex(one.real)
@@ -119,10 +122,10 @@ def driven(z: Complex, share: Complex, *, signal: bool) -> Block:
     """Return y = Re Σ ξ, ξ' = z ξ + 2 share w, as a real system; w is one white noise of variance 1."""
     m = 2 * share
     hermitian, plain = m[:, None] * m.conj(), m[:, None] * m
-    # A real pole has no imaginary part as a state.
+    # The state of a real pole has no imaginary part.
     keep = np.repeat(z.imag != 0, 2)
     keep[0::2] = True
-    # Re ξ' = Re z Re ξ - Im z Im ξ
+    # This follows from Re ξ' = Re z Re ξ - Im z Im ξ.
     a, b, c = np.repeat(z.real, 2), np.repeat(-z.imag, 2), np.tile([1.0, 0.0], len(z))
     Q = _real_covariance(hermitian, plain, keep)
     P0 = _real_covariance(hermitian / (1 - z[:, None] * z.conj()), plain / (1 - z[:, None] * z), keep)

@@ -25,7 +25,7 @@ Order = float | Sequence[float] | Array
 
 
 class FractionalNoise:
-    """Endless fractional noise: `step()` returns the next measurement and the state behind it.
+    """Endless fractional noise: `step()` returns the next measurement and the state without the white noise.
 
     Args:
         alpha: a number, or a sequence whose last value is held: alpha[k-1] is the order of sample k = 1, 2,
@@ -36,8 +36,8 @@ class FractionalNoise:
         h: time step [s].
         window: length of the memory in samples.
         seed: an integer or a numpy Generator; equal seeds give equal samples.
-        warmup: number of steps at the first order that are dropped, so that a stationary x starts near its
-            stationary variance rather than at 0.
+        warmup: number of steps, with the first order, that are computed and discarded, so that a stationary x
+            starts near its stationary variance rather than at 0.
 
     Raises:
         ValueError: Q or R < 0, h <= 0, window < 1, numbers that are not finite, or noise that diverges.
@@ -71,8 +71,7 @@ class FractionalNoise:
         self._history.push(0.0)
         self._x = 0.0
         self._k = 0
-        # The weights of the last order are cached: with a constant order they are computed once, at full
-        # length.
+        # The weights for the last order are cached. If the order is constant, they are computed only once.
         self._weights_of: float | None = None
         self._weights = np.empty(0)
         self._advance(0.0, warmup)
@@ -104,8 +103,8 @@ class FractionalNoise:
 def quantise(y_dps: ArrayLike, lsb_per_dps: float, full_scale_dps: float) -> NDArray[np.int16]:
     """Return the counts that a sensor with `lsb_per_dps` and range ±`full_scale_dps` reads, saturated.
 
-    The range ends at ±full_scale_dps or at the limits of int16, whichever comes first (at ±2000 deg/s and
-    16.4 LSB/(deg/s), int16). Raises ValueError for NaN and for scales <= 0.
+    The range ends at ±full_scale_dps or at the limits of int16, whichever is smaller (at ±2000 deg/s and 16.4
+    LSB/(deg/s), the limits of int16 are). Raises ValueError for NaN and for scales <= 0.
     """
     _check_positive("lsb_per_dps", lsb_per_dps)
     _check_positive("full_scale_dps", full_scale_dps)

@@ -21,11 +21,11 @@ from numpy.typing import ArrayLike, NDArray
 from fltea.records.arrays import Array
 
 HIGHEST_ORDER = 2.0
-"""Upper limit of orders; from there on x is not stationary."""
+"""Upper limit of orders: with an order of 2 or more, x is not stationary."""
 
 
 def stationary(alpha: ArrayLike, g: ArrayLike) -> NDArray[np.bool_]:
-    """Return where x with unlimited memory has a finite variance that does not grow, for 0 <= α.
+    """Return for which α and g the state x with unlimited memory has a finite variance, for 0 <= α.
 
     The conditions are -2^α < g < 0 for 0 < α < 2; α < 1/2 for g = 0; |g| < 1 for α = 0.
     """

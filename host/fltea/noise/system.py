@@ -3,13 +3,14 @@
     x_k+1 = A x_k + w_k,   cov w = Q
     y_k   = offset + c x_k + v_k,   var v = R
 
-A is diagonal, except for pairs of states of a complex pole, so that a filter needs only a few products per
+A is diagonal except for the two states of each complex pole, so that a filter needs only a few products per
 state and sample. Relaxations, the random walk and resonances are exact; all other parts are fitted
-(`fltea.noise.poles`). A state is either signal, which belongs to the bias, or coloured noise, which does not.
+(`fltea.noise.poles`). A state is either signal, which is part of the bias, or coloured noise, which is not.
 
-Every sensor has white noise ahead of its filter. So where a noise has hardly any white noise, its fastest
-relaxation is that white noise after filtering, and no signal (`filtered_noise`). So is an equally fast order
-near 1. Other orders, and 1/f noise, stay signals, since they have a memory that no filter of a sensor has.
+Every sensor has white noise, which its own filter may turn into a relaxation. So where a noise has hardly any
+white noise, its fastest relaxation counts as filtered white noise, and not as signal (`filtered_noise`). The
+same holds for an order near 1 that is as fast. Other orders, and 1/f noise, remain signals, since they have a
+longer memory than any sensor's filter.
 """
 
 import functools
@@ -52,24 +53,30 @@ MOST = 23
 """Largest number of states in addition to the offset."""
 POINTS_A_DECADE = 16
 LEAST_WHITE = 1e-4
-"""Least white noise of a measurement over all new noise in it, since no filter works without white noise."""
+"""Least share of white noise in the new noise of a sample, since no Kalman filter works without white
+noise.
+"""
 NO_MATTER = 0.02
-"""Error relative to the spectrum that is allowed when a relaxation is taken as unfiltered."""
+"""Relative error of the spectrum up to which a relaxation may be treated as if it had not passed the sensor's
+filter.
+"""
 STOPPED = 1e-4
-"""Share of the spectrum below which the rest that a high-pass leaves does not matter."""
+"""Noise that a high-pass stops is neglected where less than this share of the spectrum is left."""
 DIFFUSE = 1e4
 """Ratio of the prior variance of an unknown value to the variance of the noise."""
 STRAIGHT = 100
-"""Number of record lengths in which a slope of the offset decays."""
+"""Time constant, in lengths of the record, with which a slope of the offset decays."""
 SLOWEST_FILTER_S, SLOWEST_FILTER = 0.5, 20
-"""Longest time constant of a sensor's own filter: the larger one of a time [s] and a number of samples."""
+"""Longest time constant of a sensor's own filter: SLOWEST_FILTER_S seconds or SLOWEST_FILTER samples,
+whichever is longer.
+"""
 NEARLY_ONE = 0.9
-"""Order above which an order may be a relaxation."""
+"""An order above this value may be a relaxation."""
 TINY = 1e-300
 
 
 class Coordinate(NamedTuple):
-    """An additional state of a system, which no other state drives and which adds to a sample directly."""
+    """An additional state of a system. No other state drives it, and it adds to a sample directly."""
 
     a: float
     q: float
@@ -77,9 +84,11 @@ class Coordinate(NamedTuple):
     variance: float
     """Variance before the first sample."""
     signal: float
-    """As in System."""
+    """1 where the state is signal, as in `System`."""
     shared: float = 0.0
-    """Prior variance shared with the previous state, with opposite signs: the sum's variance is kept."""
+    """Prior variance that this state shares with the previous state, with opposite signs, so that the
+    variance of their sum does not change.
+    """
 
 
 def offset_of(power: float, q: float = 0.0, *, of_state: bool = False) -> Coordinate:
@@ -96,16 +105,19 @@ def relaxation_of(variance: float, a: float) -> Coordinate:
 
 
 def ramp_of(slope: float, samples: int) -> Coordinate:
-    """Return the slope of the offset, which is the previous state; arguments as for `System.with_ramp`."""
+    """Return a slope of the offset; the previous state is the offset. Arguments as for `System.with_ramp`."""
     slow = STRAIGHT * samples
     variance = (slope * slow) ** 2
-    # Its sum with the offset's share is 0 before the first sample, so that the slope does not change the
-    # constant.
+    # The sum of this state and its share of the offset is 0 before the first sample, so that the slope does
+    # not change the prior of the offset.
     return Coordinate(math.exp(-1 / slow), 0.0, variance, 0.0, variance)
 
 
 class System(NamedTuple):
-    """A linear system with n states; those of a pole pair are neighbours, and pairs come first."""
+    """A linear system with n states.
+
+    The states of complex pole pairs come first; the two states of a pair are neighbours.
+    """
 
     pairs: int
     """Number of pole pairs."""
@@ -135,7 +147,10 @@ class System(NamedTuple):
 
     @property
     def bias(self) -> Array:
-        """Weight of each state in the bias, (n,): the signal, and the offset with its slope."""
+        """Weight of each state in the bias, (n,).
+
+        The bias is the sum of signal, offset and slope of the offset.
+        """
         of_offset = (self.a == 1.0) | (np.diag(self.Q) == 0.0)
         return np.asarray(np.maximum(self.signal, of_offset) * self.c)
 
@@ -153,14 +168,14 @@ class System(NamedTuple):
         return self.with_coordinate(relaxation_of(variance, a))
 
     def with_ramp(self, slope: float, samples: int) -> "System":
-        """Return the system with a slope of the offset as its last state: the offset is a straight line.
+        """Return the system with a slope of the offset as its last state.
 
-        The last state so far has to be the constant offset. The straight line is the beginning of a
-        relaxation without noise. It decays so slowly that it is straight to 1 / `STRAIGHT` of its rise (the
-        form of A allows no exact slope).
+        With it, the offset is a straight line. The last state so far has to be the constant offset. The slope
+        is described as a slowly decaying relaxation without noise, since the form of A allows no exact slope.
+        Within the record, the line is straight to 1 / `STRAIGHT` of its rise.
 
         Args:
-            slope: standard deviation of the slope before the first sample, per sample.
+            slope: prior standard deviation of the slope, per sample.
             samples: length of the record.
 
         Raises:
@@ -171,7 +186,7 @@ class System(NamedTuple):
         return self.with_coordinate(ramp_of(slope, samples))
 
     def with_coordinate(self, one: Coordinate) -> "System":
-        """Return the system with one more state, as the last."""
+        """Return the system with one more state, which is its last."""
         n = len(self.a)
         Q, P0 = np.zeros((n + 1, n + 1)), np.zeros((n + 1, n + 1))
         Q[:n, :n], P0[:n, :n], Q[n, n], P0[n, n] = self.Q, self.P0, one.q, one.variance
@@ -189,7 +204,7 @@ class System(NamedTuple):
 
     @property
     def numbers(self) -> tuple[int, Array, Array, Array, Array, Array, Array, Array, float]:
-        """The arguments of the native module; its `signal` is weighted as in a sample."""
+        """The arguments of the native module; there `signal` is multiplied by the weight in a sample."""
         signal = self.signal * self.c
         return self.pairs, self.a, self.b, self.Q, self.c, signal, self.bias, self.P0, self.R
 
@@ -210,7 +225,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     Args:
         parts: the parts of the noise.
         h: sampling period [s].
-        samples: length of the record; slower noise of an order is left out.
+        samples: length of the record. Noise of an order that is slower than the record is left out.
         found: whether the parts were estimated from that record, so that the order is uncertain
             (`fltea.noise.left_open`).
 
@@ -230,7 +245,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
     total = _total(parts, lam, h)
     of_sensor = filtered_noise(parts, h)
     high_passed = any(isinstance(part, HighPass) for part in filters)
-    # numpy's median would first load masked arrays, which takes 0.02 s.
+    # numpy's median would first import masked arrays, which takes 0.02 s.
     usual = statistics.median(total.tolist())
     stopped = np.abs(1 - spectrum([White(1.0), *filters], lam, h)) / (total + NO_MATTER * usual)
     exact: list[Block] = []
@@ -242,7 +257,7 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
         elif part is of_sensor and isinstance(part, Relaxation):
             noise.append(part)
         elif isinstance(part, Relaxation) and (stopped * spectrum([part], lam, h) < NO_MATTER).all():
-            # The relaxation is too slow for the filters to matter.
+            # The relaxation is so slow that the filters do not change it.
             exact.append(_relaxing(math.exp(-h / part.tau_s), part.sigma**2, signal=True))
         elif isinstance(part, SLOW):
             by_fit.append(part)
@@ -263,10 +278,10 @@ def system(parts: Sequence[Part], h: float, samples: int, *, found: bool = False
 def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None:
     """Return the part that is a sensor's white noise after a filter; None if there is no such part.
 
-    It is a relaxation, or an order that can hardly be told from one. At half the sample rate, where filters
-    pass least, it
-    has more power than all white noise, and more than other parts of this kind: so white noise is visible
-    nowhere. And it is as fast as the filter of a sensor may be.
+    It is a relaxation, or an order that is hardly different from one. At half the sample rate, where the
+    filters pass least, it has more power than all white noise together and than any other part of this kind,
+    so that white noise is visible at no frequency. It is also at least as fast as the slowest filter of a
+    sensor.
     """
     at = np.array([math.pi])
     slowest = max(SLOWEST_FILTER_S, SLOWEST_FILTER * h)
@@ -279,7 +294,7 @@ def filtered_noise(parts: Sequence[Part], h: float) -> Relaxation | Order | None
 
 
 def _decays_within(part: Part, t_s: float) -> TypeGuard[Relaxation | Order]:
-    if isinstance(part, Order):  # near 1 it acts as a relaxation, flat below |f|^(1/α)
+    if isinstance(part, Order):  # an order near 1 is like a relaxation: flat below |f|^(1/α)
         return part.alpha > NEARLY_ONE and part.f < 0 and abs(part.f) ** (-1 / part.alpha) <= t_s
     return isinstance(part, Relaxation) and part.tau_s <= t_s
 
@@ -356,7 +371,10 @@ def _response(filters: Sequence[Part], lam: Array, h: float) -> Complex:
 
 
 def _total(parts: Sequence[Part], lam: Array, h: float) -> Array:
-    """Return the spectrum of a noise, with the part that a high-pass stops limited to what matters."""
+    """Return the spectrum of a noise.
+
+    Where a high-pass leaves almost nothing, it is raised to a lower limit.
+    """
     found = spectrum(parts, lam, h)
     high = [part for part in parts if isinstance(part, HighPass)]
     if not high:
@@ -379,14 +397,14 @@ def _relaxing(a: float, variance: float, *, signal: bool) -> Block:
 
 
 def _resonating(part: Resonance, h: float) -> Block:
-    """Return the two coordinates of a resonance."""
+    """Return the two states of a resonance."""
     z, turn = part.pole(h), np.exp(-2j * math.pi * part.frequency_hz * h)
-    # Its spectrum is s2 over |1 - z e^-iλ|² |1 - z* e^-iλ|², of this height at its frequency.
+    # The spectrum is s2 / (|1 - z e^-iλ|² |1 - z* e^-iλ|²), and s2 follows from its height at the resonance.
     s = math.sqrt(part.height) * abs(1 - z * turn) * abs(1 - z.conjugate() * turn)
     return driven(np.array([z]), np.array([s * z / (z - z.conjugate())]), signal=False)
 
 
-@functools.lru_cache(maxsize=8)  # shared by axes, and by devices with records of the same length
+@functools.lru_cache(maxsize=8)  # axes, and devices with records of the same length, share the results
 def _grid(samples: int) -> Array:
     low = min(math.pi / max(samples, 64), 0.02)
     count = round(POINTS_A_DECADE * math.log10(math.pi / low))

@@ -28,7 +28,8 @@ def weights(orders: float | Array, n: int) -> Array:
     a = np.asarray(orders, dtype=np.float64)
     if n < 0 or a.ndim > 1:
         raise ValueError(f"weights need n >= 0 and one order or a list of them, got n={n}, shape {a.shape}")
-    # One cached array serves every n up to a power of two, so that a growing history allocates no indices.
+    # One cached array serves all n up to the next power of two, so that a growing history allocates no new
+    # array for each n.
     j = _indices(1 << n.bit_length())
     c = np.empty((*a.shape, n + 1))
     c[..., 0] = 1.0

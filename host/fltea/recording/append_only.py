@@ -81,7 +81,7 @@ class AppendOnly:
         self._pending.clear()
 
     def cut(self) -> None:
-        """Truncate the file to its length before a failed flush, if the disk still permits, and close it."""
+        """Truncate the file to `good_bytes` after a failed flush, if the disk still permits, and close it."""
         with contextlib.suppress(OSError):
             if os.fstat(self._fd).st_size > self.good_bytes:
                 os.ftruncate(self._fd, self.good_bytes)
@@ -95,11 +95,11 @@ class AppendOnly:
                 os.close(fd)
 
     def _is_named(self, ours: os.stat_result) -> bool:
-        """Return whether the file's path still leads to this file.
+        """Return whether the file's path still leads to the open file, given the open file's status.
 
-        The number of links alone does not show this: a moved file still has one link, and some user-space
-        file systems report 0 links for every file. Some network file systems change a file's inode number now
-        and then, so a file with equal size and modification time counts as the same file.
+        The number of hard links alone does not show this: a moved file still has one link, and some
+        user-space file systems report 0 links for every file. Some network file systems change a file's inode
+        number now and then, so a file with equal size and modification time counts as the same file.
         """
         try:
             named = os.stat(self._path)
@@ -112,7 +112,7 @@ class AppendOnly:
 
 
 def _reserve(fd: int, size_bytes: int) -> None:
-    """Raise OSError unless the disk has room for `size_bytes`; release that room again."""
+    """Raise OSError unless the disk has `size_bytes` of free space. The space is not kept reserved."""
     try:
         os.posix_fallocate(fd, 0, size_bytes)
     except OSError as error:

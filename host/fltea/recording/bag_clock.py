@@ -18,18 +18,20 @@ RATE_TOLERANCE = 0.01
 """Largest relative difference between the rate that the user gives and the rate that the times show."""
 
 CLOCK_TOLERANCE, FEWEST = 0.25, 10
-"""Largest relative difference between stamps and arrival times, and fewest messages for finding the unit."""
+"""Limits for finding the stamps' unit by the arrival times: relative difference of rates, fewest messages."""
 
 OTHER_UNITS = 1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9
-"""Factors by which a rate is wrong if the times are read in a wrong unit."""
+"""Factors by which a sampling rate is wrong if the times are read in a wrong unit."""
 
 NS = 1_000_000_000
 
 
 class Ticks(NamedTuple):
-    """Unit of the time stamps. `seconds`: unit of each part of a stamp [s], empty if unknown.
+    """Unit of the time stamps.
 
-    `by`: text that says what states the unit.
+    `seconds`: unit of each number in a stamp [s], such as 1 and 1e-9; empty if unknown.
+
+    `by`: text for the user that says where the unit comes from.
     """
 
     seconds: tuple[float, ...]
@@ -68,7 +70,10 @@ def measured_ticks(layout: Layout, time: Floats, arrival_ns: Ints) -> Ticks:
 
 
 def stamps_of(time: Floats, time_s: Sequence[float]) -> Ints:
-    """Return the stamps in nanoseconds, computed exactly; 0 where a time is missing or impossible."""
+    """Return the stamps in nanoseconds, computed exactly.
+
+    A stamp is 0 if the time is missing or impossible.
+    """
     stamp_ns = np.zeros(len(time), np.int64)
     for part, unit_s in zip(time.T, time_s, strict=False):
         one_ns = round(unit_s * NS)
@@ -94,12 +99,14 @@ class Judged(NamedTuple):
 def judged(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamp_ns: Times, arrival_ns: Times
 ) -> Judged:
-    """Choose stamps, or else arrival times, as the clock, and compare it with the user's options.
+    """Choose the stamps or, if they are unusable, the arrival times as the clock.
+
+    The user's options must agree with this clock.
 
     Raises:
-        NotStated: neither stamps nor arrival times tell the rate.
-        UsageError: the stamps contradict the user's rate or the arrival times, or no gyroscope has their
-            rate.
+        NotStated: neither stamps nor arrival times show the sampling rate.
+        UsageError: the stamps contradict the user's rate or the arrival times, or no gyroscope has a sampling
+            rate like theirs.
     """
     given_hz = how.rate_hz
     known = bool((np.abs(arrival_ns) <= LATEST_NS).all() and np.ptp(arrival_ns) > 0)
@@ -143,7 +150,7 @@ def _is_possible(stamps: Stamps) -> bool:
 def _check_stamps(
     where: str, layout: Layout, how: How, ticks: Ticks | None, stamps: Stamps, arrival_ns: Times | None
 ) -> None:
-    """Raise UsageError if no gyroscope has the rate of the stamps, or if arrival times show another unit."""
+    """Raise UsageError if no gyroscope has such a sampling rate, or if arrival times show another unit."""
     why = ""
     if arrival_ns is not None and len(arrival_ns) >= FEWEST:
         last = float(stamps.sequence(len(arrival_ns) - 1, len(arrival_ns))[0])
@@ -173,7 +180,7 @@ def _without_stamps(layout: Layout, ticks: Ticks | None, stamp_ns: Times) -> str
 
 
 def _of_stamps(stamps: Stamps, n: int) -> list[str]:
-    """Return the warnings about the stamps."""
+    """Return what is wrong with the stamps of `n` messages, as warnings for the user."""
     problems = []
     if is_uneven(stamps, n):
         problems.append(

@@ -1,7 +1,8 @@
 """Reads ROS messages into columns of numbers, by the definition of their type (CDR of ROS 2, and ROS 1).
 
-The offset of a number depends on the lengths of the texts and lists before it. So all messages with equal
-lengths are read together with numpy. A general ROS library would take about 20 µs for each message.
+The offset of a number in a message depends on the lengths of the texts and lists before it. So all messages
+whose texts and lists have equal lengths are read together with numpy. A general ROS library would take about
+20 µs for each message.
 """
 
 import re
@@ -28,7 +29,7 @@ TIMES = {
 """Types of ROS 1 and ROS 2 that consist of two numbers, whether or not the bag holds their definitions."""
 
 LIST = -1
-"""Value of `Field.many` for a list, whose length is stored in the 4 bytes before it. A text is a list."""
+"""Value of `Field.many` for a list or text, whose length is stored in the 4 bytes before it."""
 
 DEEPEST, MOST_LINES, MOST_LAYOUTS = 10, 5000, 64
 LONGEST_PADDING = 7
@@ -36,7 +37,7 @@ CDR_HEAD = 4
 """Length of the CDR header before each message, which states the encoding [bytes]."""
 
 PLAIN_CDR = {0: (">", 8), 1: ("<", 8), 6: (">", 4), 7: ("<", 4)}
-"""Byte order and largest alignment [bytes], by the second byte of the CDR header: XCDR 1 and 2."""
+"""Byte order and largest alignment [bytes] for each value of the CDR header's second byte (XCDR 1 and 2)."""
 
 _LINE = re.compile(
     r"\s*(?P<type>[A-Za-z][\w/]*)(?:<=\d+)?(?P<many>\[(?P<atmost><=)?(?P<count>\d*)\])?\s+(?P<name>[\w.]++)"
@@ -48,8 +49,8 @@ _SEPARATOR = re.compile(r"^=+[ \t]*\r?$", re.M)
 class Field(NamedTuple):
     """A field of a message: one number, an array of `many` numbers, or a list (`many` is `LIST`).
 
-    `code`: type of a number in numpy's notation. `said`: comments on the field and on the fields that contain
-    it, the innermost field first.
+    `code`: type of a number in numpy's notation. `said`: comments in the definition on the field and on the
+    fields that contain it, the innermost field first.
     """
 
     name: str
@@ -61,8 +62,9 @@ class Field(NamedTuple):
 class Definition(NamedTuple):
     """Fields of a message type in the order in which they are stored.
 
-    `is_whole`: whether the message ends with these fields. `said`: comment at the beginning of the
-    definition. `padding`: most bytes that may follow the last field in CDR.
+    `is_whole`: whether these are all fields of the message; otherwise further fields follow. `said`: comment
+    at the beginning of the definition. `padding`: largest number of padding bytes after the last field in
+    CDR.
     """
 
     fields: tuple[Field, ...]
@@ -101,7 +103,7 @@ def parse_definition(text: str) -> Definition:
 def _flat(
     text: str, before: str, said: tuple[str, ...], parts: dict[str, str], lines: Iterator[int], depth: int
 ) -> Iterator[Field | None]:
-    """Yield the fields of a type and of its nested types; None where the offsets become unknown.
+    """Yield the fields of a type and of its nested types, and None before the first field of unknown offset.
 
     `lines`: number of lines that may still be read.
     """
@@ -146,11 +148,11 @@ def _body_of(kind: str, parts: dict[str, str]) -> str | None:
 
 
 Columns = tuple[NDArray[np.int64], NDArray[np.float64]]
-"""Row indices of messages with equal lengths, and the wanted numbers in each. `Words` numbers the texts."""
+"""Indices of messages, and the wanted numbers of each. A text is given as its number in `Words`."""
 
 
 class Words:
-    """Numbers the different texts in the messages, separately for each field."""
+    """Gives each different text of a field a number, counted separately for each field."""
 
     def __init__(self) -> None:
         self._of: dict[str, dict[str, int]] = {}
@@ -160,7 +162,7 @@ class Words:
         return list(self._of.get(name, ()))
 
     def numbers(self, name: str, data: NDArray[np.uint8]) -> NDArray[np.float64]:
-        """Return a number for each of the texts (n, length) in the field `name`.
+        """Return the number of each text in the field `name`. `data`: bytes of the texts (n, length).
 
         Equal texts have equal numbers.
         """
@@ -215,7 +217,7 @@ def _read(
     words: Words,
     check: Callable[[], None],
 ) -> Iterator[Columns]:
-    """Yield the columns of messages of equal length (n, length), given without their CDR header."""
+    """Yield the columns of messages that have equal lengths: bytes (n, length) without the CDR header."""
     size = data.shape[1]
     in_field: dict[str, list[tuple[str, int]]] = {}
     for name in wanted:
@@ -255,7 +257,7 @@ def _read(
 
 
 def _column(data: NDArray[np.uint8], name: str, at: int, kind: str, words: Words) -> NDArray[np.float64]:
-    """Return one number for each message; a text is replaced by its number in `words`."""
+    """Return the value of the field `name` in each message; a text is replaced by its number in `words`."""
     return (
         words.numbers(name, data[:, at : at + int(kind[1:])]) if kind[0] == "S" else _numbers(data, at, kind)
     )

@@ -10,7 +10,7 @@ from fltea.records.small_file import open_file
 from fltea.settings.extras import load
 
 (ROS1, SQLITE), MCAP = FORMATS["bag"].magic, b"\x89MCAP0\r\n"
-"""First bytes of the three kinds of bags; an MCAP file may also be a recording of fltea."""
+"""First bytes of the three kinds of bags. A file that begins with those of MCAP may be from fltea instead."""
 
 SUFFIXES = FORMATS["bag"].suffixes
 """Endings of bags other than MCAP. A bag of ROS 1 that is being written is named NAME.bag.active."""
@@ -24,7 +24,7 @@ ENCODINGS = ("ros1", "cdr", "json", "protobuf")
 
 BEGIN_BYTES = 4096
 PROFILE_AT = len(MCAP) + 1 + 8
-"""Offset of the profile's length in an MCAP file: after the opcode and the length of the first record."""
+"""Offset at which an MCAP file stores the length of its profile's name [bytes]."""
 
 
 def files_of(folder: Path) -> list[Path]:
@@ -70,7 +70,10 @@ def _is_bag(path: Path) -> bool:
 
 
 def is_ros_mcap(path: Path) -> bool:
-    """Return whether an MCAP file is from ROS and not from fltea, by its profile or else by its messages."""
+    """Return whether an MCAP file is from ROS and not from fltea.
+
+    The profile that the file states decides, or else the encoding of its messages.
+    """
     try:
         with open_file(path) as file:
             begin = file.read(BEGIN_BYTES)

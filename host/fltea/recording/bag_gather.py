@@ -36,10 +36,10 @@ from fltea.settings.extras import load
 from fltea.settings.how import How
 
 COLUMNS, NUMBERS = ("gyro", "accel", "stamp", "arrival"), 8
-"""Columns of the temporary file, and the total number of values in these columns for each sample."""
+"""Columns of the temporary file, and how many numbers these columns hold together for each sample."""
 
 SHOWN = 8 * AT_ONCE
-"""Number of samples from which the table of candidate units is computed."""
+"""Number of samples that the table of candidate units is computed from."""
 
 ZSTD = b"\x28\xb5\x2f\xfd"
 """First bytes of a message that was compressed individually."""
@@ -47,11 +47,11 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 
 @dataclass
 class MessageCounts:
-    """Counts of the messages that are no samples.
+    """Counts of the messages that are not samples.
 
-    `unusable`: not of the topic's layout. `not_numbers`: with a value that no sensor gives. `twice`: equal to
-    the message before. `in_two_files`: held by the bag already. `measured`: the sensors, `gyro` and `accel`,
-    of which a message says that it was measured.
+    `unusable`: messages without the topic's layout. `not_numbers`: messages with a value that no sensor
+    gives. `twice`: messages equal to the message before. `in_two_files`: messages that another file of the
+    bag holds too. `measured`: `gyro` or `accel` for each sensor that, by at least one message, was measured.
     """
 
     unusable: int = 0
@@ -61,7 +61,7 @@ class MessageCounts:
     measured: set[str] = field(default_factory=set)
 
     def problems(self, kind: str) -> list[str]:
-        """Return what was left out, and why. `kind`: type of the messages."""
+        """Return texts that say which messages were left out, and why. `kind`: type of the messages."""
         found = [
             (self.unusable, f"do not have the layout of {kind} and are left out"),
             (
@@ -85,7 +85,9 @@ class Neighbours:
         self._last: NDArray[np.int64] | None = None
 
     def repeated(self, rows: Floats) -> Marks:
-        """Mark the next rows that are repeated, including their stamps, which are the last column.
+        """Mark those of the next rows that equal the row before in all columns.
+
+        The last column holds the stamps.
 
         Rows without stamps are never marked.
         """
@@ -170,16 +172,19 @@ class Gathered:
             self._samples.add(imu.gyro[keep], imu.accel[keep], others, lambda _: str(self._path), factor)
 
     def _publishers(self, by: NDArray[np.str_], arrival_ns: Ints) -> NDArray[np.str_]:
-        """Return the publisher of each message if several publishers send at the same time.
+        """Return the publisher of each message, from `by`, if several publishers send at the same time.
 
-        Otherwise, the texts are empty.
+        Otherwise, return empty texts.
         """
         if self._are_several is None:
             self._are_several = are_at_once(by, arrival_ns)
         return by if self._are_several else np.full(len(by), "")
 
     def lacks(self) -> str:
-        """Return a text that says which sensors the topic has if the user's is missing; "" if it is there."""
+        """Return which sensors the topic has, as a text, if the user's sensor is missing.
+
+        "" if it is present.
+        """
         self._read_waiting()
         return self._sensors.lacks()
 
@@ -288,7 +293,10 @@ class Gathered:
         return tuple(answers)
 
     def _clean_accel(self) -> None:
-        """Drop messages with invalid accelerations; if most are invalid, drop the accelerations instead."""
+        """Drop messages with invalid accelerations.
+
+        If most are invalid, drop all accelerations and no message.
+        """
         bad = self._samples.bad_accel.count
         if bad > len(self._samples) // 2:
             self._samples.spool.drop("accel")

@@ -30,7 +30,7 @@ IMU_ROS1 = f"uint32 header.seq\nuint32 header.stamp.sec\nuint32 header.stamp.nan
 IMU_ROS2 = f"int32 header.stamp.sec\nuint32 header.stamp.nanosec\n{_HEAD}{_BODY}"
 
 FRAME = "frame_id"
-"""Header field with the name of the sensor's coordinate frame; other programs may store an image count."""
+"""Header field for the name of the sensor's coordinate frame; some programs store a count of images in it."""
 
 UNKNOWN = -1.0
 """First element of a covariance matrix that states that the quantity was not measured."""
@@ -72,10 +72,10 @@ PX4_AXES = {"SensorCombined": "gyro_rad", "VehicleAngularVelocity": "xyz"}
 class Imu(NamedTuple):
     """Numbers of successive messages.
 
-    `row`: index of each message in the batch (n,); messages that do not fit the layout are left out.
-    `time`: times (n, k), in the columns that the layout names. `gyro`, `accel`: (n, 3) in the file's units.
-    `measured`, `measured_accel`: whether each message states that it holds rates and accelerations.
-    `tell`: values (n,) of each field that distinguishes sensors.
+    `row`: index of each message in the batch (n,); messages that do not fit the layout are left out. `time`:
+    times (n, k), in the k fields that the layout names. `gyro`, `accel`: (n, 3) in the file's units.
+    `measured`, `measured_accel`: whether each message states that it holds rates and accelerations. `tell`:
+    for each field that distinguishes sensors, its values (n,).
     """
 
     row: Ints
@@ -87,7 +87,7 @@ class Imu(NamedTuple):
     tell: tuple[NDArray[np.str_], ...] = ()
 
     def rows(self, kept: Marks) -> "Imu":
-        """Return the marked messages, without `tell`."""
+        """Return the messages that `kept` marks; `tell` is left out."""
         time, gyro, accel = self.time[kept], self.gyro[kept], self.accel[kept]
         return Imu(self.row[kept], time, gyro, accel, self.measured[kept], self.measured_accel[kept])
 

@@ -18,7 +18,9 @@ DEFINITIONS = "ros1msg", "ros2msg", "jsonschema", "protobuf"
 
 
 class Topic(NamedTuple):
-    """A topic of a bag. `encoding`: encoding of its messages, None if it is unknown.
+    """A topic of a bag, which is a named sequence of messages.
+
+    `encoding`: encoding of its messages, None if it is unknown.
 
     `schema`: description of its messages, in an encoding of DEFINITIONS.
     """
@@ -30,7 +32,10 @@ class Topic(NamedTuple):
 
     @property
     def is_imu(self) -> bool:
-        """Whether messages may hold angular rates; for JSON and protobuf this is a guess by names."""
+        """Whether the topic's messages may hold angular rates.
+
+        For JSON and protobuf, this is guessed from names.
+        """
         if self.is_of_objects:
             names = f"{self.type} {self.name}".lower()
             return "imu" in names or "gyro" in names or any(word in self.schema for word in RATES)
@@ -38,7 +43,7 @@ class Topic(NamedTuple):
 
     @property
     def is_of_objects(self) -> bool:
-        """Whether messages carry the names of their numbers, as JSON and protobuf do."""
+        """Whether the messages are objects whose fields have names, that is, in JSON or protobuf."""
         return self.encoding in ("json", "protobuf")
 
     def layout(self, messages: list[bytes], sensor: str | None, quota: Quota) -> Layout | None:

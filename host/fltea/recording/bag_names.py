@@ -45,7 +45,7 @@ UnitOf = Callable[[str], str | None]
 
 
 class Said(NamedTuple):
-    """A unit, its evidence, and where it is stated. `against`: a contradicting unit and its source, or ""."""
+    """A unit, with its evidence and its source. `against`: a contradicting unit with its source, or ""."""
 
     unit: str
     evidence: Evidence
@@ -56,18 +56,15 @@ class Said(NamedTuple):
 class Layout(NamedTuple):
     """Layout of a topic's messages: the names of the fields to read, and what is known of them.
 
-    `gyro`, `accel`: fields of the axes. `by`: text that says why these are the axes.
-    `time`: fields of the time (seconds and their fraction, or one number), or empty. `time_s`: unit of each
-    field [s], empty if unknown.
-    `rate`, `accel_unit`: units of rates and accelerations, None if unknown.
-    `unread`: other fields whose names look like those of a sensor.
-    `definitions`: possible definitions of the ROS type; the first that fits a message is used.
-    `is_known`: whether the message type is made for inertial sensors.
-    `more`: further fields to read.
-    `tell`: fields that by their names distinguish sensors. `others`: fields that perhaps do so.
-    `several`: names of the gyroscopes in one message, if the user has to choose one.
-    `fixed`: text that certain fields have in every message to be read.
-    `changed`: a scale or offset that may still have to be applied to the rates, "" if none is stated.
+    `gyro`, `accel`: fields that hold the axes. `by`: text that says why these fields are the axes. `time`:
+    fields of the time (seconds and their fraction, or one number), or empty. `time_s`: unit of each field
+    [s], empty if unknown. `rate`, `accel_unit`: units of rates and accelerations, None if unknown. `unread`:
+    other fields whose names look like those of a sensor. `definitions`: possible definitions of the ROS type;
+    each message is read by the first that fits it. `is_known`: whether the message type is made for inertial
+    sensors. `more`: further fields that are read. `tell`: fields whose names show that they distinguish
+    sensors. `others`: fields that perhaps do so. `several`: names of the gyroscopes in one message, if the
+    user has to choose one. `fixed`: texts by field; only messages with these texts are read. `changed`: a
+    scale or offset that may still have to be applied to the rates, "" if none is stated.
     """
 
     gyro: tuple[str, ...]
@@ -89,7 +86,7 @@ class Layout(NamedTuple):
 
 
 class Texts(NamedTuple):
-    """Texts on a field: `words`, the innermost text first, and `unit`, the text of a field for units."""
+    """Texts that describe a field: `words`, the innermost first, and `unit`, the text of a field of units."""
 
     words: Callable[[str], Iterable[str]] = lambda _: ()
     unit: Callable[[str], str] = lambda _: ""
@@ -99,7 +96,7 @@ NO_TEXTS = Texts()
 
 
 def title(names: Sequence[str]) -> str:
-    """Return three names in a short form for messages: `angular_velocity.x, .y, .z`."""
+    """Return the names of three axes in a short form for messages, such as `angular_velocity.x, .y, .z`."""
     begin = names[0][:-1]
     if begin and all(name[:-1] == begin for name in names) and begin[-1] in "._":
         return ", ".join([names[0], *(f"{begin[-1]}{name[-1]}" for name in names[1:])])
@@ -107,7 +104,7 @@ def title(names: Sequence[str]) -> str:
 
 
 def by_convention(kind: str) -> tuple[Said | None, Said | None]:
-    """Return the units of rates and accelerations that a convention gives for a message type, or None."""
+    """Return the units of rates and accelerations by the convention for a message type, or None."""
     if IS_IMU.fullmatch(kind) is None:
         return None, None
     why = f"{kind} (REP 103)"
@@ -150,7 +147,7 @@ def named_layout(
 
 
 def _spoken(name: str) -> str:
-    """Return the name of an axis in the form of a table column: `gyro_dps.x` becomes `gyro_x_dps`."""
+    """Return the name of an axis in the form of a column's name: `gyro_dps.x` becomes `gyro_x_dps`."""
     found = _PLACE.fullmatch(name)
     return name if found is None else named_axis(found[1], "xyz012".index(found[2] or found[3]) % len(AXES))
 
@@ -200,7 +197,7 @@ def _clock(names: Sequence[str], texts: Texts) -> tuple[tuple[str, ...], tuple[f
 
 
 def _stated(names: Sequence[str], in_name: UnitOf, texts: Texts, unit_of: UnitOf) -> Said | None:
-    """Return the unit that the axes' names, a unit field in the messages, or the schema state."""
+    """Return the unit stated by the axes' names, by a field of units in the messages, or by the schema."""
     said: list[Said] = []
     for why, units in (
         ("the name {}", [in_name(_spoken(name)) for name in names]),

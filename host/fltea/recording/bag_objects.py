@@ -28,10 +28,10 @@ WORDS = "description", "title", "unit", "units", "x-unit", "$comment"
 """Keywords of JSON Schema whose text describes a field."""
 
 MOST_OTHERS = 16
-"""Most further fields of a message whose values are compared to distinguish sensors."""
+"""Largest number of other fields of a message whose values are compared to distinguish sensors."""
 
 MOST_TRIED, MOST_TEXTS = 100, 10_000
-"""Most messages that are searched for angular rates, and most texts of a schema that are read."""
+"""Largest numbers of messages that are searched for angular rates, and of a schema's texts that are read."""
 
 
 def layout_of(
@@ -80,7 +80,9 @@ def _is_whole(value: Any) -> bool:
 
 
 def _telling(found: dict[str, Any], known: Container[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return fields whose names distinguish sensors, and other texts and whole numbers that perhaps do so.
+    """Return fields whose names show that they distinguish sensors, and others that perhaps distinguish them.
+
+    The others hold texts or whole numbers.
 
     A number in a field frame_id is left out, since it may count images.
     """
@@ -135,7 +137,9 @@ def _as_word(value: Any) -> str:
 
 
 def _as_number(value: Any) -> tuple[float, bool]:
-    """Return a value as a number, and whether it is a date, then in seconds; protobuf gives int64 as text.
+    """Return a value as a number, and whether it is a date, which is converted to seconds.
+
+    A text may be a number, since protobuf's JSON form writes int64 as text.
 
     Raises:
         ValueError, TypeError: the value is not a number.
@@ -224,7 +228,7 @@ def _files_of(schema: bytes) -> Any:
 
 
 def _fields_left(message: Any, most: int) -> int:
-    """Return `most` minus the number of fields of a message; absent fields count too."""
+    """Return how many of `most` fields are left after a message's own; its absent fields count too."""
     left = most - len(message.DESCRIPTOR.fields)
     for field, value in message.ListFields() if left >= 0 else ():
         if field.message_type is None:

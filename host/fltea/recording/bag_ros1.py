@@ -1,7 +1,7 @@
 """Reads a bag of ROS 1 (format 2.0) from beginning to end, as far as it is readable.
 
 The index at the end is not used: a bag that was not closed has no index, and an index in memory takes over a
-hundred bytes for every message. Without it, memory for one chunk is enough.
+hundred bytes for every message. Without the index, memory for one chunk is enough.
 """
 
 import contextlib
@@ -112,7 +112,7 @@ def next_record(file: BinaryIO, size: int) -> _Record | None:
 
 
 def _read_fields(header: bytes) -> dict[bytes, bytes]:
-    """Return the fields of a header; each field has its length before it, and = between name and value."""
+    """Return the fields of a header, by name. A header stores each field as its length and `name=value`."""
     fields = {}
     at, end = 0, len(header)
     while at < end:
@@ -204,7 +204,7 @@ class _Messages:
             )
 
     def taken(self) -> Iterator[Batch]:
-        """Yield the batches that were read since the last call."""
+        """Yield the batches of messages that were added since the last call."""
         batches = list(self._batches.values())
         self._batches.clear()
         yield from batches

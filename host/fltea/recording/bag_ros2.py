@@ -26,7 +26,7 @@ from fltea.settings.extras import load
 from fltea.settings.limits import Limits
 
 AT_ONCE = 4096
-"""Most messages in a batch."""
+"""Largest number of messages in a batch."""
 
 STEPS = 10_000
 """Number of SQLite's virtual-machine steps after which the time limit is checked again."""
@@ -79,7 +79,7 @@ def read_sqlite(path: Path, limits: Limits) -> Iterator[Batch | Note]:
 def _check_tables(connection: sqlite3.Connection) -> None:
     """Raise ValueError unless the tables of a bag are plain tables, without views or computed columns.
 
-    SQLite's own parser decides, since the schema in the file may claim a wrong kind of table.
+    SQLite's own parser says of which kind a table is, since the schema in the file may name a wrong kind.
     """
     kinds = {name: kind for _, name, kind, *_ in connection.execute("PRAGMA main.table_list")}
     for name in ("topics", "messages"):
@@ -170,7 +170,7 @@ def _rows(
         taken: list[tuple[int, Any, Any]] = []
         try:
             taken.extend(itertools.islice(rows, AT_ONCE))
-        except sqlite3.Error as error:  # rows before the error are in `taken` already
+        except sqlite3.Error as error:
             if quota.is_over():
                 raise
             problem = error
@@ -237,7 +237,7 @@ def _batch_of(topic: Topic, publisher: str, data: bytes, table: Ints, module: Mo
 
 @contextlib.contextmanager
 def unpacked_file(path: Path, limits: Limits) -> Iterator[Path]:
-    """Yield the path of a bag file. A compressed file is decompressed to a temporary file until the end.
+    """Yield the path of a bag file; for a compressed file, that of a temporary decompressed copy.
 
     Raises:
         OSError: the file cannot be read.

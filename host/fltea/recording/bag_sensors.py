@@ -12,20 +12,23 @@ from fltea.recording.reading import Missing, NotStated
 from fltea.recording.sample_times import Floats, Ints, Marks
 
 ALL_ARE_ONE = "1/1"
-"""Value of --sensor with which the user states that all messages are from one sensor."""
+"""Text after --sensor with which the user states that all messages are from one sensor."""
 
 FEWEST = 10
-"""Number of messages, all with different values in a field, from which the field counts as a mere counter."""
+"""Number of messages after which a field that never repeated a value counts as a counter."""
 
 MOST_LOOKED_AT = 500
-"""Number of first messages in which the program checks whether several sensors alternate."""
+"""Number of messages at the beginning that are checked for several alternating sensors."""
 
 PUBLISHER = "publisher"
-"""Name for the publisher of a message where a field name is expected."""
+"""Name that stands for a message's publisher in lists of fields."""
 
 
 def are_at_once(publishers: NDArray[np.str_], arrival_ns: Ints) -> bool:
-    """Return whether several publishers send at the same time; after a restart, they follow one another."""
+    """Return whether several publishers send at the same time.
+
+    Otherwise one publisher follows another, as after a restart.
+    """
     names, places = np.unique(publishers, return_inverse=True)
     arrivals = [arrival_ns[places == k] for k in range(len(names))]
     spans = sorted((int(one.min()), int(one.max())) for one in arrivals)
@@ -53,7 +56,7 @@ class Sensors:
     def keep(self, values: Sequence[NDArray[np.str_]], figures: Floats | None = None) -> Marks:
         """Mark the messages that are to be read.
 
-        `values`: value of each field in each message (n,). `figures`: numbers (n, columns) of the same
+        `values`: for each field, its value in each message (n,). `figures`: numbers (n, columns) of the same
         messages.
         """
         kept = np.ones(len(values[0]) if values else 0, np.bool_)
@@ -94,7 +97,10 @@ class Sensors:
         return {place: OneSensor(self._where, self._names[place], named.get(place)) for place in fields}
 
     def lacks(self) -> str:
-        """Return a text that says which sensors the topic has if the user's is missing; "" if it is there."""
+        """Return which sensors the topic has, as a text, if the user's sensor is missing.
+
+        "" if it is present.
+        """
         has = [
             f"{self._names[place]} has {listed(sorted(one.others))}"
             for place, one in (self._of or {}).items()

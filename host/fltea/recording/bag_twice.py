@@ -12,11 +12,11 @@ FACTORS = np.random.default_rng(1).integers(1 << 62, 1 << 63, 6, dtype=np.uint64
 
 
 def held_twice(spool: Spool) -> Marks | None:
-    """Return marks (n,) of messages that the bag holds already; None if times never run backwards.
+    """Mark the messages (n,) that repeat an earlier one of the bag; None if the times never run backwards.
 
-    Two messages are equal if all their numbers and their stamps are equal; without stamps, if their arrival
-    times are. Between two steps backwards, times rise; only messages of different rising runs are compared
-    here. `bag_gather` compares neighbouring messages.
+    Two messages are equal if all their numbers and their stamps are equal. Without stamps, their arrival
+    times must be equal. Each step of the times backwards begins a new run of rising times. Only messages of
+    different runs are compared here; `bag_gather` compares neighbouring messages.
 
     `spool`: columns `gyro`, `accel`, `stamp` [ns] and `arrival` [ns].
     """

@@ -22,20 +22,20 @@ from fltea.records.units import SQRT_HOUR
 from fltea.settings.how import How
 
 CLUSTER_S, CLUSTERS, FEWEST = 0.1, 16, 8
-"""Averaging: means over CLUSTER_S [s], most and fewest means in a stretch of time.
+"""Means are taken over CLUSTER_S [s]; then the most and the fewest means in a stretch of time.
 
 Means over 0.1 s show the noise density N even if a low-pass filter removes the noise of single samples.
 """
 
 QUIET = 0.1
-"""Share of the stretches of time that counts as rest: the stretches with the least motion."""
+"""Fraction of the stretches of time that count as rest, namely those with the least motion."""
 
 MOVING = 0.05
-"""Largest spread of accelerations at rest, relative to gravity; the spread is larger if the sensor moves."""
+"""Largest spread of the accelerations with which the sensor counts as at rest, relative to gravity."""
 
 
 class Scale(NamedTuple):
-    """A unit, its factor to deg/s or m/s², and for counts the number of counts in 1 deg/s or 1 g."""
+    """A unit, and its factor to deg/s or m/s². For counts also the number of counts in 1 deg/s or 1 g."""
 
     said: Said
     factor: float
@@ -101,7 +101,7 @@ def scales(where: str, layout: Layout, how: How) -> Scales:
 
 
 class Rest(NamedTuple):
-    """Values at rest, in the file's units: mean rates (3,), and noise (3,) as the σ of a mean over 1 s.
+    """Values at rest, in the file's units: mean rates (3,), and noise (3,), the σ of means over 1 s.
 
     `gravity`: mean accelerations of all stretches (n, 3). `moves`: whether the sensor moves even in the
     quietest stretches.
@@ -153,7 +153,8 @@ def at_rest(blocks: Iterable[Sequence[Floats]], rate_hz: float, g: float) -> Res
 class AtRest(NamedTuple):
     """Result of the comparison of an accelerometer with gravity.
 
-    `scale`: unit, None if unknown. `problem`: text on a contradiction. `option`: option that resolves it.
+    `scale`: the accelerometer's unit, None if unknown. `problem`: text about a contradiction, if there is
+    one. `option`: command-line option that resolves the contradiction.
     """
 
     scale: Scale | None
@@ -196,8 +197,8 @@ def check_rates(
 ) -> None:
     """Check a unit by convention against the noise and the mean that gyroscopes have at rest.
 
-    `accel`: result for the accelerometer. `table`: function that returns the table of candidate units.
-    `options`: the user's options.
+    `accel`: result for the accelerometer. `table`: function that returns the table of candidate units for the
+    message. `options`: the user's options.
 
     Raises:
         NotStated: no gyroscope has such a noise or such a mean in this unit.

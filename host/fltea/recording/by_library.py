@@ -1,10 +1,11 @@
-"""Reads a file of another program's format with the library for it; `reader_process` runs this as a program.
+"""Reads a file of another program with the library for its format; `reader_process` runs this as a program.
 
 The output goes to a pipe, whose file descriptor is an argument of the program. The output consists of blocks,
 each preceded by its length in four bytes. The first block is a `SheetHead` as JSON, or null. After null, the
 program sends a `TextHead` and then text. After a `SheetHead`, it reads one JSON line with the wanted columns
-from stdin, and sends the numbers of these columns in rows. The length 0 ends the output; the length `FAILED`
-precedes an error message. Stdout is not used, since libraries print to it; `reader_process` discards stdout.
+from stdin, and sends the numbers of these columns in rows. A length of 0 ends the output. The number `FAILED`
+in place of a length precedes an error message. Stdout is not used, since libraries print to it;
+`reader_process` discards stdout.
 """
 
 import sys

@@ -27,8 +27,8 @@ GRAVITY_COUNTS = (2048, 4096, 8192, 16384)
 """Length of gravity in 16-bit counts of accelerometers with ranges of ±16, ±8, ±4 and ±2 g."""
 
 GRAVITY_TOLERANCE = 0.15
-"""Relative tolerance of the length of gravity. Cheap accelerometers deviate by about 5 %. So mg and cm/s²,
-which differ by 2 %, cannot be distinguished.
+"""Relative tolerance of the length of gravity. Cheap accelerometers are wrong by about 5 %. So the units mg
+and cm/s², which differ by 2 %, cannot be distinguished.
 """
 
 STEADY = 0.1
@@ -39,12 +39,12 @@ COUNTS = ("lsb:131", "lsb:65.5", "lsb:32.8", "lsb:16.4")
 """Counts per deg/s of the commonest gyroscopes, with ranges of ±250, ±500, ±1000 and ±2000 deg/s."""
 
 MOST_N, MOST_MEAN_DPS = 5.0, 20.0
-"""Largest plausible noise N [deg/√h] and mean [deg/s] of MEMS gyroscopes at rest."""
+"""Largest plausible noise N [deg/√h] and largest plausible mean [deg/s] of MEMS gyroscopes at rest."""
 
 USUAL = "MEMS gyroscopes have N 0.1 to 3 deg/√h, and at rest a mean of up to some 10 deg/s."
 
 LIKELY_HZ = PLAUSIBLE_HZ[0] / 5, PLAUSIBLE_HZ[1] * 2
-"""Sampling rates that the tables show [Hz]; a wider range than that of the rates that are accepted."""
+"""Range of sampling rates that the tables show [Hz]. It is wider than the range of accepted rates."""
 
 MOST_COLUMNS = 40
 NOBODY_MEASURES = 1e100
@@ -52,7 +52,7 @@ NOBODY_MEASURES = 1e100
 
 
 def units_table(values: Floats, rate_hz: float | None, when: Mapping[str, str] | None = None) -> str:
-    """Return a table with a row for each unit that the rates may have; a row shows N and mean of each axis.
+    """Return a table with a row for each possible unit of the rates; a row shows N and the mean of each axis.
 
     `values`: (n, axes) as in the file. `rate_hz`: sampling rate; if None, the table shows σ instead of N.
     `when`: candidate units, each with the case in which it applies; None: the usual units.
@@ -145,7 +145,7 @@ def is_rising(column: Floats) -> bool:
 
 
 def _remarks(values: Floats) -> dict[int, str]:
-    """Return remarks on columns: which columns rise, and which three neighbours have gravity's length."""
+    """Return remarks by column: its numbers rise, or it and two neighbours have gravity's length."""
     found = {}
     numbers = []
     for place in range(values.shape[1]):
@@ -157,7 +157,7 @@ def _remarks(values: Floats) -> dict[int, str]:
             numbers.append(place)
     for first in sorted(
         range(len(numbers) - 2), key=lambda place: (place % 3, place)
-    ):  # aligned groups of three are tried first
+    ):  # groups that begin at column 1, 4, 7 and so on are tried first
         three = numbers[first : first + 3]
         units = gravity_units(values[:, three])
         if units and not any(place in found for place in three):
@@ -172,7 +172,10 @@ def _remarks(values: Floats) -> dict[int, str]:
 
 
 def _white_std(values: Floats) -> Floats:
-    """Return σ of each axis's white noise, computed from differences, which drift hardly affects."""
+    """Return σ of each axis's white noise, computed from differences of successive values.
+
+    Drift hardly affects these differences.
+    """
     steps = np.diff(values, axis=0)
     robust = 1.4826 * np.median(np.abs(steps - np.median(steps, axis=0)), axis=0)
     return np.asarray(np.where(robust > 0, robust, steps.std(axis=0)) / math.sqrt(2))

@@ -31,7 +31,7 @@ _decode = msgspec.json.Decoder(StepMark | MotionMark).decode
 
 
 class Changes:
-    """Counts of steps and of beginnings of motions; None if the recording has no channel for such records."""
+    """Counts of bias steps and of motions; None if the recording has no channel for such records."""
 
     def __init__(self) -> None:
         self.steps: int | None = None

@@ -1,4 +1,4 @@
-"""Decides whether times are from a sensor's clock, by the steps between them, and measures the period."""
+"""Decides by the steps between times whether they are from a sensor's clock, and measures the period."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -13,11 +13,12 @@ Blocks = Callable[[], Iterable[Floats]]
 """Function that yields elapsed times in blocks; each call starts at the first block again."""
 
 MOST_IN_TURNS = 4
-"""Most alternating sensors that can be recognised from the times alone."""
+"""Largest number of alternating sensors that can be recognised from the times alone."""
 
 SHORT_GAPS = 2, 3, 4
-"""Lengths of steps, in periods, that mean lost samples however frequent they are; bursts have longer
-steps."""
+"""Lengths of steps [sampling periods] that mean lost samples, however many such steps there are. Longer steps
+may also be pauses between bursts.
+"""
 
 NEARLY = 1e-3
 """Largest distance of a time from a multiple of the times' resolution, relative to the resolution."""
@@ -30,16 +31,24 @@ hundredths of a second look like 100 Hz with every hundredth sample lost.
 """
 
 FEWEST_ODD, ODD_SHARE = 20, 0.005
-"""Number and share of rows that repeat a time with other values, from which a clock counts as too coarse."""
+"""Limits from which a clock counts as too coarse: number, and fraction, of rows that repeat the time of the
+row before with other values.
+"""
 
 RARE, CLEAN_SHARE = 0.05, 0.5
-"""Quantile of the stretches' lengths that counts as free of loss, and smallest share of such stretches."""
+"""Quantile of the durations of stretches that counts as the duration without lost samples, and smallest
+fraction of stretches that must be free of loss.
+"""
 
 FEWEST_BURSTS, MANY_BURSTS, ALIKE_SHARE = 3, 10, 0.7
-"""Fewest long steps for regular bursts and for other bursts; share of long steps that must be alike."""
+"""Fewest long steps between times for regular bursts, and for irregular bursts; then the fraction of long
+steps that must be alike in regular bursts.
+"""
 
 MOST_IN_STEPS, NEARLY_ALL = 0.5, 0.8
-"""Share of the time in long steps from which rows come in regular bursts, and in other bursts."""
+"""Fraction of the whole time that long steps take, from which rows count as coming in bursts: for regular
+bursts, and for irregular bursts.
+"""
 
 
 class Bursts(NamedTuple):
@@ -52,11 +61,10 @@ class Bursts(NamedTuple):
 class Clock(NamedTuple):
     """What the steps between times show; times are in the unit of their column.
 
-    `typical`: mean step without gaps. `even`: whether the steps are those of a sensor's clock.
-    `bursts`: the bursts in which rows arrive, or None. `is_coarse`: whether rounding made different times
-    equal.
-    `is_rounded`: whether times are rounded to a large part of the period.
-    `in_turn`: number of alternating sensors, after which the steps repeat; 0 if sensors do not alternate.
+    `typical`: mean step without gaps. `even`: whether the steps are those of a sensor's clock. `bursts`: the
+    bursts in which rows arrive, or None. `is_coarse`: whether rounding made different times equal.
+    `is_rounded`: whether times are rounded to a large part of the period. `in_turn`: number of alternating
+    sensors, after which the lengths of the steps repeat; 0 if sensors do not alternate.
     """
 
     typical: float
@@ -88,7 +96,8 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
     if single >= EVEN_SHARE and grain * elapsed.unit_s > COARSEST_S:
         grain = 0.0
     period = _by_stretches(blocks, median, grain) if grain else None
-    if period == math.inf and grain < median / 2:  # a median step of several units contains no lost sample
+    # if the median step is several units of the resolution, it contains no lost sample
+    if period == math.inf and grain < median / 2:
         period = None
     if period is not None or (grain and share < EVEN_SHARE):
         step = median if period in (None, math.inf) else period
@@ -103,9 +112,9 @@ def clock_of(blocks: Blocks, elapsed: Elapsed) -> Clock | None:
 
 
 def _in_turn(steps: Floats, grain: float) -> int:
-    """Return the number of steps after which steps repeat.
+    """Return the number of steps after which the lengths of the steps repeat.
 
-    0 if only rounding to `grain` makes them repeat.
+    The result is 0 if the steps are equal, or differ only by rounding to `grain`.
     """
     for count in range(2, min(MOST_IN_TURNS, len(steps) // 4) + 1):
         middle = np.array([np.median(steps[k::count]) for k in range(count)])
@@ -129,7 +138,7 @@ def _steps(blocks: Iterable[Floats]) -> Iterator[Floats]:
 def _even_share(
     blocks: Iterable[Floats], median: float, tolerance: float, odd: int
 ) -> tuple[float, float, float]:
-    """Return the share of steps near `median`, the share near 1 to 4 times `median`, and the mean step.
+    """Return the fraction of steps near `median`, that of steps near 1 to 4 medians, and the mean step.
 
     The mean is taken over the steps near `median`.
     """
@@ -143,7 +152,7 @@ def _even_share(
 
 
 def _grain(blocks: Blocks, median: float) -> float:
-    """Return the power of ten that divides all times, if it is a large part of the period; else 0."""
+    """Return the resolution of all times, a power of ten, if it is a large part of the period; else 0."""
     grain = 10.0 ** math.floor(math.log10(median * (1 + NEARLY)))
     is_fine = grain <= EVENNESS * median
     on_it = (bool((np.abs(t / grain - np.rint(t / grain)) < NEARLY).all()) for t in blocks())
@@ -154,8 +163,8 @@ def _by_stretches(blocks: Blocks, median: float, grain: float) -> float | None:
     """Return the period of rounded times, measured over long stretches; None if it is the median step.
 
     At 800 Hz in whole ms, steps of 1 and 2 ms alternate, and all stretches with the same number of steps have
-    nearly the same length. At 1000 Hz with losses, some stretches have as many ms as steps. The result is
-    infinite if the stretches are too short to decide.
+    nearly the same length. At 1000 Hz with lost samples, some stretches last as many ms as they have steps.
+    The result is infinite if the stretches are too short to decide.
     """
     found = [(len(t), _of_block(t, median, grain)) for t in blocks() if len(t) > 1]
     total = sum(rows for rows, _ in found)
@@ -194,7 +203,7 @@ def _shortest(times: Floats, rows: int) -> float:
 
 
 def _bursts(blocks: Iterable[Floats], period: float, longest: float) -> Bursts | None:
-    """Return the bursts in which rows arrive, for instance after a radio collects rows; None if none."""
+    """Return the bursts in which rows arrive, for instance from a radio, or None if there are none."""
     places: list[Ints] = []
     found: list[Floats] = []
     count, total = 0, 0.0

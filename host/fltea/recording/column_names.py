@@ -32,7 +32,9 @@ _NO_SENSOR = r"(?!(?:avg|bias|cov|err|max|mean|min|std|var)\d)"
 _PREFIX = r"field|raw|data|sensor|board|device|motion|scaled|highres|imu|shimmer(?:_[\da-f]+)*"
 _PREFIX += rf"|{_NO_SENSOR}[a-z]{{2,7}}\d+[a-z]{{0,4}}\d*"
 _BEFORE = rf"(?:(?:{_PREFIX})_)*"
-"""Words before an axis that name a sensor, such as imu0 or lsm6dsox; std0 names none."""
+"""Matches words before an axis that name a sensor, such as imu0 or lsm6dsox. The word std0 names no
+sensor.
+"""
 
 _SORT = r"(?:_(?:raw|data|cal|calibrated|uncalibrated|uncal|scaled|adc|unfilt|smooth|ln|wr))*"
 _GYRO = "gyroscopes?|gyros?|gyr|(?:gyro_)?rotation_?rate|gyro_rotation|rot_?rate|w_rs_s|avel|omega"
@@ -45,14 +47,14 @@ def _axis(words: str) -> re.Pattern[str]:
 
 
 def _sensor(words: str, letters: str) -> re.Pattern[str]:
-    """Compile a pattern for axes before or after the words of a sensor, or after one of `letters`."""
+    """Compile a pattern for names with an axis before or after one of `words`, or after one of `letters`."""
     behind, before = rf"(?:{words})\d?{_SORT}_?(?P<x>[xyz])", rf"(?P<before>[xyz])_?(?:{words})"
     return _axis(rf"{behind}|{before}|[{letters}]_?(?P<bare>[xyz])")
 
 
 _GYRO_AXIS, _ACCEL_AXIS = _sensor(_GYRO, "gw"), _sensor(_ACCEL, "a")
 _BARE_AXIS = _axis("(?:(?:as|axis|rate|rotation)_?)?(?P<x>[xyz])")
-"""Names of axes that need a unit to be rates or accelerations. WitMotion calls an angular rate AsX."""
+"""Matches names of axes that are rates or accelerations only by their unit. WitMotion calls a rate AsX."""
 
 _TIME = re.compile(rf"{_TIMES}|{_BEFORE}(?:(?:{_OF_CLOCK})_)*(?:{_OF_TIME})(?:_formatted)?(?:_unix)?{_SORT}")
 _SECONDS = re.compile(r"(.*?)_?(?:secs?|seconds|s)")
@@ -76,16 +78,18 @@ _INDICES = {"0", "1", "2"}
 _CLOCKS = re.compile(
     r"\b(?:utc|gmt|local|unix|epoch|gps|tow|tai|iso|txt|text|string|datetime|date|time)\b|^[+-]\d|yyyy"
 )
-"""Words in brackets after the name of a time that state a clock or a format, and no unit."""
+"""Matches words in brackets after the name of a column of times that state a clock or a format, not a
+unit.
+"""
 
 _BODY_AXES = ("x", "y", "z"), ("p", "q", "r"), ("roll", "pitch", "yaw")
-"""Names of angular rates about body axes, as used in aviation and for vehicles."""
+"""Names of the three angular rates, of which two sets are usual in aviation and for vehicles."""
 
 _NOT_MEASURED = re.compile(
     "(?:.*_)?(?:bias|offset|std|stdev|sigma|var|variance|cov|err|error|noise|target|desired|des|setpoint|sp|ref"
     "|reference|cmd|command|demand|mean|avg|max|min|est|estimated|truth|gt|filtered|filt|lpf)(?:_.*)?"
 )
-"""Names of rates that come from a filter or another sensor, not from a gyroscope alone."""
+"""Matches names of rates that come from a filter or another sensor, not from a gyroscope alone."""
 
 
 class _Name(NamedTuple):
@@ -141,7 +145,11 @@ def time_unit_of(name: str) -> TimeUnit | None:
 
 
 def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times in a name and its multiple; minutes and longer units must be unmistakable."""
+    """Return the unit of times in a name, and the multiple of it that 1 stands for.
+
+    Abbreviations of minutes and longer units count only if they stand as a unit, since they may mean other
+    things.
+    """
     found = _parts(name)
     if found.unit:
         return time_scale(found.unit)
@@ -150,14 +158,14 @@ def time_scale_of(name: str) -> tuple[TimeUnit, float] | None:
 
 
 def counts_unknown(name: str, unit: str) -> str:
-    """Return the unit of times that the name or the file states if fltea does not know this unit, else ""."""
+    """Return the unit of times that a name or the file states if fltea does not know it; else return ""."""
     stated = (unit or unit_in(name)).strip()
     is_clock = ":" in stated or _CLOCKS.search(stated.lower())
     return "" if not stated or is_clock or time_scale(stated) or time_scale_of(name) else stated
 
 
 def rate_unit_of(name: str) -> str | None:
-    """Return the unit of angular rates that a name states, as `units.PER_UNIT` names it, or None."""
+    """Return the unit of angular rates that a name states, as a key of `units.PER_UNIT`, or None."""
     return rate_unit(_parts(name).unit)
 
 
@@ -167,7 +175,7 @@ def accel_unit_of(name: str) -> float | None:
 
 
 def is_time(name: str) -> bool:
-    """Return whether a name is that of a column of times; `times_in` decides about a column T."""
+    """Return whether a name is that of a column of times. For the name T, `times_in` decides."""
     found = _parts(name)
     if is_physical(found.unit) and time_scale(found.unit) is None:
         return False
@@ -180,13 +188,16 @@ def is_time(name: str) -> bool:
 
 
 def times_in(names: Sequence[str]) -> list[str]:
-    """Return the names of columns of times. T may be a temperature, so it counts only if it is alone."""
+    """Return the names of columns of times.
+
+    T may be a temperature, so a column T counts only if there is no other.
+    """
     found = [name for name in names if is_time(name)]
     return [name for name in found if name.strip() != "T"] or found
 
 
 def tells_sensors(name: str) -> bool:
-    """Return whether a column of this name distinguishes sensors, provided that its values differ."""
+    """Return whether a column of this name distinguishes sensors, provided that it has several values."""
     words = _plain(name) if len(name) <= LONGEST_NAME else ""
     return (
         _plain(name.rpartition(".")[2]) in _SENSORS
@@ -200,7 +211,7 @@ def states_units(name: str) -> bool:
 
 
 def split_seconds(names: Sequence[str]) -> dict[int, tuple[int, float]]:
-    """Return columns of whole seconds, each with the column and the unit [s] of its fraction."""
+    """Return, for each column of whole seconds, the column of their fractions and this column's unit [s]."""
     parts: dict[int, tuple[int, float]] = {}
     bases = {}
     for place, name in enumerate(names):
@@ -250,7 +261,7 @@ def accel_axis_of(name: str, unit: str = "") -> str | None:
 def _axis_in(name: str, unit: str, axis: re.Pattern[str], kind: Callable[[str], object]) -> str | None:
     """Return the axis in a name, or None if its unit contradicts.
 
-    If the unit is one of this quantity, a mere `x` is an axis, too.
+    If the unit is one of angular rates or accelerations, as `kind` tells, the name `x` alone is an axis, too.
     """
     parts = _parts(name)
     stated = _stated(parts, unit)

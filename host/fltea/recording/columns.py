@@ -27,18 +27,16 @@ NOTHING = Facts()
 class Chosen:
     """The columns to read, as indices from 0, and their units.
 
-    `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis.
-    `units`: unit of the rates in the notation of `--units`; `factor`, `lsb`: results of `parse_units` for
-    this unit.
-    `time`: column of times, None if there is none; `time_unit`: unit of the times, None if unknown;
-    `time_factor`: multiple of this unit that 1 stands for.
-    `fine`: column with fractions that are added to whole seconds; `fine_s`: unit of this column [s].
-    `accel`: columns of the accelerometer's axes x, y, z, or empty; `accel_ms2`: unit of these columns [m/s²].
-    `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
-    `sensor`: column that distinguishes sensors, and the value of the sensor to read, None if there is only
-    one value.
-    `turn`: index of the sensor to read among alternating sensors, and the number of these sensors.
-    `answers`: the choices so far, each with its evidence. `notes`: warnings for the user.
+    `gyro`: columns of the axes; `axes`: the letter x, y or z of each axis. `units`: unit of the rates in the
+    notation of `--units`; `factor`, `lsb`: results of `parse_units` for this unit. `time`: column of times,
+    None if there is none; `time_unit`: unit of the times, None if unknown; `time_factor`: multiple of this
+    unit that 1 stands for. `fine`: column with fractions that are added to whole seconds; `fine_s`: unit of
+    this column [s]. `accel`: columns of the accelerometer's axes x, y, z, or empty; `accel_ms2`: unit of
+    these columns [m/s²]. `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the
+    user states it. `sensor`: column that distinguishes sensors, and the value of the sensor to read, None if
+    there is only one value. `turn`: index of the sensor to read among sensors whose rows alternate, and the
+    number of these sensors. `answers`: the choices so far, each with its evidence. `notes`: warnings for the
+    user.
     """
 
     names: list[str]
@@ -104,7 +102,7 @@ class Chosen:
 
     @cached_property
     def read(self) -> list[str]:
-        """The names of the columns that are read."""
+        """Names of the columns that are read."""
         return [self.names[place] for place in self.places]
 
 

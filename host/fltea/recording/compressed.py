@@ -30,14 +30,17 @@ PACKERS: dict[bytes, tuple[Any, str]] = {
     b"BZh": (bz2.open, "bzip2 -dk {}"),
     b"\xfd7zXZ": (lzma.open, "xz -dk {}"),
 }
-"""Function that opens compressed data and command that decompresses it, by the first bytes of a file."""
+"""For the first bytes of a file: the function that opens the compressed data, and the decompressing
+command.
+"""
 
 DAMAGE = (OSError, ValueError, zlib.error, lzma.LZMAError, zipfile.BadZipFile, NotImplementedError)
 """Errors that libraries raise for damaged data; an archive with a password raises RuntimeError."""
 
 LIKELY = ("gyro", "imu", "raw data", "angular", "rotation")
-"""Words in the names of files that hold gyroscope data, the best hint first; phone apps write one file per
-sensor."""
+"""Words in the names of files that hold gyroscope data, the most telling word first. Phone apps write one
+file per sensor.
+"""
 
 BESIDE = ("meta", "__macosx", "readme", "license")
 """Words in the paths of files that hold no gyroscope data."""

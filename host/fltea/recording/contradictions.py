@@ -19,10 +19,10 @@ from fltea.records.units import STANDARD_GRAVITY_MS2
 from fltea.settings.how import TimeUnit
 
 MOST_OFFSET_DPS = 5.0
-"""Largest usual offset at rest [deg/s]; offsets near 1 deg/s could be confused with gravity in g."""
+"""Largest offset at rest that is usual [deg/s]. Smaller numbers near 1 are not taken for gravity in g."""
 
 FEWEST_STEPS = 8
-"""Fewest steps of two clocks that are compared with each other."""
+"""Fewest steps between times from which two clocks are compared."""
 
 
 def check_clock(
@@ -90,7 +90,7 @@ def _compare_clocks(choice: Choice, time: int, unit_s: float | None, fine: int |
             other_s = unit_s
         if other_s is not None and unit_s is not None:
             ratio = found * other_s / unit_s
-        else:  # unknown units: a factor of a power of 1000 is taken as the ratio of the units
+        else:  # the units are unknown: a power of 1000 in the ratio is taken as the ratio of the units
             ratio = found / 1000 ** round(math.log(found, 1000))
         if abs(ratio - 1) > SAME_RATE:
             what = f"which clock is right: {listed([names[time], name])} differ by a factor of {ratio:.4g}"
@@ -105,7 +105,7 @@ def _of_dialect(choice: Choice) -> list[str]:
 
 
 def _runs_as(times: Floats, others: Floats) -> float | None:
-    """Return the ratio of the steps of `times` to those of `others`; None if one of them is uneven."""
+    """Return the ratio of the steps of `times` to those of `others`; None if the ratio is not constant."""
     steps, ahead = np.diff(times), np.diff(others)
     known = np.isfinite(steps) & np.isfinite(ahead) & (ahead > 0)
     if known.sum() < FEWEST_STEPS:
@@ -158,7 +158,7 @@ def check_gravity(
 
 
 def _check_alone(choice: Choice, gyro: Sequence[int], values: Floats, dps: float) -> None:
-    """Raise UsageError if columns that only the user calls rates have the length of gravity."""
+    """Raise UsageError if columns have the length of gravity and only the user says that they are rates."""
     names = [choice.names[place] for place in gyro]
     is_stated = any(rate_unit_of(choice.names[p]) or rate_unit(choice.units[p]) for p in gyro)
     measured = candidates.gravity_units(values) if len(gyro) == 3 and not is_stated else []

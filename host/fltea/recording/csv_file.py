@@ -28,7 +28,7 @@ def open_csv(
 ) -> Stored:
     """Read a gyroscope's columns from a text file in one pass, as `TextReader` reads live text.
 
-    `file`: the open file, if the caller has opened it. `head`: lines elsewhere in the file that describe
+    `file`: the open file, if the caller has opened it. `head`: lines from elsewhere in the file that describe
     these columns.
 
     Raises:

@@ -1,7 +1,4 @@
-"""Dialects: the forms in which loggers write their files. `dialects.toml` lists them.
-
-They are recognised here.
-"""
+"""Recognises the dialect of a file: the form in which a certain logger writes. `dialects.toml` lists them."""
 
 import math
 import re
@@ -23,7 +20,7 @@ from fltea.recording.wanted import NUMBER
 from fltea.records.units import STANDARD_GRAVITY_MS2
 
 _SHARED = re.compile(r"(?:.*[\s._/:-])?")
-"""Matches the longest beginning of a name that ends at the end of a word."""
+"""Matches the longest beginning of a name that ends where a word ends."""
 
 
 # Over 12 attributes: each is one key of a row of dialects.toml.
@@ -47,21 +44,17 @@ class Dialect(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     The dialect states the facts below. A column is given by a regular expression for its whole name, or by
     its position from 1.
 
-    `gyro`: columns of the axes x, y, z; several such triples, the best first.
-    `gyro_unit`: unit of these columns in the notation of `--units`; "" if the names or a row of units state
-    it.
-    `gyro_scale`: name of a factor for these columns, which the head gives as `NAME,NUMBER`.
-    `ask_unit`: possible units, each with the case in which it applies, if the file cannot tell the unit.
-    `accel`, `accel_unit`, `accel_scale`: the same three facts for the accelerometer.
-    `time`: columns of times, the best first; in `A+B`, A holds seconds and B the nanoseconds to add.
-    `time_unit`: s, ms, us or ns; `time_ticks`: multiple of this unit; `time_scale`: name of a factor for
-    times that the head gives.
-    `convention`: whether other loggers use the same names with other units, so that the numbers are checked.
-    `rate`: regular expression for the head, whose first group is the sampling rate [Hz].
-    `sensor`: column that distinguishes several sensors.
-    `no_time`: columns that hold no times, whatever their names suggest.
-    `unread`: reason why the file holds no data of a gyroscope.
-    `note`: warning for the user.
+    `gyro`: columns of the axes x, y, z; several such triples, the best first. `gyro_unit`: unit of these
+    columns in the notation of `--units`; "" if the names or a row of units state it. `gyro_scale`: name of a
+    factor for these columns, which the head gives as `NAME,NUMBER`. `ask_unit`: possible units, each with the
+    case in which it applies, if nothing in the file shows the unit. `accel`, `accel_unit`, `accel_scale`: the
+    same three facts for the accelerometer. `time`: columns of times, the best first; in `A+B`, A holds
+    seconds and B the nanoseconds to add. `time_unit`: s, ms, us or ns; `time_ticks`: multiple of this unit;
+    `time_scale`: name of a factor for times that the head gives. `convention`: whether other loggers use the
+    same names with other units, so that the numbers are checked. `rate`: regular expression for the head,
+    whose first group is the sampling rate [Hz]. `sensor`: column that distinguishes several sensors.
+    `no_time`: columns that hold no times, whatever their names suggest. `unread`: reason why such a file
+    holds no gyroscope data, for dialects that are recognised and not read. `note`: warning for the user.
     """
 
     name: str
@@ -104,9 +97,9 @@ def dialects() -> tuple[Dialect, ...]:
 
 
 MOST_NAMES = 1000
-"""Most columns of a file that is compared with the dialects.
+"""Largest number of columns with which a file is compared with the dialects.
 
-More columns are not compared, since each name is compared with each dialect, which takes time.
+Each name is compared with each dialect, which would take too long for more columns.
 """
 
 GRAVITY_TOLERANCE = 0.05
@@ -116,13 +109,12 @@ GRAVITY_TOLERANCE = 0.05
 class Facts(NamedTuple):
     """What a file states in addition to the names of its columns.
 
-    `head`: the lines before the column names. `file`: name of the file.
-    `rates`: stated sampling rates [Hz], by the source of each, such as `imu.fs`.
-    `sample`: function that returns the first rows of all columns (n, width), NaN where there is no number.
-    `units_from`: evidence and source of the units of the columns.
-    `beside`: names that other lines of the text give to their numbers, as boards write them.
-    `cells`: function that returns the texts in a column, given its index, in the same first rows.
-    `changed`: columns whose numbers may need a further scale or offset, each with a text about it.
+    `head`: the lines before the column names. `file`: name of the file. `rates`: stated sampling rates [Hz],
+    by the source of each, such as `imu.fs`. `sample`: function that returns the first rows of all columns (n,
+    width), NaN where there is no number. `units_from`: evidence and source of the units of the columns.
+    `beside`: names by which other lines of the text label their numbers, as boards print them. `cells`:
+    function that returns the texts in a column, given its index, in the same first rows. `changed`: columns
+    whose numbers may need a further scale or offset, each with a text about it.
     """
 
     head: str = ""
@@ -135,7 +127,7 @@ class Facts(NamedTuple):
     changed: Mapping[str, str] = MappingProxyType({})
 
     def number(self, name: str) -> float | None:
-        """Return the number that the head gives for a name, as in `tscale,0.001`.
+        """Return the number that the lines in `head` give for a name, as in `tscale,0.001`.
 
         The result is None if there is no such line.
         """
@@ -145,13 +137,13 @@ class Facts(NamedTuple):
 
 @cache
 def _of_kind(by_names: bool) -> list[Dialect]:
-    """Return the dialects that are recognised by column names, or else the other dialects."""
+    """Return the dialects that are recognised by column names, or those that are recognised without them."""
     return [one for one in dialects() if bool(one.names) == by_names]
 
 
 @cache
 def _a_first_name() -> re.Pattern[str]:
-    """Return a pattern that matches the first name of any dialect; it quickly rejects most lines."""
+    """Return a pattern of the first of each dialect's `names`, which quickly rejects most lines."""
     return re.compile("|".join(f"(?:{one.names[0]})" for one in dialects() if one.names))
 
 
@@ -172,7 +164,7 @@ def may_be_of_a_dialect(names: Sequence[str]) -> bool:
 
 
 def names_kinds(line: str) -> bool:
-    """Return whether a line belongs to the head of a dialect with rows of several kinds."""
+    """Return whether a line stands before the rows of a dialect that has rows of several kinds."""
     return any(re.search(pattern, line) for one in dialects() if one.tag for pattern in one.head)
 
 
@@ -203,7 +195,7 @@ def _has_gravity(one: Dialect, facts: Facts) -> bool:
 
 
 def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str = "") -> tuple[int, ...]:
-    """Return the columns of the first triple of patterns for which each axis has one column, or empty.
+    """Return the columns of the first triple of patterns that gives each axis one column, or empty.
 
     `near`: beginning of the sensor's column names; of several sensors' columns, those with this beginning are
     used.
@@ -217,7 +209,7 @@ def columns_of(triples: Sequence[Sequence[str]], names: Sequence[str], near: str
 
 
 def nearest(places: Sequence[int], names: Sequence[str], near: str) -> list[int]:
-    """Return those of the columns `places` whose names share the longest beginning with `near`."""
+    """Return the columns among `places` whose names share the longest beginning with `near`."""
     alike = {place: _shared(names[place], near) for place in places}
     return [place for place in places if alike[place] == max(alike.values())]
 

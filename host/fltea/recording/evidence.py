@@ -1,4 +1,4 @@
-"""Answers the questions about columns in order, each with its evidence, and lists the missing facts."""
+"""Finds which columns hold what, and in which units, with the evidence for each; lists the missing facts."""
 
 import math
 import re
@@ -36,7 +36,7 @@ from fltea.settings.how import How, TimeUnit
 
 PREFERRED_TIMES = (
     lambda name: name == "seconds_elapsed",  # phones write elapsed seconds in addition to the time of day
-    lambda name: name.endswith("header.stamp"),  # this name is from `rostopic echo -p`
+    lambda name: name.endswith("header.stamp"),  # `rostopic echo -p` writes this name
     lambda name: name not in ("date", "datum"),  # a file may have a date in addition to a time of day
 )
 """Rules that choose between several columns of times; the first rule that a column satisfies decides."""
@@ -45,11 +45,14 @@ _TWO_FIELDS = re.compile(r"(\d+)\+(\d+)")
 """Matches the positions of two columns: one of whole seconds, and one of nanoseconds."""
 
 ENOUGH = 10
-"""Number of rows without a number in a column from which the column counts as empty."""
+"""A column counts as empty if it holds no number in this many rows."""
 
 
 class Choice:
-    """The answers so far, and the missing facts. `labels`: names by which the user may call the columns."""
+    """The answers about a file's columns so far, and the facts that are still missing.
+
+    `labels`: names by which the user may call the columns.
+    """
 
     def __init__(
         self,
@@ -79,7 +82,7 @@ class Choice:
         self.answers.append(Answer(question, value, evidence, why))
 
     def state_units(self) -> None:
-        """Take units from columns of texts that state the same unit in every row."""
+        """Take units of columns from columns of texts that state the same unit in every row."""
         columns = {
             name: {*self.facts.cells(k)} - {""} for k, name in enumerate(self.names) if states_units(name)
         }
@@ -89,7 +92,7 @@ class Choice:
         self.units = [unit or units.get(name, "") for name, unit in zip(self.names, self.units, strict=True)]
 
     def first_rows(self) -> Floats | None:
-        """Return the first rows (n, width) of all columns; None if rows of some columns are not available."""
+        """Return the numbers in the first rows (n, width), or None if some columns are not available."""
         values = self.facts.sample()
         return values if values.ndim == 2 and values.shape[1] == len(self.names) else None
 
@@ -127,9 +130,9 @@ class Choice:
                 )
 
     def scale(self, name: str) -> float | None:
-        """Return the factor that the head gives for `name`, or 1 if `name` is empty.
+        """Return the factor that the lines before the column names give for `name`; 1 if `name` is empty.
 
-        The result is None if the head gives no positive number.
+        The result is None if these lines give no positive number.
         """
         scale = self.facts.number(name) if name else 1.0
         return scale if scale is not None and math.isfinite(scale) and scale > 0 else None
@@ -228,7 +231,7 @@ class Choice:
         return step if is_even else None
 
     def _time_column(self, gyro: Sequence[int]) -> tuple[int | None, bool]:
-        """Return the column of times, and whether the dialect states the unit of these times."""
+        """Return the column of times (None if there is none), and whether the dialect states its unit."""
         names = self.names
         dialect, near = self.dialect, common_beginning([names[place] for place in gyro])
         of_dialect = [
@@ -290,7 +293,7 @@ class Choice:
         return rate_hz
 
     def _has_times_beside_columns(self) -> bool:
-        """Return whether the axes are unknown, and columns of times may give the rate once they are known."""
+        """Return whether the user is asked for the axes, and a column of times may then give the rate."""
         is_asked = any(one.option.startswith("--columns") for one in self.missing)
         return is_asked and any(is_time(name.rpartition(".")[2]) for name in self.names)
 
@@ -323,7 +326,7 @@ class Choice:
 
 
 def axes_of(names: Sequence[str], units: Sequence[str] = ()) -> dict[str, int]:
-    """Return the columns of the axes x, y, z; empty if two columns have the same axis.
+    """Return the columns of the axes x, y, z by their names; empty if two columns have the same axis.
 
     fltea's own names have priority over the names that other programs use. If no name is that of a gyroscope,
     columns are used whose names differ only in the axis and whose unit is an angular rate. `units`: unit of

@@ -19,11 +19,10 @@ from fltea.records.errors import UsageError
 
 TIME_COLUMN = "time_s"
 LARGEST_DPS = 1e6
-"""Largest accepted rate, far above any gyroscope's. A larger number shows a wrong unit, and its square
-overflows."""
+"""Largest accepted angular rate [deg/s], far above any gyroscope's. A larger number shows a wrong unit."""
 
 LONGEST_NAME, MOST_NAMES = 60, 30
-"""Longest name and most names from a file that a message shows."""
+"""Longest name [characters], and most names, that a message shows from a file."""
 
 LARGEST_COUNT, LARGEST_NUMBER = 2.0**31, 2.0**53
 """Largest count of a sensor's register, and largest whole number that a float represents exactly."""
@@ -37,13 +36,11 @@ AT_ONCE = 8192
 class Recording(NamedTuple):
     """Samples of a gyroscope at rest.
 
-    `gyro`: (n, axes) in counts if `lsb_per_dps` is given, else in deg/s.
-    `accel`: (n, 3) in counts, or None; `accel_lsb_per_g`: counts in 1 g. `accel_ms2`: (n, 3) in m/s², or
-    None.
-    `device_s`: (n,) time of each sample by the device's clock [s].
-    `host_s`: (n,) arrival times by the host's clock [s], or None if they were not recorded.
-    `seq`: (n,) sequence number of each sample; None: the times give the numbers. `epoch`: (n,) number of the
-    epoch (the samples between two restarts) that each sample belongs to.
+    `gyro`: (n, axes) in counts if `lsb_per_dps` is given, else in deg/s. `accel`: (n, 3) in counts, or None;
+    `accel_lsb_per_g`: counts in 1 g. `accel_ms2`: (n, 3) in m/s², or None. `device_s`: (n,) time of each
+    sample by the device's clock [s]. `host_s`: (n,) arrival times by the host's clock [s], or None if they
+    were not recorded. `seq`: (n,) sequence number of each sample; None: the numbers follow from the times.
+    `epoch`: (n,) number of the epoch (the samples between two restarts) that each sample belongs to.
     """
 
     gyro: NDArray[np.float64]
@@ -59,7 +56,7 @@ class Recording(NamedTuple):
 
 
 class Note(NamedTuple):
-    """A warning for the user of a recording. `kind`: kind of the `error` record that reports it."""
+    """A warning for the user about a recording. `kind`: kind of the `error` record that reports it."""
 
     kind: str
     text: str
@@ -68,12 +65,11 @@ class Note(NamedTuple):
 class Stored(NamedTuple):
     """A recording that was checked as a whole and is read in blocks of rows.
 
-    `blocks`: function that yields all rows; each call starts at the first row again.
-    `start_unix_ns`: Unix time of the beginning [ns], 0 if unknown.
-    `about`: further description, for people.
-    `topic`: topic of a bag that was read, "" for other files.
-    `reading`: the answers (columns, units, rate) by which the file was read, each with its evidence.
-    `axes`: x, y or z for each gyroscope column; if empty, the columns are x, y, z in this order.
+    `blocks`: function that yields all rows; each call starts at the first row again. `start_unix_ns`: Unix
+    time of the beginning [ns], 0 if unknown. `about`: further description of the recording, for people.
+    `topic`: topic of a bag that was read, "" for other files. `reading`: the answers (columns, units, rate)
+    by which the file was read, each with its evidence. `axes`: x, y or z for each gyroscope column; if empty,
+    the columns are x, y, z in this order.
     """
 
     samples: int
@@ -99,7 +95,7 @@ class Stored(NamedTuple):
 
 
 def check_span(path: Path, rate_hz: float, samples: int, span_s: float) -> None:
-    """Raise UsageError for an impossible sampling rate or duration."""
+    """Raise UsageError if a recording's sampling rate or duration is impossible."""
     if not LOWEST_RATE_HZ <= rate_hz <= HIGHEST_RATE_HZ or span_s > LONGEST_S:
         raise UsageError(
             f"{path}: a rate of {rate_hz:.6g} Hz is no gyroscope's ({samples} samples over {span_s:.3g} s)."

@@ -18,7 +18,9 @@ Kind = str
 """A key of `FORMATS`."""
 
 ALL = ("columns", "units", "rate_hz", "time_column", "time_unit", "topic", "accel_units", "overrule")
-"""Fields of `How` (the user's options about a file) that describe columns; a format may allow all of them."""
+"""All fields of `How` (the user's options about a file) that describe columns. Some formats allow them
+all.
+"""
 
 ZIP = b"PK\x03\x04"
 
@@ -28,14 +30,13 @@ class Format(NamedTuple):
     """A file format that fltea reads.
 
     `title`: name for people. `guide`: description in the guide. `suffixes`: endings of file names.
-    `is_certain`: whether a file with such an ending has this format even if it begins with none of `magic`.
-    `corpus`: example files in `tests/recording/corpus`, each with the options that read it.
-    `magic`: possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows
-    this format.
-    `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`: function that reads
-    a path and a topic in a reader process, as MODULE:FUNCTION.
-    `library`, `extra`: library that the reader needs, and the extra that installs it.
-    `options`: fields of `How` that the user may set. `pipe`: whether the recording may come through a pipe.
+    `is_certain`: whether a file whose name has such an ending has this format even if it begins with none of
+    `magic`. `corpus`: example files in `tests/recording/corpus`, each with the options that read it. `magic`:
+    possible first bytes, which no other format has. `member`: file in an archive (.zip) that shows this
+    format. `opener`: function that reads the file in this process, as MODULE:FUNCTION. `reader`: function
+    that reads a path and a topic in a reader process, as MODULE:FUNCTION. `library`, `extra`: library that
+    the reader needs, and the extra that installs it. `options`: fields of `How` that the user may set for
+    this format. `pipe`: whether such a recording may come through a pipe.
     """
 
     title: str
@@ -244,10 +245,9 @@ FORMATS: Mapping[Kind, Format] = MappingProxyType(
 class Unread(NamedTuple):
     """A file format that is recognised, so that the message can give advice, and not read.
 
-    `what`: name of the format, and advice. `command`: command that converts the file, with {path}. `guide`:
-    name of the format in the guide.
-    `magic`: bytes at the offset `at`. `member`: file in an archive (.zip) that shows the format. `corpus`:
-    example file.
+    `what`: name of the format, and advice. `command`: command that converts the file, with {path} for the
+    file's path. `guide`: name of the format in the guide. `magic`: bytes that such a file has at the offset
+    `at`. `member`: file in an archive (.zip) that shows the format. `corpus`: example file.
     """
 
     what: str
@@ -326,17 +326,17 @@ UNREAD = (
 )
 
 KINDS: Mapping[str, Kind] = {suffix: kind for kind, one in FORMATS.items() for suffix in one.suffixes}
-"""Format by ending. For .mcap files and folders, the content decides whether ROS or fltea wrote them."""
+"""Format for each ending of a file's name. Content decides whether an .mcap file is from ROS or fltea."""
 
 MAGIC: Mapping[bytes, Kind] = {begin: kind for kind, one in FORMATS.items() for begin in one.magic}
 
 ENDINGS = f"text ({', '.join(FORMATS['csv'].suffixes)}), packed or not; " + ", ".join(
     suffix for suffix, kind in KINDS.items() if kind not in ("csv", "packed")
 )
-"""Endings of files that are read, for help texts."""
+"""Endings of the names of files that are read, for help texts."""
 
 
 def loaded(name: str) -> Any:
-    """Import the module and return its attribute, for `name` in the form MODULE:ATTRIBUTE."""
+    """Import a module and return an attribute of it. `name`: MODULE:ATTRIBUTE."""
     module, _, function = name.partition(":")
     return getattr(importlib.import_module(module), function)

@@ -1,4 +1,4 @@
-"""Groups of columns, which the columns' names show: `left.gyro_x` is in the group `left`."""
+"""Finds groups of columns by the columns' names: `left.gyro_x` is in the group `left`."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -6,7 +6,7 @@ from fltea.recording.column_names import accel_axis_of, axis_of, is_time
 from fltea.recording.files import LONGEST_NAME
 
 DEEPEST = 4
-"""Most groups around a column that are examined."""
+"""Largest number of nested groups around a column that are examined."""
 
 
 def group_of(name: str) -> str:
@@ -54,9 +54,10 @@ def tells_gyroscope(group: str) -> bool:
 
 
 def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
-    """Return groups of other sensors with their own times, provided that the groups `of` have times too.
+    """Return the groups other than `of` that hold a sensor and its own times.
 
-    The rows of such a group cannot be matched with the rows of `of`.
+    The rows of such a group cannot be matched with the rows of `of`. The result is empty if `of` has no
+    times.
     """
     times = {group_of(name) for name in names if is_time(name.rpartition(".")[2])}
     if not times & {*of, ""}:
@@ -73,7 +74,7 @@ def with_clocks(names: Sequence[str], of: Sequence[str]) -> list[str]:
 def short_names(
     names: Sequence[str], of: Sequence[str], fixed: Mapping[int, str], keep: Sequence[int]
 ) -> dict[int, str]:
-    """Return short names of columns, relative to the groups `of` (innermost group first), by column index.
+    """Return names of columns without the names of the groups `of` (innermost group first), by column index.
 
     `fixed`: names that stay unchanged. `keep`: columns that get short names. If short names are equal, only
     the column in the nearest group gets the name.

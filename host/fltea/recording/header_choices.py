@@ -1,7 +1,7 @@
 """Stores the columns chosen for each header of a text, so that a repeated header costs no time.
 
-Choosing columns, units and sensor takes milliseconds. Without this store, a sender that prints its header
-before each row would cost this time for every row.
+A header is a line with the names of the columns. Choosing columns, units and sensor takes milliseconds.
+Without this store, a sender that prints its header before each row would cost this time for every row.
 """
 
 from collections.abc import Callable, Hashable
@@ -10,7 +10,7 @@ from fltea.recording.columns import Chosen
 from fltea.records.errors import UsageError
 
 MOST = 64
-"""Most different headers of a text that has had a row; for further headers, no columns are chosen."""
+"""Most different headers (lines with column names) of a text for which columns are chosen."""
 
 
 class Choices:
@@ -22,7 +22,7 @@ class Choices:
     def of(self, header: Hashable, choose: Callable[[], Chosen], *, had_rows: bool = True) -> Chosen:
         """Return the columns for a header; they are chosen only when the header appears for the first time.
 
-        `had_rows`: whether the text has had rows already, so that it can be read without this header.
+        `had_rows`: whether rows were read before, so that the limit on different headers applies.
 
         Raises:
             UsageError: the columns cannot be chosen, or there are too many different headers.

@@ -24,13 +24,13 @@ FEWEST_ROWS = 2
 
 TEXTS = "csv", "ndjson", "json"
 OURS, ARRAY = re.compile(rb'\{\s*"class"'), re.compile(rb"\[\s*\{")
-"""Match the beginnings of fltea's own NDJSON, and of a JSON array of objects."""
+"""Match the beginning of fltea's own NDJSON, and the beginning of a JSON array of objects."""
 
 
 class Opened(NamedTuple):
-    """A recording other than fltea's MCAP. `file`: a pipe at its beginning.
+    """Format of a recording other than fltea's MCAP, and the recording as a file object if it is a pipe.
 
-    The result is None if the path is to be opened.
+    `file`: the open pipe, at its beginning; None: the path can be opened.
     """
 
     kind: Kind
@@ -38,9 +38,9 @@ class Opened(NamedTuple):
 
 
 def is_one_file(path: Path) -> bool:
-    """Return whether a path is one recording by itself.
+    """Return whether a path is a whole recording.
 
-    The MCAP files of an fltea session belong together.
+    An MCAP file of fltea is not, since all files of a session belong together.
     """
     if path.is_dir():
         return is_bag_folder(path)
@@ -65,7 +65,7 @@ def is_stream(path: Path) -> bool:
 
 
 def is_of_this_process(path: Path) -> bool:
-    """Return whether a path, such as /dev/stdin, may mean something else in another process."""
+    """Return whether a path, such as /dev/stdin, may mean another file in another process."""
     return is_stream(path) or path.is_relative_to("/dev") or path.is_relative_to("/proc")
 
 
@@ -134,7 +134,10 @@ def _has_rows(begin: bytes) -> bool:
 
 
 def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
-    """Return the kind of a text: fltea's NDJSON, JSON, or other text. `by_end`: kind by the name's ending."""
+    """Return the kind of a text: fltea's NDJSON, JSON, or other text.
+
+    `by_end`: format by the ending of the file's name.
+    """
     text = begin.removeprefix(BOM).lstrip()
     if OURS.match(text) or (by_end == "ndjson" and not _is_foreign(text)):
         return "ndjson"
@@ -151,7 +154,7 @@ def _kind_of_text(path: Path, begin: bytes, by_end: Kind | None) -> Kind:
 
 def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
     """Return the format of an archive: arrays of numpy, an Excel workbook, or a compressed file."""
-    # the reader of this format reports what is wrong
+    # the reader of this format reports what is wrong with the file
     by_end = "npz" if path.suffix.lower() == ".npz" else "packed"
     try:
         with zipfile.ZipFile(file) as archive:
@@ -173,7 +176,10 @@ def _kind_of_zip(path: Path, file: BinaryIO) -> Kind:
 
 
 def _is_foreign(begin: bytes) -> bool:
-    """Return whether the first line is an object of another program; its keys are then names of columns."""
+    """Return whether the first line is a JSON object of another program.
+
+    Its keys are then names of columns.
+    """
     line, end, _ = begin.partition(b"\n")
     try:
         return bool(end) and "class" not in msgspec.json.decode(line, type=dict[str, Any])

@@ -1,4 +1,4 @@
-"""Joins lines that hold one number each, such as `>gx:1.2`, to one line for each sample."""
+"""Joins lines that each hold one labelled number, such as `>gx:1.2`, to one line for each sample."""
 
 import re
 from typing import NamedTuple
@@ -7,7 +7,7 @@ from fltea.recording.text_labels import COMMA, LONGEST_LABEL
 from fltea.recording.wanted import NUMBER
 
 MOST_LINES = 64
-"""Most lines of one sample; if more lines come before a label repeats, they do not form samples."""
+"""Largest number of lines of one sample. If more lines come before a label repeats, they form no samples."""
 
 _ONE = re.compile(
     rf"\s*(?P<mark>>?)\s*(?P<label>[^\W\d][^:=,;|\t\[\]{{}}\"§]{{0,{LONGEST_LABEL}}}?)\s*[:=]\s*"
@@ -19,7 +19,7 @@ _AXIS = re.compile(r"(?:.*[^\W_]|.*_|)([xyzXYZ])")
 
 
 class _One(NamedTuple):
-    """One line.
+    """One line of the text.
 
     `label`: label of the line, "" if it has no labelled number. `text`: label and number in a common form.
     """
@@ -37,7 +37,7 @@ class LabelLines:
     """
 
     begins = re.compile(rb"^[ \t>]*[^\W\d][^:=\n]{0,80}[:=]", re.M)
-    """Matches a line with a label among other lines."""
+    """Matches the beginning of a line with a label, among other lines."""
 
     def __init__(self) -> None:
         self._order: dict[str, int] = {}
@@ -46,7 +46,7 @@ class LabelLines:
 
     @property
     def holds(self) -> bool:
-        """Whether lines are joined, or are held back until it is known whether they form samples."""
+        """Whether lines are being joined, or are held back until it is known whether they form samples."""
         return self._is_on or bool(self._held)
 
     def take(self, lines: list[str], *, is_known: bool) -> list[str]:
@@ -82,7 +82,7 @@ class LabelLines:
         return found
 
     def _begin(self, one: _One) -> list[str]:
-        """Hold lines back until a label repeats."""
+        """Hold lines back until a label repeats, which shows the lines of one sample."""
         labels = [held.label for held in self._held if held.label]
         is_row = not one.label and _NUMBERS.search(one.line) is not None
         if is_row or len(self._held) > MOST_LINES or labels == [one.label]:
@@ -104,7 +104,10 @@ class LabelLines:
 
 
 def _begins_at(labels: list[str]) -> int:
-    """Return the index in a cycle of labels at which a sample begins: after a z, or else 0."""
+    """Return the index of the label with which a sample begins: after a label of the z axis, or else 0.
+
+    `labels`: labels in order, until they repeat.
+    """
     axes = [found[1].lower() if (found := _AXIS.fullmatch(label)) else "" for label in labels]
     for first in (0, *(k + 1 for k, axis in enumerate(axes) if axis == "z")):
         order = "".join([*axes[first:], *axes[:first]])
@@ -122,7 +125,7 @@ def _one(line: str) -> _One:
 
 
 def _joined(held: list[_One]) -> list[str]:
-    """Return the lines of a sample, with all numbers in the last labelled line."""
+    """Return the lines of a sample, with all its numbers in the last line that has a label."""
     texts = [one.text for one in held if one.label]
     last = max((k for k, one in enumerate(held) if one.label), default=-1)
     return [", ".join(texts) if k == last else "" if one.label else one.line for k, one in enumerate(held)]

@@ -19,25 +19,25 @@ class LineBuffer:
 
     @property
     def begin(self) -> bytes:
-        """The first bytes of the text."""
+        """First bytes of the text."""
         return self._decoder.begin
 
     @property
     def is_cut(self) -> bool:
-        """Whether the last document of a text of several was truncated and left out."""
+        """Whether the text consists of documents, and the last one was truncated and left out."""
         return self._decoder.is_cut
 
     def resume(self, *, within_line: bool) -> None:
-        """Continue after a loss of the sender. `within_line`: as for `TextReader.resume`."""
+        """Continue after the sender was lost and found again. `within_line`: as for `TextReader.resume`."""
         self._decoder.drop()
         self._rest, self._skipping = b"", within_line
 
     def feed(self, data: bytes) -> bytes | None:
-        """Return the lines that end in the next bytes, without the last line end; None if no line ends."""
+        """Return the lines that end in the next bytes, without the last line feed, or None if none ends."""
         return self._whole(self._decoder.feed(data, hold=not self._skipping))
 
     def release(self) -> bytes | None:
-        """Return the lines that end in the bytes held back, as `feed` does, at the end of the text."""
+        """Return, at the end of the text, the lines that end in the bytes held back, as `feed` does."""
         return self._whole(self._decoder.release())
 
     def finish(self) -> bytes:
@@ -46,7 +46,7 @@ class LineBuffer:
         return rest.removesuffix(b"\n")
 
     def drops_too_long(self) -> bool:
-        """Drop a line that has no end within LONGEST_LINE, up to its end; return whether there is one."""
+        """Drop the pending line if it is longer than LONGEST_LINE, and return whether it is."""
         if len(self._rest) <= LONGEST_LINE:
             return False
         self._rest, self._skipping = b"", True

@@ -1,4 +1,4 @@
-"""Counts the lines of a text that are no samples, and numbers those that are or should have been."""
+"""Counts the lines of a text that are not samples, and numbers the lines that were meant as samples."""
 
 from collections import Counter
 from typing import NamedTuple
@@ -19,8 +19,8 @@ class Bad(NamedTuple):
 class BadLines:
     """The lines without a sample.
 
-    `counts`: their number by the reasons in `text_numbers.REASONS` except the last three.
-    `first`, `newest`: first and newest of them.
+    `counts`: number of such lines for each reason in `text_numbers.REASONS`, except the last three reasons.
+    `first`, `newest`: the first and the newest such line.
     """
 
     def __init__(self) -> None:
@@ -30,25 +30,25 @@ class BadLines:
 
     @property
     def left_out(self) -> int:
-        """Number of these lines, counted from the line that made the columns known."""
+        """Number of lines without a sample, counted from the line that made the columns known."""
         return self.counts.total() - self.counts["before_header"]
 
     def add(self, line: int, reason: str, why: str) -> None:
-        """Count a line."""
+        """Count a line without a sample."""
         self.counts[reason] += 1
         self.newest = Bad(line, reason, why)
         if self.first is None or (self.first.reason == "before_header" and reason != "before_header"):
             self.first = self.newest
 
     def copy(self) -> "BadLines":
-        """Return the present state, which further lines do not change."""
+        """Return a copy, which further lines do not change."""
         found = BadLines()
         found.counts, found.first, found.newest = self.counts.copy(), self.first, self.newest
         return found
 
 
 class RowNumbers:
-    """Numbers the samples, and finds where the sender restarted, which repeats the header."""
+    """Numbers the samples, and finds where the sender restarted. After a restart, it repeats the header."""
 
     def __init__(self) -> None:
         self._ordinal = self._since_header = self._page = 0
@@ -59,7 +59,7 @@ class RowNumbers:
         self._begins = True
 
     def lose(self) -> None:
-        """Give a number to a lost sample."""
+        """Give the next number to a lost sample."""
         self._ordinal += 1
 
     def repeat_header(self, rows: int) -> None:

@@ -15,39 +15,43 @@ from fltea.recording.sample_times import EVEN_SHARE, EVENNESS
 Times = NDArray[np.int64]
 
 AROUND = 64
-"""Samples before and after a gap that determine its length; a driver delivers up to this many at once."""
+"""Number of samples before and after a gap from which its length is found. A driver delivers up to as many at
+once.
+"""
 
 LATE = 1.5
 """Steps longer than this many periods are examined as gaps."""
 
 ALIKE = 0.1
-"""Largest step, in periods, at which a stamp repeats the previous stamp; such a stamp may be too early."""
+"""A step shorter than this many periods counts as a repeated stamp, which may be too early."""
 
 SET_BACK = 10
-"""Largest jump backwards, in periods, after which the number of samples is still certain."""
+"""A step backwards by more than this many periods means that the clock was set."""
 
 SET_FORWARD_NS = 1_000_000_000
 """Forward jump of the stamps above which the clock counts as changed if arrival times show no gap [ns]."""
 
 STEPS, MORE = 1000, 1.05
-"""Number of steps over which the rate of batches is measured, and a factor so that batches are no gaps."""
+"""Number of steps over which the mean step of samples in batches is measured, and a factor on it so that
+batches do not count as gaps.
+"""
 
 MOST_PASSES, SAME = 5, 1e-6
-"""Most iterations, and the relative change of the period at which they end."""
+"""Limits of the iteration for the period: most rounds, and the relative change of the period that ends it."""
 
 LEAST_IN_BATCHES = 3
 """Smallest number of lost samples that can be detected if samples come in batches."""
 
 SURE = 100
-"""Largest number of lost samples that is certain although the period is not known exactly."""
+"""Largest number of lost samples in a gap that is certain although the period is not known exactly."""
 
 MANY = 1 << 20
-"""Number of steps that is enough for a median."""
+"""Number of steps that are enough for a median."""
 
 WILD_NS = 60_000_000_000
 """Largest difference between a step of the arrival times and that of the stamps [ns].
 
-If it is larger, the arrival times are not believed.
+If it is larger, the arrival times are not used.
 """
 
 
@@ -55,11 +59,10 @@ class Stamps(NamedTuple):
     """What the time stamps of n samples show.
 
     `period_ns`: sampling period [ns]. `gap_row`, `missing`: rows before which samples were lost, and the
-    number of samples lost there.
-    `epoch_row`: rows before which the clock was set, so that the number of lost samples there is unknown.
-    `uneven`, `alike`, `backward`: numbers of steps that deviate by over a fifth of the period, are 0, or run
-    backwards.
-    `spread_ns`: root mean square deviation of the steps without gaps from the period [ns].
+    number of samples lost before each. `epoch_row`: rows before which the clock was set, so that the number
+    of lost samples there is unknown. `uneven`, `alike`, `backward`: numbers of steps that deviate by over a
+    fifth of the period, are 0, or run backwards. `spread_ns`: root mean square deviation of the steps without
+    gaps from the period [ns].
     """
 
     period_ns: float
@@ -86,7 +89,7 @@ class Stamps(NamedTuple):
 
 
 def even(period_ns: float) -> Stamps:
-    """Return the stamps of samples of which only the sampling period is known."""
+    """Return the `Stamps` of samples of which only the sampling period is known."""
     none = np.empty(0, np.int64)
     return Stamps(period_ns, none, none, none, 0, 0, 0, 0.0)
 
@@ -122,18 +125,18 @@ def judge(times_ns: Times, arrival_ns: Times | None) -> Stamps:
 
 
 def is_uneven(stamps: Stamps, samples: int) -> bool:
-    """Return whether the stamps are less even than those of a device's clock."""
+    """Return whether the steps between stamps are less even than those of a sensor's clock."""
     return stamps.uneven > (1 - EVEN_SHARE) * max(samples - 1, 1)
 
 
 def is_arrival(arrival_ns: Times, sequence: Times, period_ns: float) -> bool:
-    """Return whether arrival times are plausible for samples with these sequence numbers."""
+    """Return whether arrival times are plausible for samples with given sequence numbers."""
     off = np.abs(np.diff(arrival_ns) - np.diff(sequence) * period_ns)
     return bool(len(off) == 0 or off.max() <= WILD_NS)
 
 
 def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
-    """Return the usual step (for batches, the mean step), and whether samples come in batches."""
+    """Return the usual step, and whether samples come in batches. For batches, the step is the mean step."""
     thin = steps[:: -(-len(steps) // MANY)]
     typical = float(np.median(thin))
     far = min(STEPS, max(1, len(steps) // 4))
@@ -146,7 +149,7 @@ def _first_guess(times_ns: Times, steps: Times) -> tuple[float, bool]:
 
 
 def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> Times:
-    """Return rows before which the clock jumped: back, or forward while arrival times show no gap."""
+    """Return the rows before which the clock was set: back, or forward while arrival times show no gap."""
     was_set = steps < -SET_BACK * period_ns
     if arrival_ns is not None:
         arrivals = np.diff(arrival_ns)
@@ -158,7 +161,7 @@ def _clock_was_set(steps: Times, arrival_ns: Times | None, period_ns: float) -> 
 def _gaps(
     times_ns: Times, steps: Times, period_ns: float, epoch_row: Times, in_batches: bool
 ) -> tuple[Times, Times]:
-    """Return rows before which samples were lost, and the number of samples lost before each.
+    """Return the rows before which samples were lost, and the number of samples lost before each.
 
     The true length of a gap follows from the least late samples before and after it. A stamp that repeats the
     previous stamp is ignored, except in batches, where most stamps repeat.
@@ -175,7 +178,7 @@ def _gaps(
         tells[1:] = steps > ALIKE * period_ns
     for row, epoch in zip(late.tolist(), epochs.tolist(), strict=True):
         begin = max(begin, of_epochs[epoch], row - AROUND)
-        if row == of_epochs[epoch]:  # no sample is lost here, since the clock was set
+        if row == of_epochs[epoch]:  # no sample is lost before this row, since the clock was set
             continue
         end = min(row + AROUND, of_epochs[epoch + 1])
         after = times_ns[row:end] - times_ns[row - 1] - ahead[: end - row]

@@ -16,7 +16,7 @@ MOST_LOOKED_AT = 200
 
 
 class NamedLines:
-    """Chooses the columns of lines that name their numbers.
+    """Chooses the columns to read in lines that name their numbers.
 
     `where`: file, for messages. `sample`: function that returns the lines read so far. `facts`: function that
     returns what is known of the file.
@@ -76,7 +76,10 @@ class NamedLines:
         return choose(at, names, units, len(names), self._how, facts)
 
     def _are_meant(self, names: Sequence[str], units: Sequence[str]) -> bool:
-        """Return whether a line has the wanted columns; positions apply to the most common kind of line."""
+        """Return whether a line has the wanted columns.
+
+        Columns that the user gives by position are those of the most common kind of line.
+        """
         if not self._wanted.by_position or self._wanted.is_in(names):
             return self._are_names(names, units)
         lines = self._sample()

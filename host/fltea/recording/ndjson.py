@@ -1,4 +1,4 @@
-"""Reads fltea's own NDJSON output: `hello`, `epoch`, `sample`, `step` and `motion` records in order."""
+"""Reads the records `hello`, `epoch`, `sample`, `step` and `motion` from fltea's own NDJSON output."""
 
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -89,7 +89,7 @@ def _convert(path: Path, number: int, record: dict[str, Any], before: list[Kept]
             check_hello(item)
         elif isinstance(item, Sample):
             _check_sample(item, before)
-    except (ValueError, RecursionError) as error:  # msgspec's ValidationError is one
+    except (ValueError, RecursionError) as error:  # msgspec's ValidationError is a ValueError
         raise UsageError(f"{path}:{number}: is a damaged record ({error}).") from error
     return item
 

@@ -20,8 +20,8 @@ from fltea.settings.limits import DEFAULT_LIMITS, Limits
 def open_npy(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
     """Read an array (n,), (n, columns), or of a type with named fields.
 
-    Without options, an array has up to three columns in addition to the times, and they are the axes. If it
-    has more, `how.columns` must name the axes by their positions from 1.
+    Without options, the columns other than the times are the axes, up to three. If the array has more
+    columns, `how.columns` must name the axes by their positions from 1.
 
     Raises:
         UsageError: the file holds no such array, the unit is unknown, or `open_sheet` refuses the columns.

@@ -83,7 +83,10 @@ class NpzArrays:
 
 
 def _unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo, header: Header) -> NDArray[Any]:
-    """Return an array as a map of a temporary file; its rows are loaded into memory only when used."""
+    """Return an array, decompressed to a temporary file, as a memory map.
+
+    Its rows are loaded into memory only when used.
+    """
     if not math.prod(header.shape):
         return np.empty(header.shape, header.dtype)
     with archive.open(info) as packed, nameless_file() as file:

@@ -31,13 +31,13 @@ BESIDE = ("t_host_s", "accel_raw", "accel_ms2", "time_s", "seq", "epoch")
 """Optional arrays that have a row for each sample."""
 
 LEAST_POSITIVE = 1e-9
-"""Least rate or scale that is accepted: counts that are divided by less are no finite figures."""
+"""Smallest accepted rate or scale. Counts divided by a smaller number might not be finite."""
 NPZ_ARRAYS = ("gyro_raw", "gyro_dps", "fs_hz", "lsb_per_dps", "accel_lsb_per_g", *BESIDE)
 """All arrays that are read; other arrays in a file are ignored."""
 
 
 def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
-    """Open and check a recording with `fs_hz`, and with `gyro_raw` and `lsb_per_dps`, or with `gyro_dps`.
+    """Open and check a recording that has `fs_hz`, and either `gyro_dps` or `gyro_raw` with `lsb_per_dps`.
 
     The following arrays are optional: `t_host_s`; `accel_raw` with `accel_lsb_per_g`; or `accel_ms2`. A
     recording with gaps also has `time_s` (times by the device's clock), `seq` and `epoch`, as `fltea export`
@@ -82,7 +82,10 @@ def open_npz(path: Path, limits: Limits = DEFAULT_LIMITS) -> Stored:
 
 
 def _reading(key: str, columns: Collection[str], like: Recording) -> tuple[Answer, ...]:
-    """Return the answers that the names of the arrays give, since each name has one fixed meaning."""
+    """Return the answers about columns, unit and rate that the names of the arrays give.
+
+    Each name has one fixed meaning.
+    """
     unit, by = ("deg/s", key) if like.lsb_per_dps is None else (f"lsb:{like.lsb_per_dps:g}", "lsb_per_dps")
     found = [
         Answer("columns", f"{key} as {', '.join('xyz'[: like.gyro.shape[1]])}", "stated", "its name"),
@@ -169,7 +172,7 @@ class _Check:
         self._rows += len(host_s)
 
     def end(self) -> None:
-        """Check that the arrival times span the duration that the stated rate gives, apart from bursts."""
+        """Check that the arrival times span about the duration that the stated rate gives."""
         assert self._first is not None
         expected_s, seconds = (last - first for last, first in zip(self._last, self._first, strict=True))
         check_span(self._path, self._rate_hz, self._rows, expected_s)

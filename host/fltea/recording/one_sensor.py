@@ -13,23 +13,30 @@ from fltea.recording.sample_times import Floats, Ints, Marks
 from fltea.records.errors import UsageError
 
 MOST_SENSORS = 64
-"""Most different values of a column that distinguishes sensors; a column with more is a counter."""
+"""Largest number of different values of a column that distinguishes sensors; a column with more is a
+counter.
+"""
 
 MOST_IN_TURN, FEWEST_ROWS = 16, 25
-"""Most sensors that are recognised by alternating rows alone, and fewest rows for recognising them."""
+"""Largest number of sensors that are recognised by alternating rows alone, and fewest rows for this."""
 
 LONGEST_TURN, REGULAR, SELDOM = 32, 0.9, 0.7
-"""Thresholds for alternating sensors: the longest cycle [rows], and two shares of rows.
+"""Thresholds for alternating sensors: the longest cycle [rows], and two fractions of the rows.
 
-REGULAR: smallest share of rows that have the same value as the row one cycle before. SELDOM: largest share of
-rows that have the same value as the previous row; a column that changes less often holds a status.
+REGULAR: smallest fraction of rows that have the same value as the row one cycle before. SELDOM: largest
+fraction of rows that have the same value as the previous row; a column that changes less often holds a
+status.
 """
 
 CHANCE_SIGMA, APART = 5.0, 5.0
-"""Thresholds in standard deviations: regular cycles above chance, and difference of two sensors' numbers."""
+"""Thresholds [standard deviations]: by which a regular cycle has to exceed chance, and by which the numbers
+of two sensors have to differ.
+"""
 
 FEWEST_SHARE, FEWEST_COUNTED = 0.6, 5
-"""Smallest share of rows of a sensor, relative to equal shares; fewest numbers in the cycle of a counter."""
+"""Fewest rows of a sensor, relative to an equal number for each; and the fewest numbers in a counter's
+cycle.
+"""
 
 
 class OneSensor:
@@ -75,13 +82,13 @@ class OneSensor:
 
 
 def which_of(column: str, values: Collection[str]) -> Missing:
-    """Return the question which of the sensors in a column is to be read."""
+    """Return the question that asks the user which of the sensors in a column to read."""
     what = f"which sensor is meant: column {column} tells several apart ({listed(sorted(values))})"
     return Missing(what, "--sensor ?")
 
 
 def as_word(value: float) -> str:
-    """Return a number that distinguishes sensors as text, without a useless `.0` and with all its digits."""
+    """Return a number that distinguishes sensors as text, with all its digits but without a final `.0`."""
     return repr(as_float(value)).removesuffix(".0")
 
 
@@ -97,8 +104,9 @@ def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> b
     """Return whether the values of a column, which is neither a time nor an axis, alternate as sensors do.
 
     A status changes seldom, and a noisy digit changes by chance. Sensors show one of these patterns: their
-    values repeat in a fixed cycle; no value occurs twice at the same time; the times restart wherever the
-    value changes; or the numbers in the rows of the values differ clearly.
+    values repeat in a fixed cycle; several rows have the same time, and no value occurs twice at that time;
+    the times restart wherever the value changes; or the numbers in the rows of one value differ clearly from
+    those of another.
 
     `cells`: texts in the first rows of the column. `times`: times of these rows, if known. `values`: numbers
     (n, columns) in these rows.
@@ -117,7 +125,10 @@ def tells_apart(cells: Sequence[str], times: Floats | None, values: Floats) -> b
 
 
 def _is_counter(cells: Sequence[str]) -> bool:
-    """Return whether the texts are whole numbers that rise by one each row, in a cycle of five or more."""
+    """Return whether the texts are whole numbers that rise by one from row to row, in a cycle.
+
+    The cycle has at least five numbers.
+    """
     if not all(cell.isdecimal() for cell in cells):
         return False
     numbers = [int(cell) for cell in cells]
@@ -154,7 +165,7 @@ def _begins_again(codes: Ints, times: Floats) -> bool:
 
 
 def _are_of_two_kinds(codes: Ints, values: Floats) -> bool:
-    """Return whether the numbers in the rows of each value differ clearly, and the value changes often."""
+    """Return whether rows of different values also differ in their numbers, and the value changes often."""
     if (codes[1:] == codes[:-1]).mean() > REGULAR or len(values) != len(codes):
         return False
     groups = [values[codes == code] for code in range(codes.max() + 1)]

@@ -56,11 +56,11 @@ def open_recording(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_L
 
 
 def _with_command(text: str, path: Path, how: How) -> str:
-    """Return a question's text with the complete command to type: the user's options and those to add."""
+    """Return a question's text with the complete command to type, including the user's options."""
     before, asks, rest = text.partition(ASK)
     options, end, table = rest.partition("\n")
     asked = dropwhile(lambda option: "?" not in option, re.split(r" (?=--)", options))
-    # otherwise the name would be taken as an option
+    # otherwise a name that begins with - would be taken as an option
     name = f"./{path}" if str(path).startswith("-") else str(path)
     command = ["fltea identify", shlex.quote(name), *given_options(how), *asked]
     return f"{before}{asks}{' '.join(command)}{end}{table}" if asks else text

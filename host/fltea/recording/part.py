@@ -1,4 +1,4 @@
-"""Writes one MCAP file of a recording; a program killed at any moment leaves a readable file."""
+"""Writes one MCAP file of a recording, which stays readable if the program is killed at any moment."""
 
 import contextlib
 import struct
@@ -37,7 +37,7 @@ CHUNK_BYTES = 1 << 20
 
 
 class _Packer(threading.local):
-    """Compressor for chunks, one for each thread, since a compressor uses a megabyte of memory."""
+    """Compressor for chunks. Each thread has only one, since a compressor uses a megabyte of memory."""
 
     def __init__(self) -> None:
         self.packed = ZstdCompressor(level=1, write_checksum=True).compress
@@ -54,13 +54,13 @@ def _bytes_of(*records: McapRecord) -> bytes:
 
 
 class PartWriter:
-    """Writes one file: the session's metadata, then messages in compressed chunks.
+    """Writes one file of a recording: the session's metadata, then messages in compressed chunks.
 
     `records`: record class of each channel. `reserve_bytes`: free space that the disk must have at the start;
     it is only checked, not reserved.
 
     Raises:
-        OSError: the disk failed, in the constructor, in `flush` or in `finish`; call `abandon` afterwards.
+        OSError: the constructor, `flush` or `finish` raises it if the disk failed; call `abandon` afterwards.
         Meddled: `flush` or `finish` found the file deleted, moved or truncated; this is an OSError, too.
     """
 
@@ -98,7 +98,7 @@ class PartWriter:
         self._end_large()
 
     def add_reads(self, reads: Reads, offset_ns: int, sequence: int) -> None:
-        """Append the data of serial reads, with one message for each read.
+        """Append the bytes of serial reads, with one message for each read.
 
         `offset_ns`: offset from the clock of the reads to log times [ns].
         """
@@ -124,7 +124,7 @@ class PartWriter:
         self._file.flush()
 
     def finish(self, *, moved: bool = False) -> None:
-        """Write summary and indexes, and close the file.
+        """Write the summary and the indexes at the end, and close the file.
 
         `moved`: the file may have another path meanwhile.
         """
@@ -149,13 +149,13 @@ class PartWriter:
         self._file.cut()
 
     def discard(self) -> None:
-        """Close and delete the file, which holds no data yet."""
+        """Close and delete the file; call this only if it holds no data yet."""
         self._file.close()
         with contextlib.suppress(OSError):
             self.path.unlink()
 
     def _describe(self, device: str, name: str, kind: type[msgspec.Struct] | None) -> None:
-        """Write the description of a channel. `kind`: class of the channel's records, None for raw bytes."""
+        """Write the description of a channel. `kind`: record class of the channel, None for raw bytes."""
         schema, encoding = 0, "application/octet-stream"
         if kind is not None:
             schema, encoding = len(self._schemas) + 1, "json"

@@ -31,7 +31,7 @@ class Part(NamedTuple):
 
 
 class Torn(NamedTuple):
-    """A file ends without an index. `text`: warning for people.
+    """States that a file ends without an index. `text`: warning for people.
 
     `is_open`: a program is still writing the file.
     """
@@ -41,7 +41,7 @@ class Torn(NamedTuple):
 
 
 def read_info(path: Path) -> PartInfo:
-    """Return the session's metadata in a file.
+    """Return the metadata of the session that wrote a file.
 
     Raises:
         UsageError: the file cannot be read, or is no recording of fltea.
@@ -105,7 +105,7 @@ def read_entries(part: Part, limits: Limits = DEFAULT_LIMITS) -> Iterator[Entry]
 
 
 def entries_of(items: Iterator[Batch | Damage | Torn]) -> Iterator[Entry]:
-    """Yield the messages in `items` one by one."""
+    """Yield the messages in `items` one by one; skip other items."""
     for batch in items:
         if not isinstance(batch, Batch):
             continue

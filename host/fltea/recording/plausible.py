@@ -1,4 +1,4 @@
-"""Tells numbers that a gyroscope or an accelerometer can give from those of a wrong column or unit."""
+"""Tells whether numbers can be from a gyroscope or an accelerometer, or show a wrong column or unit."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ MOST_DPS = 4000.0
 """Largest plausible rate [deg/s]; gyroscopes in phones and for navigation have no wider range."""
 
 ENOUGH_ROWS = 50
-"""Number of rows from which implausible numbers are reported."""
+"""Fewest rows from which numbers are judged."""
 
 
 class Plausible:

@@ -1,7 +1,7 @@
 """Limits of a reader process, and the error message if a limit ended the process.
 
 The operating system enforces the limits, whatever a library does: on processor time, on time without output,
-on memory, and on writing files (none is allowed). Lower limits of the session apply too. The process ends
+and on memory. Files cannot be written at all. Lower limits of the login session apply too. The process ends
 when the process that started it ends.
 """
 
@@ -27,8 +27,9 @@ STARTUP_BYTES = 2 << 30
 """Address space that the interpreter and libraries reserve [bytes]."""
 
 SILENT_RATIO = 4
-"""Ratio of the longest time without output to the processor time; a process may wait for a processor or
-disk."""
+"""Ratio of the longest time without output to the limit of processor time, since a process may wait for a
+processor or disk.
+"""
 
 OUT_OF_MEMORY = 75
 """Exit code of a reader process that ran out of memory."""
@@ -43,8 +44,8 @@ class ProcessLimits(msgspec.Struct, frozen=True):
     """Limits of one reader process. `parent`: process ID of the process that starts it.
 
     `cpu_s`: processor time [s]. `silent_s`: longest time between two blocks of output [s]. `memory_bytes`:
-    address space [bytes]. `is_cpu_ours`, `is_memory_ours`: whether this limit comes from the file's quota;
-    otherwise the session's limit is lower.
+    address space [bytes]. `is_cpu_ours`, `is_memory_ours`: whether the limit of processor time or memory
+    comes from the file's quota; otherwise it is the lower limit of the login session.
     """
 
     parent: int
@@ -56,7 +57,7 @@ class ProcessLimits(msgspec.Struct, frozen=True):
 
     @classmethod
     def of(cls, quota: Quota) -> "ProcessLimits":
-        """Return the limits that a file's quota gives, or the session's limits where these are lower."""
+        """Return the limits that a file's quota gives, or those of the login session where they are lower."""
         cpu_s = STARTUP_S + round(quota.seconds)
         memory_bytes = STARTUP_BYTES + 2 * quota.limits.whole_bytes
         least_s = least_of(resource.RLIMIT_CPU, cpu_s)

@@ -21,7 +21,9 @@ from fltea.records.errors import UsageError
 from fltea.settings.limits import MB, Limits
 
 RATIO, SMALLEST_BYTES = 200, 4 * MB
-"""Largest ratio of decompressed to compressed size, and a size that every file may decompress to [bytes]."""
+"""Largest ratio of decompressed to compressed size, and a size that every file may have decompressed
+[bytes].
+"""
 
 SECONDS_PER_MB = 5.0
 SECONDS_PER_MESSAGE = 0.005
@@ -43,7 +45,7 @@ class TooManyFields(ValueError):
 
 
 class Quota:
-    """Counts what reading a file has cost so far.
+    """Counts the memory and the processor time that reading a file has taken so far.
 
     `size_bytes`: size of the file if the path does not give it.
     """

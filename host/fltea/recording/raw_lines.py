@@ -12,7 +12,7 @@ LONGEST_LINE = 1_000_000
 LONGEST_SHOWN = 60
 
 BOM, UTF_16 = b"\xef\xbb\xbf", (b"\xff\xfe", b"\xfe\xff")
-"""Byte order marks of UTF-8 and UTF-16."""
+"""Byte order marks: that of UTF-8, and the two of UTF-16."""
 
 
 def lines(path: Path, file: IO[AnyStr]) -> Iterator[AnyStr]:

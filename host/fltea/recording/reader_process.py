@@ -1,8 +1,8 @@
 """Runs a reader process for a file of another program's format, with limits set by the operating system.
 
-A damaged or malicious file may crash a C library or make it loop. In a separate process, the library does no
-further harm. `process_limits` sets the limits before the process opens the file. The process sends columns or
-text through a pipe, in the form that `by_library` describes; what a library prints is discarded.
+A damaged or malicious file may crash a C library or make it loop. In a separate process, the library cannot
+harm the program. `process_limits` sets the limits before the process opens the file. The process sends
+columns or text through a pipe, in the form that `by_library` describes; what a library prints is discarded.
 """
 
 import contextlib
@@ -97,10 +97,14 @@ def open_text(path: Path, head: TextHead, lines: Iterator[bytes], how: How, limi
 def _process(
     path: Path, words: list[str], file: BinaryIO, limits: ProcessLimits
 ) -> Iterator[tuple["subprocess.Popen[bytes]", BinaryIO]]:
-    """Start `by_library.main` with the open file; yield the process and its output; end the process."""
+    """Start `by_library.main` with the open file, and yield the process and its output.
+
+    Afterwards, end the process.
+    """
     held = msgspec.json.encode(limits).decode()
     command = [sys.executable, "-B", "-P", "-m", "fltea.recording.by_library", held]
-    # Libraries use one thread, since each further thread reserves memory and its processor time counts too.
+    # Libraries use only one thread, since each further thread reserves memory, and its processor time counts
+    # against the limit.
     threads = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "ARROW_NUM_THREADS"), "1")
     environment = {
         **os.environ,
@@ -123,7 +127,7 @@ def _process(
             raise not_started(path, error) from error
         process = ends.enter_context(started)
         ends.callback(process.kill)
-        frames.close()  # so that the output ends when the process ends
+        frames.close()  # closed in this process, so that the output ends when the reader process ends
         yield process, sent
 
 

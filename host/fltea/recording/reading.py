@@ -1,4 +1,4 @@
-"""A reading describes how a file was understood: answers with evidence, and questions without an answer.
+"""Describes how a file was understood: by answers with evidence, and by questions without an answer.
 
 There are five kinds of evidence, the strongest first. A fact without evidence is missing and is never
 guessed.
@@ -7,8 +7,8 @@ guessed.
 - stated: the file states it, by a name, a row of units, its head or its metadata;
 - dialect: the logger is recognized, and its documentation states it (`dialects.toml`);
 - convention: the format prescribes it, but programs can break it (messages of ROS are in rad/s);
-- measured: the numbers show it (the steps of the times give the rate, gravity gives the accelerometer's
-unit).
+- measured: the numbers show it (for example, the steps between times give the rate, and gravity shows the
+accelerometer's unit).
 """
 
 import shlex
@@ -26,7 +26,10 @@ Question = Literal["rows", "sensor", "columns", "unit", "clock", "accelerometer"
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """One answer: `value` for people, such as "gx, gy, gz"; `why` names the evidence, such as "--units"."""
+    """One answer about a file. `value`: text such as "gx, gy, gz".
+
+    `why`: what states it, such as "--units".
+    """
 
     question: Question
     value: str
@@ -49,7 +52,7 @@ OVERRULE = "If the file is wrong, add --overrule."
 """Last sentence of a message about options that contradict the file."""
 
 ASK = "Say it, with the right value for each ?: "
-"""Text before the options in a `NotStated` message; callers insert the command after it."""
+"""Text before the options in a `NotStated` message; callers insert the command to type after it."""
 
 
 class NotStated(UsageError):
@@ -77,13 +80,13 @@ def not_stated(
 
 
 def asked_with(where: str, first: Missing, known: Sequence[str], then: Callable[[], object]) -> NotStated:
-    """Return the error that asks for `first`, and for all facts that the function `then` finds missing."""
+    """Return the error that asks for `first` and for all facts that the function `then` finds missing."""
     try:
         then()
     except NotStated as error:
         return not_stated(where, [first, *error.missing], known, error.table)
     except UsageError:
-        pass  # this error may disappear with the answer to `first`
+        pass  # an error of this kind may disappear once `first` is answered
     return not_stated(where, [first], known)
 
 

@@ -58,7 +58,7 @@ def _check_unused(path: Path, file: BinaryIO) -> None:
 
 
 def _examine(path: Path, limits: Limits) -> Recovered:
-    """Count what can be recovered.
+    """Count what can be recovered from a file.
 
     Messages are lost if their channel's description was in a damaged chunk.
     """

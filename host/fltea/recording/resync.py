@@ -16,10 +16,10 @@ DATA_END_BYTES = 4
 FOOTER = struct.Struct("<BQQQI")
 
 PACKERS = (b"\x04\x00\x00\x00zstd", b"\x03\x00\x00\x00lz4")
-"""Names of compressions as they stand in chunks; uncompressed chunks cannot be searched for."""
+"""Names of the two compressions, as chunks store them. Chunks without compression cannot be searched for."""
 
 PACKER_AT = HEAD.size + 28
-"""Offset of the compression's name in a chunk: after its times, size and checksum."""
+"""Offset of the compression's name in a chunk record, which is after times, size and checksum [bytes]."""
 
 WINDOW_BYTES = 1 << 16
 IN_A_ROW = 3
@@ -27,15 +27,15 @@ IN_A_ROW = 3
 
 
 LAST_KIND = Opcode.DATA_END
-"""Highest opcode of MCAP; higher opcodes belong to other programs, or to later versions of the format."""
+"""Highest opcode of a record that MCAP defines. Higher ones are those of other programs or later versions."""
 
 
 def begins_record(file: BinaryIO, at: int, size: int) -> bool:
     """Return whether a record may begin at byte `at`, or whether the file ends there.
 
-    A length takes eight bytes, so other bytes rarely look like a header. The end of a time followed by a
-    small number may do so. Therefore a record with a known opcode must follow a record with an unknown
-    opcode.
+    The length in a header takes eight bytes, so other bytes rarely look like a header. The last bytes of a
+    time, followed by a small number, may look like one. Therefore an unknown opcode is accepted only if a
+    record with a known opcode follows.
     """
     file.seek(at)
     head = file.read(HEAD.size)
@@ -97,7 +97,7 @@ def behind_zeros(file: BinaryIO, at: int, size: int) -> int | None:
 
 
 def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the next compressed chunk whose two lengths agree; None if there is none."""
+    """Return the offset of the next compressed chunk whose two lengths (see `ChunkLength`) agree, or None."""
     at = begin
     while (data_at := _data_at(file, at, size)) is not None:
         at = max(begin, data_at - PACKER_AT)
@@ -117,7 +117,7 @@ def next_chunk(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the summary if the file was finished and it lies after byte `begin`; else None."""
+    """Return the offset of the file's summary if it has one that lies after byte `begin`; else None."""
     at = size - FOOTER.size - len(MCAP0_MAGIC)
     if at < begin:
         return None
@@ -130,7 +130,7 @@ def data_end(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
-    """Return the offset of the next byte other than 0; holes of a sparse file are skipped."""
+    """Return the offset of the next byte that is not 0. The holes of a sparse file are skipped."""
     at = begin
     while at < size:
         try:
@@ -147,7 +147,7 @@ def _data_at(file: BinaryIO, begin: int, size: int) -> int | None:
 
 
 def _places(window: bytes) -> list[int]:
-    """Return the offsets of all compression names."""
+    """Return the offsets of all names of compressions in a part of the file."""
     found = []
     for name in PACKERS:
         place = window.find(name)

@@ -21,13 +21,14 @@ from fltea.settings.how import AS_IT_SAYS, How
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 MOST_NOTES = 5
-"""Most notes on damage that are reported individually."""
+"""Largest number of notes on damage that are reported one by one."""
 
 
 def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS) -> Stored:
     """Read the Imu topic of a bag, or the topic that `how` names, in one pass, through a temporary file.
 
-    The units and the rate in `how` replace those of a convention; they must agree with what the bag states.
+    The units and the rate in `how` have priority over those of a convention. They must not contradict what
+    the bag states.
 
     `path`: a .bag, .db3 or .mcap file, or the folder of a bag of ROS 2.
 
@@ -42,7 +43,7 @@ def open_bag(path: Path, how: How = AS_IT_SAYS, limits: Limits = DEFAULT_LIMITS)
     chosen, gathered = topics.chosen, topics.gathered
     likely = _alike(topics.layouts)
     if chosen is None or gathered is None:
-        # the option names a sensor in the only topic of a gyroscope
+        # in a bag with only one topic of a gyroscope, the option may name a sensor instead of a topic
         if how.topic is not None and len(likely) == 1:
             return open_bag(path, replace(how, topic=f"{next(iter(likely))}:{how.topic}"), limits)
         raise topics.none(how.topic)
@@ -106,7 +107,7 @@ class _Topics:
 
 
 def _answer(chosen: Topic, sensor: str | None, how: How) -> Answer:
-    """Return what decided which topic, or which sensor in it, is read."""
+    """Return the answer that says which topic, or which sensor in it, is read, and what decided this."""
     name = visible(chosen.name) + ("" if sensor is None else f", {visible(sensor)}")
     by: tuple[Evidence, str] = (
         ("stated", "no other has a gyroscope")
@@ -126,7 +127,7 @@ def _quota(path: Path, limits: Limits) -> Quota:
 
 
 def _named(topic: Topic, how: How) -> tuple[bool, str | None]:
-    """Return whether the user names this topic (TOPIC or TOPIC:SENSOR), and the sensor named in it."""
+    """Return whether the user names this topic, as TOPIC or TOPIC:SENSOR, and which sensor the user names."""
     name, given = topic.name.lstrip("/"), how.topic
     if given is None or given.lstrip("/") == name:
         return True, None

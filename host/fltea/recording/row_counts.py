@@ -1,4 +1,4 @@
-"""Counts the rows of a table and those that are no samples, and says which numbers are missing."""
+"""Counts the rows of a table and those that are not samples, and says which numbers these lack."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +15,7 @@ Place = Callable[[int], str]
 
 
 class RowCounts:
-    """Counts of rows. `chosen`: the columns that are read."""
+    """Counts of a table's rows. `chosen`: the columns that are read."""
 
     def __init__(self, chosen: Chosen) -> None:
         self._chosen = chosen
@@ -24,7 +24,7 @@ class RowCounts:
         self._some = np.zeros(len(chosen.needed), dtype=bool)
 
     def add(self, values: Floats, left_out: dict[str, tuple[int, int]]) -> None:
-        """Count rows. `values`: their numbers. `left_out`: as in `table.Samples`."""
+        """Count rows of the table. `values`: numbers in these rows. `left_out`: as in `table.Samples`."""
         self._rows += len(values)
         self._some |= np.isfinite(values[:, : len(self._some)]).any(axis=0)
         for reason, (first, count) in left_out.items():

@@ -15,17 +15,20 @@ from fltea.recording.sample_times import (
 )
 
 LEAK, LEAK_OF_ROUNDED = 0.98, 0.998
-"""Factors for the remainder that is carried to the next step, since the rate is known only to 0.1 % or
-better."""
+"""A step between times is a whole number of periods and a remainder, which is carried to the next step. Each
+time it is multiplied by LEAK, or by LEAK_OF_ROUNDED if times are rounded, since the rate is known only to 0.1
+% or better.
+"""
 
 FEW, STRETCH, FADED = 8, 256, 2048
-"""Numbers of steps.
+"""Numbers of steps between times that are numbered together.
 
-Up to FEW steps are numbered one by one, and more steps in stretches of STRETCH; LEAK**FADED is practically 0.
+Up to FEW steps are numbered one by one, and more steps in stretches of STRETCH steps. After FADED steps, a
+remainder has practically vanished.
 """
 
 NO_DOUBT = 0.499
-"""Largest remainder, in periods, with which rounding to whole periods is certain."""
+"""Largest remainder, in periods, with which rounding a step to whole periods is certain to be right."""
 
 DOUBT_OF_ROUNDED = 0.6
 """Smallest remainder, in periods, that counts as a lost sample if times are rounded; otherwise it is 0.5.
@@ -35,7 +38,9 @@ Rounding a time by 0.99 of a period leaves a remainder of about 0.5 at longer st
 
 
 class Numbered(NamedTuple):
-    """Numbered samples. `kept`: marks (rows,) of the rows that are samples; the other fields are (samples,).
+    """Numbered samples. `kept`: marks (rows,) of the rows that are samples.
+
+    Other fields have an item per sample.
 
     `begins`: marks of samples that begin a new run of the sender. `elapsed`: strictly increasing times of the
     samples.
@@ -64,7 +69,10 @@ class Numbering:
         self._ahead = self._shift = 0.0
 
     def add(self, elapsed: Floats, begins: Marks) -> Numbered:
-        """Number the next rows (at least one). `begins`: marks of new runs, as `Elapsed.add` returns them."""
+        """Number the samples in the next rows (at least one).
+
+        `begins`: marks of new runs, as from `Elapsed.add`.
+        """
         before = elapsed[0] - self._period if self._last is None else self._last
         steps = differences(elapsed, before)
         self._last = float(elapsed[-1])
@@ -84,7 +92,7 @@ class Numbering:
         return Numbered(kept, sequence, begins, elapsed)
 
     def _whole(self, periods: Floats) -> Ints:
-        """Return steps as whole periods, at least 1; a remainder is carried to the next step."""
+        """Return steps as whole numbers of periods, at least 1. A remainder is carried to the next step."""
         off = periods - 1
         if len(off) > FEW and abs(self._ahead) + np.abs(off).max() / (1 - self._leak) < NO_DOUBT:
             last = off[-FADED:]

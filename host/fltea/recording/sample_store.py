@@ -1,7 +1,7 @@
-"""Gathers the samples of a foreign recording in temporary files, within the limits of memory.
+"""Gathers the samples of a recording of another program in temporary files, within the limits of memory.
 
-Tables and bags are gathered here alike. Which of their rows are samples, and when these were taken, is
-decided differently for each: `table` and `bag_gather`.
+Tables and bags are gathered in the same way. `table` and `bag_gather` decide, each in its own way, which rows
+are samples and when they were taken.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -27,7 +27,7 @@ class BadAccel:
         self.first: str | None = None
 
     def add(self, accel: Floats, place: Callable[[int], str]) -> None:
-        """Count among the accelerations (n, 3). `place`: as for `SampleStore.add`."""
+        """Count unusable ones among the accelerations (n, 3). `place`: as for `SampleStore.add`."""
         good = is_of_sensor(accel)
         if not good.all():
             self.count += int(np.count_nonzero(~good))
@@ -37,12 +37,12 @@ class BadAccel:
 class SampleStore:
     """The samples that have been gathered. Its length is their number.
 
-    `chosen`: what is read, for messages. `numbers`: how many numbers a sample takes.
+    `chosen`: what is read, for messages. `numbers`: how many numbers are stored for a sample.
 
     `spool`: columns `gyro` and `accel`, as in the file or scaled, and those that the caller names.
-    `plausible`: whether the rates fit a gyroscope. `bad_accel`: samples without a usable acceleration, among
-    those that were added. `moving`: names of the columns that have had a value other than 0; `is_whole`:
-    whether all rates are whole numbers.
+    `plausible`: whether the rates fit a gyroscope. `bad_accel`: count of the samples without a usable
+    acceleration, among all that were added. `moving`: names of the columns that have had a value other than
+    0; `is_whole`: whether all rates are whole numbers.
     """
 
     def __init__(self, chosen: Chosen, numbers: int, limits: Limits) -> None:
@@ -87,7 +87,7 @@ class SampleStore:
             self.spool.append(name, values)
 
     def keep(self, columns: Sequence[str], kept: Iterable[Marks]) -> None:
-        """Keep only the marked samples. `kept`: marks, one array for each block of `AT_ONCE` samples."""
+        """Keep only the marked samples. `kept`: an array of marks for each block of `AT_ONCE` samples."""
         before, self.spool = self.spool, Spool()
         for values, keep in zip(before.blocks(columns, AT_ONCE), kept, strict=True):
             for name, column in zip(columns, values, strict=True):

@@ -1,43 +1,37 @@
-"""Rules by which the times of samples determine the rate, lost samples, and the beginnings of runs.
+"""States how the times of samples determine the rate, lost samples, and the beginnings of runs.
 
 There are two kinds of clock. Columns of text, tables and the time stamps of a driver come from the **sensor's
 own clock**. Stamps of messages in a bag come from a **computer**, and are late whenever it was busy. The
 rules for the first kind are the same for live text, text files, tables and Linux IIO:
 
-- **Unit.** The user gives it, or the column's name or row of units states it. Otherwise it is seconds, if the
-rate
-  is then usual for gyroscopes (5 Hz to 10 kHz). A stated unit by which the rate is below 2 Hz or above 50 kHz
-  is not accepted, and the user is asked for the rate (`timing`).
-- **Rate.** It is the mean of the steps within a fifth of the median. A file is examined as a whole; live, the
-first
-  2 s decide. If times are rounded to a large part of the period (alternately 2 and 3 ms at 400 Hz), long
-  stretches give the rate, since the shortest of them contain no lost sample (`clocks`).
-- **Even.** Nine steps in ten have to be near the median, or two, three or four times as long. Otherwise these
-are
-  times of arrival, not a sensor's clock. The same holds for bursts of rows with long pauses. Such times are
-  refused, and the user is asked for the rate.
+- **Unit.** The user gives it, or the column's name or a row of units states it. Otherwise the unit is seconds
+  if the sampling rate is then usual for gyroscopes (5 Hz to 10 kHz). A stated unit by which the rate is below
+  2 Hz or above 50 kHz is not accepted, and the user is asked for the rate (`timing`).
+- **Rate.** The sampling period is the mean of all steps between times that are within a fifth of the median
+  step. A file is examined as a whole; of live text, the first 2 s decide. If times are rounded to a large
+  part of the period (alternately 2 and 3 ms at 400 Hz), long stretches give the rate, since the shortest of
+  them contain no lost sample (`clocks`).
+- **Even steps.** Nine steps in ten have to be near the median step, or near two, three or four times this
+  step. Otherwise these are times of arrival, not a sensor's clock. The same holds for bursts of rows with
+  long pauses. Such times are refused, and the user is asked for the rate.
 - **Lost samples.** A step of n periods counts as n - 1 lost samples. The remainder is carried to the next
-step, so
-  that rounded times cause no gaps.
-- **A long step**, of more than a minute and more than ten periods, begins a new run and counts as no loss,
-since
-  nobody knows whether the sensor was running.
+  step, so that rounded times cause no gaps.
+- **A long step**, of more than a minute and more than ten periods, begins a new run and does not count as a
+  loss, since it is unknown whether the sensor was running.
 - **A step backwards** begins a new run, except when a 32-bit counter (`millis()`, `micros()`) wraps or a
-clock
-  restarts at 0 s at midnight.
+  clock restarts at 0 s at midnight.
 - **A step of an hour**, forwards or backwards, occurs at a change to or from daylight saving time. It begins
-a new
-  run like any step of this size, and the user is warned of the likely cause.
-- **Times of day without colons**: from 95959.99 to 100000.00 (hhmmss) is 0.01 s, not a gap of an hour.
-- **A repeated time** means a repeated sample, which is left out and counted. If the values differ, it counts
-as an
-  uneven step, since the clock is then too coarse.
-- **A given rate** has priority. The times still number the samples, by their own period. If the times are
-uneven,
-  the order of the rows numbers the samples instead, and the user is warned.
+  a new run like any step of this size, and the user is warned of the likely cause.
+- **Times of day without colons** (hhmmss): the step from 95959.99 to 100000.00 is 0.01 s, not a gap of an
+  hour.
+- **A repeated time** means a repeated sample, which is left out and counted. If the values differ, the row
+  counts as an uneven step, since the clock is then too coarse.
+- **A rate that the user gives** has priority. The times still number the samples, by their own period. If the
+  times are uneven, the order of the rows numbers the samples instead, and the user is warned.
 
-`message_stamps` has the rules for the second kind: messages are numbered in order of arrival, a sample counts
-as lost only where the stamps are late and stay late, and a new run begins where the clock was set.
+`message_stamps` has the rules for the second kind of clock: messages are numbered in order of arrival, a
+sample counts as lost only where the stamps are late and stay late, and a new run begins where the clock was
+set.
 """
 
 import math
@@ -55,8 +49,9 @@ Marks = NDArray[np.bool_]
 SECONDS: dict[TimeUnit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 EVENNESS, EVEN_SHARE = 0.2, 0.9
-"""Times are from a sensor's clock if at least nine steps in ten deviate by less than a fifth from the
-median."""
+"""Times are from a sensor's clock if at least nine in ten steps between them differ by less than a fifth from
+the median step.
+"""
 
 PLAUSIBLE_HZ = 5.0, 10_000.0
 """Usual sampling rates of gyroscopes.
@@ -68,33 +63,32 @@ LONGEST_S = 4e9
 """Longest time [s]: 126 years, since 64 bits hold no more nanoseconds."""
 
 COUNTER_WRAP, DAY_S = float(1 << 32), 86_400.0
-"""Values at which times restart at 0: 32-bit counters (millis() and micros()), and the time of day [s]."""
+"""Values after which times restart at 0 [s]: those of 32-bit counters (millis() and micros()), and a day."""
 
 LONGEST_GAP_S, LONGEST_GAP_PERIODS = 60.0, 10.0
 
 HOUR_S = 3600.0
 MINUTE_TURNS_S, NEAR_TURN_S = 39.0, 1.0
-"""Times of day as hhmmss jump by at least MINUTE_TURNS_S, within NEAR_TURN_S of the end of a minute [s]."""
+"""Times of day written as hhmmss jump at the end of a minute: by at least MINUTE_TURNS_S, and not farther
+than NEAR_TURN_S from it [s].
+"""
 
 SAME_TIME = 4 * float(np.finfo(np.float64).eps)
 """Largest relative difference between two times that count as equal."""
 
 SAME_RATE = 0.1
-"""Largest relative difference between the user's rate and the measured rate that count as equal."""
+"""Largest relative difference between the user's and the measured sampling rate that count as equal."""
 
 
 class Elapsed:
-    """Converts the times of rows to the time since the first row, which never decreases; the unit stays.
+    """Converts the times of rows to the time since the first row, in the same unit. This never decreases.
 
-    `rows`: number of rows. `repeated`: number of rows with the same time as the previous row.
-    `odd`: number of steps that no sensor's clock makes: steps backwards, and repeated times with other
-    values.
+    `rows`: number of rows. `repeated`: number of rows with the same time as the previous row. `odd`: number
+    of steps that no sensor's clock makes: steps backwards, and repeated times in rows with different values.
     `backwards`: number of steps backwards. `first`: number of the first row whose time is repeated or
-    earlier, or None.
-    `of_day`: number of beginnings of minutes, in times of day as hhmmss. `hours`: number of steps of one
-    hour, to within a second, in either direction.
-    `longest`: length of step above which a new run begins; infinite if the unit is unknown. `unit_s`: unit of
-    the times [s].
+    earlier, or None. `of_day`: number of times that passed to the next minute, in times of day written as
+    hhmmss. `hours`: number of steps of one hour, to within a second, in either direction. `longest`: length
+    of a step above which a new run begins; infinite if the unit is unknown. `unit_s`: unit of the times [s].
     """
 
     def __init__(self, unit: TimeUnit | None) -> None:
@@ -161,7 +155,7 @@ class Elapsed:
         return elapsed, begins
 
     def _minutes(self, time: Floats, steps: Floats) -> Floats | None:
-        """Return the corrections where times of day as hhmmss pass to the next minute.
+        """Return corrections of the steps at which times of day, written as hhmmss, pass to the next minute.
 
         The result is None if there are none.
         """
@@ -180,21 +174,27 @@ class Elapsed:
         return jump if is_turn.any() else None
 
     def _wrap_of(self, time: Floats) -> tuple[float, float]:
-        """Return the time at which the times restart at 0 (fractions: each second), and the longest step."""
+        """Return the time after which times restart at 0, and the longest step.
+
+        Fractions of a second restart after 1 s.
+        """
         if self._second and max(self._between[1], float(time.max())) < self._second:
             return self._second, self._second / 2
         return self._wrap, self._longest
 
 
 def _of_day(times: Floats) -> Floats:
-    """Return seconds since midnight for times of day as hhmmss; NaN for other numbers."""
+    """Return seconds since midnight for times of day written as hhmmss; NaN for other numbers."""
     hours, minutes, seconds = times // 10_000, times // 100 % 100, times % 100
     is_one = (times >= 0) & (hours < 24) & (minutes < 60) & (seconds < 60)
     return np.where(is_one, 3600 * hours + 60 * minutes + seconds, math.nan)
 
 
 def differences(values: Floats, before: float) -> Floats:
-    """Return the steps between values; for a few values, this is faster than `np.diff` with `prepend`."""
+    """Return the steps between values, the first of them from `before`.
+
+    For a few values, this is faster than `np.diff` with `prepend`.
+    """
     found = np.empty(len(values))
     found[0] = values[0] - before
     np.subtract(values[1:], values[:-1], out=found[1:])
@@ -204,7 +204,7 @@ def differences(values: Floats, before: float) -> Floats:
 class TimeColumn(NamedTuple):
     """A column of times. `unit`: unit of the times, None if unknown.
 
-    `ticks`: multiple of the unit that 1 means.
+    `ticks`: number of units that the number 1 in the column stands for.
 
     `rate_hz`: sampling rate that the user or the file states; `is_given`: whether the user states it.
     `overrule`: whether the user's rate is used even if the times contradict it.
@@ -219,10 +219,10 @@ class TimeColumn(NamedTuple):
 
 
 def between(times: Floats, period: float) -> Marks:
-    """Mark rows between two samples of an even clock: their two neighbours are one period apart.
+    """Mark surplus rows between two samples of an even clock: rows whose two neighbours are one period apart.
 
     `times`: elapsed times (n,) in the unit of `period`; repeated times are skipped. If two neighbouring rows
-    could be marked, the row farther from the expected time of the next sample is marked.
+    could be marked, only the row farther from the expected time of the next sample is marked.
     """
     marks = np.zeros(len(times), np.bool_)
     places = np.flatnonzero(np.diff(times, prepend=-math.inf) > 0)

@@ -34,7 +34,7 @@ from fltea.records.small_file import open_file
 from fltea.settings.limits import DEFAULT_LIMITS, Limits
 
 CHUNK_HEAD_BYTES = 1 << 10
-"""Most bytes that precede the data in a chunk."""
+"""Largest number of bytes that precede the data in a chunk."""
 
 MAX_DESCRIPTION_BYTES = 16 << 20
 """Longest metadata, schema or channel record [bytes]; fltea's records are a thousand times shorter.
@@ -43,14 +43,17 @@ Reading a record needs ten times as much memory.
 """
 
 MOST_DAMAGED_FILES, MOST_DAMAGED_BYTES = 4, 64 << 20
-"""Most bytes that the search through damaged parts reads: four times the file's size, plus 64 MB."""
+"""Limits on the bytes that the search through damaged parts reads: four times the file's size, plus 64 MB."""
 
 BEGIN, END, CHANNEL, SEQUENCE, LOG_TIME, PUBLISH_TIME = range(1, 7)
-"""Indices of the columns in `Messages.table`, after the kind in column 0."""
+"""Indices of the columns in `Messages.table`; column 0 holds the kind of the record."""
 
 
 class Message(NamedTuple):
-    """A message. The MCAP library's own class takes five times as long to read."""
+    """A message of the file.
+
+    Reading takes a fifth of the time that it would with the MCAP library's class.
+    """
 
     channel_id: int
     sequence: int
@@ -82,7 +85,7 @@ class Messages:
 
 
 class Damage(NamedTuple):
-    """An unreadable record or a hole. `size`: number of bytes that are skipped, 0 if everything is read."""
+    """An unreadable record or a hole. `size`: number of bytes that are skipped; 0 if no bytes are."""
 
     offset: int
     text: str
@@ -97,7 +100,7 @@ class Damage(NamedTuple):
 
 
 class ChunkEnd(NamedTuple):
-    """Marks that all messages of a chunk have been yielded."""
+    """States that all messages of a chunk have been yielded."""
 
 
 Item = Schema | Channel | Messages | Metadata | Damage | ChunkEnd
@@ -120,8 +123,9 @@ class Scan:
         self.lost_bytes = 0
         self.why = ""
         self._size = 0
-        self._known = 0  # end of the last readable chunk, where a search for skipped chunks begins
-        self._last = 0, 0  # offset and claimed length of the newest record
+        # offset of the end of the last readable chunk, where a search for skipped chunks begins
+        self._known = 0
+        self._last = 0, 0  # offset of the newest record, and the length that its header states
         self._spent_bytes = 0
 
     def __iter__(self) -> Iterator[Item]:
@@ -133,7 +137,7 @@ class Scan:
             UsageError: a record needs more memory than the limits allow.
         """
         with open_file(self.path) as file:
-            # Asked before reading, since the writer may finish meanwhile.
+            # This is asked before reading, since the writer may finish meanwhile.
             self.has_writer = self._asks_for_writer and is_in_use(file)
             self._size = size = file.seek(0, 2)
             file.seek(0)
@@ -164,7 +168,7 @@ class Scan:
             self.lost_bytes = size - at
 
     def _true_length(self, file: BinaryIO, at: int, length: int) -> int | None:
-        """Return the length that a chunk's fields give if its header differs and a record follows.
+        """Return a chunk's length by its fields if its header states another one and a record follows.
 
         Otherwise, return None.
         """
@@ -175,7 +179,10 @@ class Scan:
         return found.by_fields if end <= self._size and begins_record(file, end, self._size) else None
 
     def _hole(self, file: BinaryIO, at: int, kind: int, length: int) -> tuple[Damage | None, int]:
-        """Return the damage at byte `at` (None if nothing follows), and the offset to continue at."""
+        """Return the damage at byte `at`, and the offset at which to continue.
+
+        The damage is None if nothing readable follows.
+        """
         room = self._size - at - HEAD.size
         self.why = (
             "they are zeros" if kind == 0 else f"a record that claims {length} bytes, and {room} are left"

@@ -1,8 +1,8 @@
-"""JSON schemas for the record channels of an MCAP file, in the form that Foxglove and PlotJuggler can read.
+"""Makes JSON schemas for the record channels of an MCAP file, which Foxglove and PlotJuggler can read.
 
-Foxglove's reader of JSON schemas accepts objects, lists and scalars, but neither references nor alternatives
-such as "number or null". So references are resolved. A field that may be null gets the type of its other
-values, and is left out of a message if it is null.
+Foxglove's reader of JSON schemas accepts objects, lists and scalars. It does not accept references, nor
+alternatives such as "number or null". So references are resolved. A field that may be null gets the type of
+its other values, and is left out of a message if it is null.
 """
 
 import functools
@@ -20,7 +20,9 @@ The schema lists the names of the axes, since a plot needs them.
 """
 
 NULL = re.compile(rb',"\w+":null|"\w+":null,?')
-"""Matches a null field in compact JSON; quotation marks within a text are escaped."""
+"""Matches a field that is null in compact JSON, but nothing within a text, where quotation marks are
+escaped.
+"""
 
 _encode = msgspec.json.Encoder().encode
 
@@ -52,9 +54,9 @@ def _plain(schema: dict[str, Any], definitions: dict[str, Any]) -> dict[str, Any
         case "array":
             items = _plain(
                 schema["items"] or schema["prefixItems"][0], definitions
-            )  # all items of a tuple have the same type
+            )  # in fltea's records, all items of a tuple have the same type
             return None if items is None else {"type": "array", "items": items}
-        case None:  # this is an enumeration
+        case None:  # the field is an enumeration, which states no type
             words = [word for word in schema["enum"] if word is not None]
             return {"type": "string", "enum": words}
         case kind:

@@ -1,4 +1,4 @@
-"""Selects the text lines of one of several sensors, by a column or by their regular alternation."""
+"""Selects the text lines of one sensor, by a column or by the regular alternation of several sensors."""
 
 import math
 from collections.abc import Callable
@@ -23,7 +23,10 @@ lines has grown by the factor LOOKS, up to MOST_LINES.
 
 
 class SensorLines:
-    """Leaves out the lines of other sensors. `where`: file, for messages. `how`: the user's options."""
+    """Leaves out the lines of other sensors than the chosen one.
+
+    `where`: file, for messages. `how`: the user's options.
+    """
 
     def __init__(self, where: str, how: How) -> None:
         self._where, self._how = where, how
@@ -38,7 +41,7 @@ class SensorLines:
         return self._sensor is not None
 
     def begin(self, chosen: Chosen, looked_at: int) -> None:
-        """Use the columns that were chosen after `looked_at` lines."""
+        """Use the columns `chosen`, which were chosen after `looked_at` lines."""
         if self._chosen is None:
             self._chosen = chosen
             more = max(FEWEST_LINES, LOOKS * looked_at)
@@ -50,7 +53,7 @@ class SensorLines:
             self._sensor = OneSensor(self._where, chosen.names[place], value, given_options(self._how))
 
     def look_again(self, lines: int, facts: Callable[[list[str]], Facts]) -> None:
-        """Check the first lines again for several sensors, since the columns were chosen after a few lines.
+        """Check the first lines again for several sensors, since columns were chosen after only a few lines.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -71,7 +74,7 @@ class SensorLines:
         return None if self._sensor is None else self._sensor.why_none()
 
     def only(self, layout: Layout, data: bytes) -> bytes:
-        """Return the lines; those of other sensors become empty, so that line numbers stay the same.
+        """Return the lines. Lines of other sensors become empty, so that line numbers stay the same.
 
         Raises:
             NotStated: there are several sensors, and the user named none.
@@ -87,7 +90,7 @@ class SensorLines:
         return b"\n".join(lines)
 
     def in_turn(self, rows: list[Rows]) -> list[Rows]:
-        """Return the rows of the sensor to read, if the rows of several sensors alternate."""
+        """Return the rows of the sensor to read among `rows`, if the rows of several sensors alternate."""
         turns = self._turns
         return rows if turns is None else [one for some in rows for one in turns.take(some)]
 

@@ -1,4 +1,4 @@
-"""Metadata of each MCAP file of a recording, and the contents of its channels for raw bytes."""
+"""Defines the metadata of an MCAP file of a recording, and the messages of its channels for raw bytes."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -7,15 +7,18 @@ import msgspec
 from fltea.records.records import Hello
 
 SESSION, HELLO = "fltea.session", "fltea.hello"
-"""Names of metadata: a file has one SESSION at its beginning, and a HELLO for each new HELLO of the
-device."""
+"""Names of metadata records. A file has one SESSION at its beginning, and a HELLO whenever the device sends a
+new HELLO message.
+"""
 
 FORMAT = 1
 WIRE, LINK = "wire", "link"
-"""Last parts of the topics of raw bytes and of port events; other topics end in their records' class."""
+"""Last parts of two topics: that of raw bytes and that of port events. Others end in the class of their
+records.
+"""
 
 WIRE_CHANNEL, LINK_CHANNEL = 1, 2
-"""Channel IDs, equal in all files, so that messages are readable if their channel's description is lost."""
+"""Channel IDs, equal in all files, so that messages are readable even if a channel's description is lost."""
 
 OVERFLOW = "overflow"
 """Kind of a gap that the recorder caused because it was too slow; the lost items were not counted."""
@@ -28,7 +31,7 @@ Whole = Annotated[int, msgspec.Meta(ge=-LATEST_NS, le=LATEST_NS)]
 
 LOWEST_RATE_HZ, HIGHEST_RATE_HZ = 1e-6, 1e7
 LOWEST_SCALE, HIGHEST_SCALE = 1e-6, 1e12
-"""Limits for scales in a HELLO, far beyond any sensor; results of calculations stay finite."""
+"""Limits for scales in a HELLO message. They are far beyond any sensor's, and keep results finite."""
 
 WIRE_WRAP = 1 << 32
 """Sequence numbers of wire messages wrap at this value, since MCAP's field has 32 bits."""
@@ -38,8 +41,8 @@ class PartInfo(msgspec.Struct, frozen=True):
     """Metadata of one file of a session; a session is one run of a recorder.
 
     `part`: index of the file in the session, from 0. `offset_ns`: offset from the monotonic clock to the log
-    time of wire and link messages [ns], equal in the whole session. `created_ns`: Unix time of creation [ns].
-    `hello`: the device's HELLO before the first message, if it was known then.
+    time of messages of raw bytes and of port events [ns], equal in the whole session. `created_ns`: Unix time
+    of creation [ns]. `hello`: the device's HELLO before the first message, if it was known then.
     """
 
     session: str
@@ -86,18 +89,18 @@ def check_hello(hello: Hello) -> None:
     """
     if not LOWEST_RATE_HZ <= hello.rate_hz <= HIGHEST_RATE_HZ:
         raise ValueError(f"the rate has to be positive and that of a sensor, not {hello.rate_hz:g} Hz")
-    # 0 means that there is no accelerometer
+    # a scale of 0 means that there is no accelerometer
     for lsb in (hello.gyro_lsb_per_dps, hello.accel_lsb_per_g or None):
         if lsb is not None and not LOWEST_SCALE <= lsb <= HIGHEST_SCALE:
             raise ValueError(f"the scale has to be positive and that of a sensor, not {lsb:g} LSB")
 
 
 class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
-    """An event of the port or of the recorder.
+    """An event of the serial port or of the recorder.
 
-    `kind`, `message`: kind and description of a failure. For a gap, `kind` is the reason; `chunks` and
-    `bytes` are the numbers of reads and bytes that are missing, as far as they were counted; `items` is the
-    number of missing items.
+    `kind`, `message`: kind and description of a failure. For a gap, `kind` is the reason. `chunks` and
+    `bytes` are the numbers of serial reads and of bytes that are missing, as far as they were counted;
+    `items` is the number of missing items.
     """
 
     event: Literal["opened", "failed", "gap"]
@@ -109,7 +112,7 @@ class LinkMessage(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Entry(NamedTuple):
-    """One message of a file. `topic`: topic without the device."""
+    """One message of a file. `topic`: its topic, without the name of the device."""
 
     topic: str
     log_ns: int

@@ -1,4 +1,4 @@
-"""Tables: named columns of numbers from a file of any format, and the recording made from them.
+"""Defines tables of named columns from a file of any format, and makes a recording from such a table.
 
 A new file format needs one module in `readers` whose `read` returns a `Sheet`, and a row in `formats`.
 """
@@ -39,31 +39,30 @@ from fltea.settings.how import How
 from fltea.settings.limits import Limits
 
 SAMPLE_ROWS, MOST_SAMPLED = 60, 64
-"""Number of first rows and columns that are examined to choose the columns."""
+"""Numbers of a table's first rows, and first columns, that are examined to choose the columns to read."""
 
 FEW = 10
 """An array with fewer rows than this, next to longer arrays, is a calibration and not a recording."""
 
 RATE_TOLERANCE = 0.01
-"""Largest relative difference of two rates of the same samples; sensor clocks deviate by about 5 ‰ at
-most."""
+"""Largest relative difference between two statements of the same sampling rate. Sensor clocks are wrong by at
+most about 5 ‰.
+"""
 
 
 class SheetHead(msgspec.Struct, frozen=True):
     """Everything that a table in a file holds, except its rows.
 
-    `names`: names of the columns, each after the groups that contain the column: `imu.gyro_x`.
-    `units`: unit of each column, "" if the file states none.
-    `rows`: length of the longest column. `lengths`: length of each column; empty: all are equal.
-    `arrays`: name of the array that contains each column; empty: each column is an array of its own.
-    `stamps`: columns of dates, which are converted to seconds since the first date.
-    `rates`: sampling rates [Hz] by the name of the fact: `imu.fs` applies to all of `imu`, and `imu.gyro@fs`
-    to one array.
-    `doubts`: reasons why the numbers of columns may be wrong.
-    `changed`: columns whose numbers may need a further scale or offset, each with a text about it.
-    `topic`: the sensor that is read if the file holds several, else "".
-    `sample`: first rows of the first columns, null where there is no number.
-    `words`: for columns of words that distinguish sensors, the words for the numbers 0, 1, ….
+    `names`: names of the columns, each after the groups that contain the column: `imu.gyro_x`. `units`: unit
+    of each column, "" if the file states none. `rows`: length of the longest column. `lengths`: length of
+    each column; empty if all are equal. `arrays`: name of the array that contains each column; empty if each
+    column is an array of its own. `stamps`: columns of dates, which are converted to seconds since the first
+    date. `rates`: stated sampling rates [Hz], by the name of the fact that states each: `imu.fs` applies to
+    all of `imu`, and `imu.gyro@fs` to one array. `doubts`: reasons why the numbers of columns may be wrong.
+    `changed`: columns whose numbers may need a further scale or offset, each with a text about it. `topic`:
+    the sensor that is read if the file holds several, else "". `sample`: first rows of the first columns,
+    null where there is no number. `words`: for columns of words that distinguish sensors, the words for the
+    numbers 0, 1, ….
     """
 
     names: list[str]
@@ -82,7 +81,7 @@ class SheetHead(msgspec.Struct, frozen=True):
     words: dict[str, list[str]] = {}
 
     def called(self, place: int, values: Sequence[float]) -> list[str]:
-        """Return numbers of a column as texts: as the words that they stand for, or as digits."""
+        """Return numbers of a column as texts: as the words that they stand for, or else as digits."""
         words = self.words.get(self.names[place])
         return [words[int(v)] if words and 0 <= v < len(words) else as_word(v) for v in values]
 
@@ -117,10 +116,10 @@ class Sheet(SheetHead, frozen=True, kw_only=True):
 
 
 class TextHead(msgspec.Struct, frozen=True):
-    """Facts about a file that is read as text.
+    """Facts about a file that is read as text, such as a workbook.
 
-    `topic`: part of the file that the user names. `parts`: parts from which the user has to choose. `head`:
-    lines of other parts that describe this part.
+    `topic`: name of the part of the file, such as a sheet, that the user chose. `parts`: names of the parts
+    from which the user has to choose. `head`: lines of other parts that describe this part.
     """
 
     topic: str = ""
@@ -129,7 +128,7 @@ class TextHead(msgspec.Struct, frozen=True):
 
 
 class Text(TextHead, frozen=True, kw_only=True):
-    """The text of one part of a file. `pieces`: yields the text in pieces of whole lines."""
+    """The text of one part of a file. `pieces`: function that yields the text in pieces of whole lines."""
 
     pieces: Iterator[bytes]
 
@@ -170,7 +169,7 @@ def open_sheet(path: Path, sheet: Sheet, how: How, limits: Limits) -> Stored:
 
 
 def _by_names(names: Sequence[str], how: How) -> How:
-    """Return the options with column names instead of positions."""
+    """Return the user's options with names of columns instead of positions."""
 
     def named(one: str) -> str:
         known = one not in names and one.isdecimal() and 1 <= int(one) <= len(names)
@@ -181,7 +180,7 @@ def _by_names(names: Sequence[str], how: How) -> How:
 
 
 def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
-    """Return the columns around one gyroscope, the choice among them, and the remaining options."""
+    """Return the columns that belong to one gyroscope, the choice among them, and the remaining options."""
     sheet = of_one_gyroscope(where, sheet, how)
     how = replace(how, topic=None) if sheet.topic else how
     names = sheet.names
@@ -198,7 +197,8 @@ def _choose(where: str, sheet: Sheet, how: How) -> tuple[Sheet, Chosen, How]:
 
 def _facts(where: str, sheet: Sheet) -> Facts:
     topic = sheet.topic if ":" in sheet.topic else f"{sheet.topic}:0"
-    file = f"{Path(where).name} {topic.replace(':', '_')}"  # tools name the file of a topic in this way
+    # tools that convert logs name the file of a topic in this way
+    file = f"{Path(where).name} {topic.replace(':', '_')}"
     rates = {name.replace(".", "/"): rate_hz for name, rate_hz in sheet.rates.items()}
 
     def first() -> Floats:
@@ -238,7 +238,10 @@ def _rows(where: str, sheet: Sheet, chosen: Chosen, how: How) -> Iterator[Rows]:
 
 
 def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: How) -> None:
-    """Compare a rate with the rates that the file states. `who`: source of the rate, for the message."""
+    """Check that a sampling rate agrees with those that the file states.
+
+    `who`: source of the rate, for messages.
+    """
     for name, stated_hz in sheet.rates.items() if not how.overrule else ():
         if rate_hz is not None and abs(rate_hz / stated_hz - 1) > RATE_TOLERANCE:
             raise UsageError(
@@ -248,7 +251,7 @@ def _check_rate(where: str, sheet: Sheet, who: str, rate_hz: float | None, how: 
 
 
 def _check_columns(where: str, sheet: Sheet, chosen: Chosen, how: How) -> None:
-    """Raise UsageError for columns of different lengths, or with numbers that may be wrong."""
+    """Raise UsageError if the columns differ in length, or if their numbers may be wrong."""
     lengths = [sheet.length(place) for place in chosen.places]
     if len({*lengths}) > 1:
         each = ", ".join(f"{name} {rows}" for name, rows in zip(chosen.read, lengths, strict=True))
@@ -283,7 +286,7 @@ class _Gyroscope(NamedTuple):
 
 
 def of_one_gyroscope(where: str, sheet: Sheet, how: How) -> Sheet:
-    """Return the columns that are as long as the axes, and the sampling rate of the axes' nearest group.
+    """Return the columns that are as long as the axes, with the sampling rate that is stated for the axes.
 
     Columns in the groups around the axes get short names: `imu.t` becomes `t`. An axis of another length or
     without numbers is kept, so that the error can name it.
@@ -344,7 +347,7 @@ def _gyroscope(where: str, sheet: Sheet, how: How) -> _Gyroscope:
 
 
 def _rates_of(where: str, sheet: Sheet, found: _Gyroscope, how: How) -> Mapping[str, float]:
-    """Return the sampling rate that the axes' own arrays state, or else the nearest group around them."""
+    """Return the sampling rate that the axes' own arrays state, or else the one of the nearest group."""
     arrays = {(sheet.arrays or sheet.names)[place] for place in found.places}
     rates = {name: rate_hz for name, rate_hz in sheet.rates.items() if name.rpartition("@")[0] in arrays}
     for level in (*around(sheet.names[found.places[0]]), ""):

@@ -1,4 +1,4 @@
-"""Keeps columns of numbers in temporary files; they are written and read in blocks.
+"""Keeps columns of numbers in temporary files, which are written and read in blocks.
 
 One day at 100 Hz takes 69 MB for each column. With this class, only one block is in memory.
 """
@@ -27,10 +27,10 @@ class _Column(NamedTuple):
 
 
 class Spool(contextlib.AbstractContextManager["Spool"]):
-    """Named columns; the first block of a column determines the column's type and width.
+    """Named columns of numbers in temporary files. A column's first block determines its type and width.
 
-    The temporary files are deleted at the end of a `with`, or with the last reference to the spool. If a
-    folder is given, the files have names and stay.
+    The temporary files are deleted at the end of a `with` statement, or with the last reference to the spool.
+    If a folder is given, the files get names there and are not deleted.
     """
 
     def __init__(self, folder: Path | None = None) -> None:
@@ -64,7 +64,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
             self._columns.pop(name).file.close()
 
     def remove(self) -> None:
-        """Delete all columns, and files with names."""
+        """Delete all columns, including files that have names."""
         if self._folder is not None:
             for column in self._columns.values():
                 Path(column.file.name).unlink(missing_ok=True)
@@ -76,7 +76,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
         return self._rows[name] if name in self._columns else 0
 
     def whole(self, name: str) -> NDArray[Any]:
-        """Return a column in memory."""
+        """Return a whole column in memory."""
         return self._read(name, 0, self.length(name))
 
     def mapped(self, name: str) -> NDArray[Any]:
@@ -94,7 +94,7 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
             yield [self._read(name, begin, at_once) for name in names]
 
     def write_npz(self, file: BinaryIO, scalars: Mapping[str, ArrayLike]) -> None:
-        """Write numbers and all columns as numpy's `savez_compressed` would."""
+        """Write the numbers `scalars` and all columns as numpy's `savez_compressed` would."""
         with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, allowZip64=True) as archive:
             for name, value in scalars.items():
                 with archive.open(f"{name}.npy", "w") as member:
@@ -125,6 +125,6 @@ class Spool(contextlib.AbstractContextManager["Spool"]):
 
 def _close(columns: dict[str, _Column]) -> None:
     for column in columns.values():
-        # Closing writes what is left in the buffer; where the disk is full, that was reported before.
+        # Closing writes what is left in the buffer. If the disk is full, this was reported before.
         with contextlib.suppress(TemporaryFailed, OSError):
             column.file.close()

@@ -1,4 +1,4 @@
-"""Turns tables of numbers from any file into a recording: scaled, timed, with gaps for missing numbers."""
+"""Turns tables of numbers from any file into a recording: scales the rows and finds lost samples."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
@@ -28,7 +28,9 @@ from fltea.recording.timing import Timing, check_given, timing
 from fltea.settings.limits import Limits
 
 FEWEST_BETWEEN = 20
-"""Fewest rows between two samples that are left out as surplus; fewer rows may be jitter of the clock."""
+"""Surplus rows (see `sample_times.between`) are left out if there are at least this many. Fewer may come from
+jitter of the clock.
+"""
 
 STEPS_AT_ONCE = 1 << 16
 LATEST = LARGEST_NUMBER * 1e3
@@ -38,10 +40,10 @@ LATEST = LARGEST_NUMBER * 1e3
 class Rows(NamedTuple):
     """Some rows of a table.
 
-    `numbers`: (n,) number of each row or line in the file, for messages.
-    `values`: (n, columns), in the order of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number.
-    `ordinal`: (n,) index of each row among all samples, lost samples included, from 0.
-    `begins`: whether the sender restarted before the first of these rows.
+    `numbers`: (n,) number of each row or line in the file, for messages. `values`: (n, columns), in the order
+    of `Chosen.places` and scaled by `Chosen.scale`; NaN: no number. `ordinal`: (n,) index of each row, from
+    0, among all samples including the lost ones. `begins`: whether the sender restarted before the first of
+    these rows.
     """
 
     numbers: Ints
@@ -51,7 +53,7 @@ class Rows(NamedTuple):
 
 
 def joined(pieces: Sequence[Rows]) -> Rows:
-    """Join successive `Rows`, at least one, to one."""
+    """Join successive `Rows` to one; there must be at least one."""
     if len(pieces) == 1:
         return pieces[0]
     numbers, values, ordinal = (
@@ -61,7 +63,7 @@ def joined(pieces: Sequence[Rows]) -> Rows:
 
 
 class Samples(NamedTuple):
-    """Rows that are samples. `time`: (n,) times as in the file, or None. `accel`: (n, 3) [m/s²], or None.
+    """The rows that are samples. `time`: (n,) times as in the file, or None. `accel`: (n, 3) [m/s²], or None.
 
     `left_out`: for each reason in `text_numbers.REASONS`, the first row that was left out and the number of
     such rows.
@@ -76,7 +78,7 @@ class Samples(NamedTuple):
 
 
 def samples_of(rows: Rows, chosen: Chosen) -> Samples:
-    """Return the rows that are samples: rows that have all needed numbers and no impossible ones."""
+    """Return the rows that are samples, which have all needed numbers and no impossible ones."""
     values, numbers, ordinal = rows.values, rows.numbers, rows.ordinal
     axes, needed = len(chosen.gyro), len(chosen.needed)
     largest = LARGEST_DPS * (chosen.lsb or 1.0)
@@ -120,14 +122,14 @@ def gather(
 
 
 def row_place(path: Path, row: int) -> str:
-    """Return the position of a row, counted from 0, for messages."""
+    """Return the position of a row for messages. `row`: its number, counted from 0."""
     return f"{path}: row {row}"
 
 
 class _Runs:
-    """Where new runs of the sender begin, as indices of samples.
+    """Collects where new runs of the sender begin, as indices of samples.
 
-    `by_times`: where the times show it. `by_headers`: where the file or stream says so.
+    `by_times`: beginnings that the times show. `by_headers`: beginnings that a repeated header shows.
     """
 
     def __init__(self) -> None:
@@ -136,7 +138,7 @@ class _Runs:
         self._is_due = False
 
     def add(self, row: int, marks: Marks | None, block: Rows) -> None:
-        """Add samples. `row`: index of the first. `marks`: those that begin a run by their times."""
+        """Add samples. `row`: index of the first. `marks`: samples that begin a run, by their times."""
         self._is_due |= block.begins
         if marks is None:
             return
@@ -159,7 +161,7 @@ class _Table:
         self._notes: list[Note] = []
 
     def add(self, block: Rows) -> None:
-        """Add the next rows."""
+        """Add the next rows of the table."""
         found = samples_of(block, self._chosen)
         self._counts.add(block.values, found.left_out)
         row = len(self._samples)
@@ -215,7 +217,7 @@ class _Table:
             self._notes.append(Note("missing_numbers", text))
 
     def _count_between(self, period: float) -> int:
-        """Count and report the rows between two samples, which are left out unless they are few."""
+        """Return the number of surplus rows between samples, 0 if they are few; report them to the user."""
         blocks = self._samples.spool.blocks(["time"], AT_ONCE)
         count = sum(int(between(times, period).sum()) for (times,) in blocks)
         if count < FEWEST_BETWEEN:
@@ -234,7 +236,7 @@ class _Table:
         return self._chosen.rate_hz if self._chosen.is_given else None
 
     def _timing(self) -> tuple[Timing, Ints]:
-        """Return how rows are numbered, and where new runs begin; report what the times show."""
+        """Return how rows are numbered, and where new runs begin; report to the user what the times show."""
         chosen, spool, elapsed = self._chosen, self._samples.spool, self._elapsed
         by_headers = np.array(self._runs.by_headers, np.int64)
         if chosen.time is None:
@@ -266,7 +268,7 @@ def _blocks(
 ) -> Iterator[Recording]:
     """Yield blocks of samples.
 
-    `given`: whether the user gives the rate; then sequence numbers determine the times. `has_between`:
+    `given`: whether the user gives the rate; if so, sequence numbers determine the times. `has_between`:
     whether surplus rows between two samples are left out.
     """
     rate_hz, by_times = timing.rate_hz, timing.period is not None and "time" in spool

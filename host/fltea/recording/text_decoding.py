@@ -1,4 +1,4 @@
-"""Decodes a text before it is split into lines: from UTF-16, and from YAML documents."""
+"""Decodes a text before it is split into lines: converts UTF-16 to UTF-8, and YAML documents to lines."""
 
 import codecs
 
@@ -6,13 +6,15 @@ from fltea.recording.raw_lines import BOM, UTF_16
 from fltea.recording.text_forms import BEGINNING, YAML, YamlDocuments
 
 BEGIN_BYTES, MOST_HELD = 256, 4096
-"""Number of first bytes by which documents and lines are told apart, and most bytes held back for this."""
+"""Number of first bytes that show whether a text consists of YAML documents; most bytes held back for
+this.
+"""
 
 
 class TextDecoder:
-    """Takes the bytes of a text in any pieces, and returns lines in UTF-8. `begin`: the first bytes.
+    """Takes the bytes of a text in pieces of any length, and returns lines in UTF-8. `begin`: first bytes.
 
-    A few bytes are held back as long as they may be the beginning of a document.
+    A few bytes are held back as long as they may be the beginning of a YAML document.
     """
 
     def __init__(self) -> None:
@@ -23,7 +25,7 @@ class TextDecoder:
 
     @property
     def is_cut(self) -> bool:
-        """Whether the last document was truncated and left out."""
+        """Whether the last YAML document was truncated and left out."""
         return self._yaml is not None and self._yaml.is_cut
 
     def drop(self) -> None:
@@ -46,7 +48,7 @@ class TextDecoder:
         return self._lines(held)
 
     def finish(self) -> bytes:
-        """Return the last document, which may have no end mark."""
+        """Return the last YAML document, which may lack its end mark."""
         return b"" if self._yaml is None else self._yaml.finish()
 
     def _lines(self, data: bytes) -> bytes:

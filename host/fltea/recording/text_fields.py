@@ -1,4 +1,4 @@
-"""Splits lines of text into fields: finds the separator, lines of the same kind, and the numbers in them."""
+"""Splits lines of text into fields: finds the separator, lines of the same kind, and the numbers in lines."""
 
 import contextlib
 import csv
@@ -20,16 +20,18 @@ from fltea.records.errors import UsageError
 COMMENTS = ("#", "%", "//")
 
 MOST_COLUMNS = 10_000
-"""Most column names in a line, since some files have lines with a million fields."""
+"""Largest number of column names in a line, since some files have lines with a million fields."""
 
 _WORDS = re.compile(r"[^\s\[(]+(?:\s*(?:\[[^\[\]]*\]|\([^()]*\)))?\S*")
 
 MOST_KINDS = 20
-"""Most different first words of rows that can mean kinds of rows; with more, the first word means nothing."""
+"""Largest number of kinds of rows, given by their first words. If there are more, first words mean
+nothing.
+"""
 
 
 def is_blank(line: str) -> bool:
-    """Return whether a line is empty; a line that consists of separators is not."""
+    """Return whether a line is empty. A line that consists of separators is not empty."""
     return not line.strip(" \r\n") or (line.isspace() and "\t" not in line)
 
 
@@ -88,7 +90,7 @@ def units_in(line: str) -> list[str] | None:
     fields = bare_fields(line)
     filled = [
         field for field in fields if field not in ("", "1")
-    ]  # 1 is the unit of a quantity without a dimension
+    ]  # the unit of a quantity without a dimension is 1
     known = sum(map(is_unit, filled))
     if any(map(is_number, filled)) or not known or 2 * known < len(filled):
         return None
@@ -102,7 +104,7 @@ _MAY_HAVE_THOUSANDS = re.compile(r"\d[.,]\d{3}[.,]\d")
 
 
 class Thousands:
-    """Finds numbers with separators between thousands, as in `1.000.010`, in a growing list of lines."""
+    """Finds numbers with a sign between thousands, as in `1.000.010`, in a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
@@ -112,7 +114,7 @@ class Thousands:
         """Check the lines that were added since the last call.
 
         Raises:
-            UsageError: a column has several such numbers, so that the meaning of 53.456 is unknown.
+            UsageError: a column has several such numbers, so that it is unknown whether 53.456 means 53456.
         """
         for line in lines[self._seen :]:
             if not _MAY_HAVE_THOUSANDS.search(line) or is_comment(line):
@@ -129,14 +131,14 @@ class Thousands:
 
 
 class Kinds:
-    """Collects the first words of rows, and the number of fields for each first word, in growing lines."""
+    """Collects the first words of rows, with the number of fields for each, from a growing list of lines."""
 
     def __init__(self) -> None:
         self._seen = 0
         self._found: dict[str, int] = {}
 
     def of(self, lines: Sequence[str]) -> dict[str, int]:
-        """Examine the new lines, and return the kinds of all rows; an empty result if there are too many."""
+        """Examine the new lines, and return the kinds of all rows; empty if there are too many kinds."""
         for line in lines[self._seen :] if len(self._found) <= MOST_KINDS else ():
             fields = [] if is_comment(line) else split(line, separator_of(line))
             has_word = len(fields) > 2 and not is_number(fields[0]) and bool(fields[0])
@@ -174,7 +176,7 @@ def rows_alike(lines: Sequence[str]) -> tuple[str, list[str]]:
 
 
 def sample_of(lines: Sequence[str], names: Sequence[str] | None, width: int, tag: str) -> Floats:
-    """Return the numbers in lines of one kind (n, width), NaN for other fields.
+    """Return the numbers in lines of one kind (n, width), with NaN for fields that are no numbers.
 
     `tag`: first field of the lines.
 

@@ -1,7 +1,8 @@
 """Converts lines in the forms that various programs print to plain lines of numbers.
 
-Python prints bytes, lists, tuples, dicts and arrays; NMEA and VectorNav sentences end in a checksum; each of
-them stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON object.
+Python prints bytes, lists, tuples, dicts and arrays. Messages of NMEA and VectorNav end in a checksum. Each
+of these stays one line. `ros2 topic echo` prints a YAML document for each message, which becomes a JSON
+object.
 """
 
 import re
@@ -18,7 +19,7 @@ _BRACKETS = re.compile(
 )
 _DICT = re.compile(rb"^[ \t]*(\{[ \t]*'.*\})[ \t,\r]*$", re.M)
 _ESCAPED = re.compile(rb"\\(?:t|x([89a-f][0-9a-f]))")
-"""Matches a tab, and characters outside ASCII, in bytes as Python prints them."""
+"""Matches a tab, or a byte outside ASCII, as Python prints it in bytes."""
 
 _AS_JSON = bytes.maketrans(b"()'", b'[]"')
 _PYTHON_WORD = re.compile(rb"(?<=[:\s,\[])(None|nan|True|False)(?=[,}\s\]])")
@@ -30,7 +31,7 @@ MINUS = "\u2212".encode()
 """The typographic minus sign, which some programs write."""
 
 WRONG_SUM = "wrong checksum"
-"""Text that replaces the numbers of an NMEA message with a wrong checksum."""
+"""Text in place of the numbers of an NMEA message whose checksum is wrong."""
 
 _SENTENCE = re.compile(rb"^[ \t]*\$([^*\n]*)\*([0-9A-Fa-f]{2}|[0-9A-Fa-f]{4})[ \t\r]*$", re.M)
 
@@ -48,7 +49,8 @@ def plain_lines(data: bytes) -> bytes:
         data = data.replace(MINUS, b"-")
     if b"\x1b" in data:
         data = _COLOUR.sub(b"", data)
-    if b"b" in data and (b"b'" in data or b'b"' in data):  # searching for one byte first is ten times faster
+    # a search for the single byte first is ten times faster
+    if b"b" in data and (b"b'" in data or b'b"' in data):
         data = _BYTES.sub(_unescaped, data)
     if b"p" in data and b"np." in data:
         data = _NUMPY.sub(rb"\1", data)
@@ -85,13 +87,15 @@ YAML = re.compile(
     rb"|(?P<first>%(key)s)[ ]*\{[ ]*%(key)s[^\n]*\n(?!(?P=first))%(key)s)"
     % {b"before": _BEFORE, b"key": _KEY}
 )
-"""Matches the beginning of the first YAML document."""
+"""Matches the beginning of the first YAML document in a text."""
 
 BEGINNING = re.compile(_BEFORE + rb"(?:" + _KEY + rb"(?:[ \t\r]*|[ ]*\{[^\n]{0,256})\n)?[^\n]{0,256}")
-"""Matches bytes that may become the beginning of a document when the next line is complete."""
+"""Matches bytes that may prove to be the beginning of a YAML document when the next line is complete."""
 
 LONGEST_DOCUMENT, LONGEST_LINE = 1 << 20, 1 << 14
-"""Limits on a document and on a line [bytes]; of a longer line, such as an image, the beginning is kept."""
+"""Longest YAML document and longest line [bytes]. Of a longer line, such as an image, the beginning is
+kept.
+"""
 
 
 _IN_BRACES = re.compile(rb"([A-Za-z_]\w*)\s*:\s*(?:(\{)|\[[^\[\]]*\]|([^,{}\[\]]*))|(\})")
@@ -104,7 +108,8 @@ DEEPEST = 8
 class YamlDocuments:
     """Converts YAML documents in the form that ROS prints, each to one JSON object.
 
-    `is_cut`: whether the last document was left out, since it lacks its end or values that the first one has.
+    `is_cut`: whether the last document was left out, since it lacks its end, or values that the first
+    document has.
     """
 
     def __init__(self) -> None:
@@ -121,7 +126,7 @@ class YamlDocuments:
         return b"".join(map(self._take, lines))
 
     def finish(self) -> bytes:
-        """Return the last document, which may have no end mark."""
+        """Return the last document as a JSON object; it may lack its end mark."""
         rest, self._rest = self._rest, b""
         found = self._take(rest)
         has_begun = bool(self._values) or b"{" in rest

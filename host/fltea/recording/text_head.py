@@ -1,4 +1,6 @@
-"""Finds the sampling rate and the gyroscope's unit in plain words in the head of a text.
+"""Finds the sampling rate and the gyroscope's unit, in plain words, in the head of a text.
+
+The head consists of the lines before the names of the columns.
 
 Examples are `# Sample rate: 100 Hz`, `Sampling Frequency;0.1 kHz`, `dt = 10 ms`; `Units: deg/s`, `gyro in
 rad/s`,
@@ -20,7 +22,7 @@ LONGEST_LINE = 300
 """Longest line of a head that is examined [characters]."""
 
 _FACT = re.compile(rf"([^\d:=;,|\t]{{1,60}}?)[ :=;,|\t]*(?<![\w.-])({UNSIGNED})[ ]*([^\s\d,;|()\[\]]*)")
-"""Matches words, followed by a number and its unit."""
+"""Matches a statement: words, followed by a number and its unit."""
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-zµ]+")
 _SAID_OF_ALL = {
@@ -71,7 +73,7 @@ _OF_RATES = {
 _PERIOD = {"period", "interval", "dt", "ts"}
 _HZ = {"hz": 1.0, "khz": 1e3, "sps": 1.0, "samples/s": 1.0, "1/s": 1.0}
 _FULL_SCALES = {125.0, 245.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0}
-"""Usual full scales [deg/s]: such a number after `fs` may be a full scale and not a sampling rate."""
+"""Usual full scales of gyroscopes [deg/s]. One of these numbers after `fs` may be no sampling rate."""
 
 _OF_UNITS = {"unit", "units", "rates", "values", "measured", "are"}
 _LABEL = re.compile(r"(?:(.*?)([:=(\[]|\bin\b))?(.*)")
@@ -83,7 +85,7 @@ _SCALE = re.compile(
 
 
 class Head(NamedTuple):
-    """Facts in a head, each with the line that states it.
+    """Facts that the head of a text states, each with the line that states it.
 
     `rates`: sampling rates [Hz]. `units`: units in the notation of `--units`.
     """
@@ -94,7 +96,9 @@ class Head(NamedTuple):
 
 @lru_cache(maxsize=16)
 def stated_in(head: str) -> Head:
-    """Return all rates and units that the lines of a head state; different ones contradict each other.
+    """Return all sampling rates and units that the lines of a head state.
+
+    If they differ, they contradict each other.
 
     Lines that name the gyroscope have priority over lines that name no sensor.
     """
@@ -135,7 +139,7 @@ def _rates(text: str) -> Iterator[tuple[bool, float]]:
 
 
 def _units(text: str) -> Iterator[tuple[bool, str]]:
-    """Yield units of angular rates, or counts per unit, each with whether the line names the gyroscope."""
+    """Yield units of angular rates or counts, each with whether the line names the gyroscope."""
     if (found := _SCALE.search(text)) is not None:
         unit = rate_unit((found["of"] or found["unit"]).strip(" ()"))
         words = {word.lower() for word in _WORD.findall(text[: found.start()])}

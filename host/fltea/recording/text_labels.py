@@ -1,4 +1,4 @@
-"""Reads lines that name each number: JSON objects, and labelled numbers as boards write them.
+"""Reads lines that name each number: JSON objects, and numbers with labels as boards print them.
 
 `gx:1.2,gy:3.4` has a label for each number; `Gyro X: 1.2 Y: 3.4 Z: 5.6 rad/s` has a group and one unit;
 `Gyr (DPS) [ 0.1, 0.2, 0.3 ]` has one label for three numbers.
@@ -38,7 +38,9 @@ DEEPEST = 4
 
 
 def decode_object(line: str | bytes) -> dict[str, Any]:
-    """Read a JSON object; nested names become `gyro.x`, three numbers in a list `gyro_x` and so on.
+    """Read a JSON object. Nested names become `gyro.x`.
+
+    The numbers in a list of three become `gyro_x` and so on.
 
     Raises:
         ValueError: the line is no JSON object.
@@ -47,7 +49,7 @@ def decode_object(line: str | bytes) -> dict[str, Any]:
 
 
 def flat(found: dict[str, Any]) -> dict[str, Any]:
-    """Return the values in an object and its nested objects, by the names that `decode_object` describes."""
+    """Return the values in an object and its nested objects, by the names that `decode_object` gives."""
     if any(type(value) in (dict, list) for value in found.values()):
         inner: dict[str, Any] = {}
         _flatten("", found, inner, DEEPEST)
@@ -66,7 +68,7 @@ def _flatten(name: str, value: Any, flat: dict[str, Any], depth: int) -> None:
 
 
 def units_beside(found: Mapping[str, Any]) -> list[str]:
-    """Return, for each name in an object, the unit that a text in the object states; "" if none does."""
+    """Return, for each name in an object, the unit that a text in the object states; "" if no text does."""
     units = units_of(found)
     return [_fitting(name, unit_of(units, name, without_axis(name), 0, 1)) if units else "" for name in found]
 
@@ -77,7 +79,10 @@ def without_axis(name: str) -> str:
 
 
 def _fitting(name: str, unit: str) -> str:
-    """Return a unit if it fits the quantity that a name means, else ""; objects hold several quantities."""
+    """Return a unit if it fits the quantity that a name means, else "".
+
+    An object may hold several quantities.
+    """
     is_rate = axis_of(name, unit) and (rate_unit(unit) or unit.startswith("lsb:"))
     is_other = (accel_axis_of(name, unit) and accel_unit(unit)) or (is_time(name) and time_scale(unit))
     return unit if is_rate or is_other else ""
@@ -91,7 +96,7 @@ class Labelled(NamedTuple):
 
 
 def labelled(line: str) -> Labelled | None:
-    """Read a line; return None if it has no labelled numbers."""
+    """Return the labelled numbers in a line, or None if it has none."""
     values: dict[str, float] = {}
     units: dict[str, str] = {}
     members: list[str] = []

@@ -42,7 +42,7 @@ SEPARATORS = ("\t", ";", ",", None)
 """Possible separators; None is white space."""
 
 MOST_BEFORE = 200
-"""Number of lines before the first row that are kept, since one of them may be a header."""
+"""Number of lines before the first row that are kept, since one of them may name the columns."""
 
 WORDS = re.compile(r"[\s,;:={}\[\]]+")
 
@@ -50,14 +50,13 @@ ONE_WITH_UNIT = re.compile(r"[^\[\]()]+[\[(][^\[\]()]*[\])]")
 
 
 class Layout(NamedTuple):
-    """The layout of the rows in a text, which tells where their numbers stand.
+    """The layout of the rows in a text: where the numbers stand in a row.
 
-    `separator`: text between two fields; None means white space.
-    `parse`: for JSON objects and labelled lines, returns the numbers in a line by name; else None.
-    `usual`: number of fields in the first row. `least`: fewest fields of a row. `most`: number of fields
-    after which no further numbers follow.
-    `begin`: line number of the first row, from 1. `notes`: warnings for the user.
-    `again`: the lines with names and with units, which may be repeated later in the text.
+    `separator`: text between two fields; None means white space. `parse`: for JSON objects and labelled
+    lines, returns the numbers in a line by name; else None. `usual`: number of fields in the first row.
+    `least`: fewest fields of a row. `most`: number of fields after which no number to read follows. `begin`:
+    line number of the first row, from 1. `notes`: warnings for the user. `again`: the line of column names
+    and the line of units, which may be repeated later in the text.
     """
 
     chosen: Chosen
@@ -72,7 +71,10 @@ class Layout(NamedTuple):
 
 
 class _Names(NamedTuple):
-    """Names of columns. `is_loose`: whether other words, or names with blanks, may be among the names."""
+    """Names of columns in a line.
+
+    `is_loose`: whether other words, or names with blanks, may be among them.
+    """
 
     names: list[str]
     separator: str | None
@@ -80,7 +82,7 @@ class _Names(NamedTuple):
 
 
 class _Header(NamedTuple):
-    """Names of columns, with the line that holds them and its number."""
+    """Names of columns, with the line that holds them and the number of this line."""
 
     line: int
     text: str
@@ -169,7 +171,7 @@ class LayoutFinder:
             text = text.removeprefix(mark) if len(mark) > 1 else text.lstrip(mark)
         if any(mark in text for mark in "\t;,"):
             separators = [separator for separator in SEPARATORS if separator is None or separator in text]
-        else:  # "\n" separates nothing: one name with blanks, likely if it ends in a unit
+        else:  # " " separates nothing: the line is one name with blanks, which is likely if it ends in a unit
             separators = ["\n", None] if ONE_WITH_UNIT.fullmatch(text) else [None, "\n"]
         for separator in separators:
             names = words_with_units(text) if separator is None else split(text, separator)
@@ -220,7 +222,7 @@ class LayoutFinder:
     def _choose_named(self, line: str) -> None:
         """Choose the columns by the header and by the next line, which shows the number of fields."""
         self._thousands.check(self._where, self._sample())
-        header, self._header = self._header, None  # a refused header is dropped
+        header, self._header = self._header, None  # a header that is refused below is dropped
         assert header is not None
         fields = split(line, separator_of(line))
         if 2 * sum(map(is_number, fields)) > len(fields):
@@ -291,7 +293,10 @@ class LayoutFinder:
         return _layout(chosen, separator, fields, len(fields), number)
 
     def _tag_of(self, fields: Sequence[str]) -> str | None:
-        """Return the first field if it tells the kind of row, else ""; None for a row of another kind."""
+        """Return the first field if it tells the kind of the row, else "".
+
+        The result is None for a row of another kind than the one to read.
+        """
         tag = fields[0] if fields else ""
         if len(fields) < 2 or is_number(tag) or is_missing(tag):
             return ""
@@ -311,7 +316,7 @@ class LayoutFinder:
         return None if self._has_kinds() else "" if len(kinds) == 1 else tag
 
     def _has_kinds(self) -> bool:
-        """Return whether a dialect with several kinds of rows fits; its head names columns of all kinds."""
+        """Return whether the text is in a dialect with several kinds of rows."""
         kinds = self._kinds()
         if "head" in self._known or names_kinds(self._newest):
             self._known["head"] = True
@@ -335,7 +340,7 @@ def _by_names(chosen: Chosen | None, parse: Callable[[str], Mapping[str, Any]], 
 
 
 def _fit(header: _Names, row: str) -> bool:
-    """Return whether a row has as many fields as there are names, apart from empty ones at its end."""
+    """Return whether a row has as many fields as a header has names, not counting empty fields at its end."""
     count = len(header.names)
     rows = (split(row, separator) for separator in {separator_of(row, count), header.separator})
     return any(len(fields) >= count and not any(fields[count:]) for fields in rows)
@@ -358,7 +363,10 @@ def _layout(
 
 
 def why_too_many(fields: Sequence[str], columns: int) -> str:
-    """Return the reason if surplus fields hold numbers, since commas may be decimal ones; else ""."""
+    """Return the reason to refuse a row whose surplus fields hold numbers, else "".
+
+    The commas of such a row may be decimal commas.
+    """
     if not any(map(is_number, fields[columns:])):
         return ""
     return (
@@ -368,7 +376,10 @@ def why_too_many(fields: Sequence[str], columns: int) -> str:
 
 
 def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> str:
-    """Return why fields lack the needed numbers; "" if they have them, or have marks for missing numbers."""
+    """Return why a row's fields are not readable as the needed numbers, else "".
+
+    Words for missing numbers are readable.
+    """
     for place, name in zip(chosen.needed, chosen.read, strict=False):
         if place >= len(fields):
             return f"has {len(fields)} fields; column {shown(name)} is number {place + 1}."
@@ -386,7 +397,7 @@ def why_no_row(chosen: Chosen, fields: Sequence[str], separator: str | None) -> 
 
 
 def _without_dates(chosen: Chosen, fields: Sequence[str], how: How) -> tuple[Chosen, str]:
-    """Drop a column of times that holds words and was not asked for; return also a warning for the user."""
+    """Drop the column of times if it holds words and the user did not name it; also return a warning."""
     if (
         chosen.time is None
         or chosen.time >= len(fields)

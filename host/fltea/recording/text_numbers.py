@@ -23,10 +23,10 @@ SAMPLE_BEGINS = '0123456789+-.,;"{'
 """First characters of a line that was meant as a sample (also `nan`), even if it has too few fields."""
 
 LEAST_AT_ONCE, MOST_AT_ONCE = 1 << 9, 1 << 18
-"""Smallest and largest number of bytes that are read as plain rows at a time."""
+"""Smallest and largest number of bytes that are read as plain rows (lines of numbers only) at a time."""
 
 MOST_LEFT_OUT = 1000
-"""Most lines without a sample that are remembered, to skip them quickly when they repeat."""
+"""Largest number of lines without a sample that are remembered, to skip them quickly when they repeat."""
 
 REASONS = {
     "text": "is no line of numbers",
@@ -40,9 +40,9 @@ REASONS = {
     "too_large": "is beyond what a gyroscope measures; are the units right?",
     "time": "has a time that cannot be",
 }
-"""Reasons why a line holds no sample: the key of its count in `link.bad_frames`, and words for the user.
+"""Reasons why a line holds no sample: keys of the counts in `link.bad_frames`, each with words for the user.
 
-`fltea.recording.table` detects the last three, where rows become samples.
+`fltea.recording.table` detects the last three when it turns rows into samples.
 """
 
 WhyNot = tuple[str, str]
@@ -52,10 +52,10 @@ WhyNot = tuple[str, str]
 class Plain(NamedTuple):
     """Result of reading lines up to the first line that is no plain row.
 
-    `next`: offset of that line; beyond the end if there is none. `passed`: number of lines before it.
-    `rows`: (n,) indices of those lines that are rows; the others are blank or comments. `values`: (n,
-    columns).
-    `goes_on`: whether only a part of the lines was read so far, and all these lines were plain.
+    `next`: offset of that line; beyond the end if there is no such line. `passed`: number of lines before
+    that line. `rows`: (n,) indices of those of the passed lines that are rows; the others are blank or
+    comments. `values`: (n, columns). `goes_on`: whether only a part of the lines was read so far, and all
+    these lines were plain.
     """
 
     next: int
@@ -68,7 +68,8 @@ class Plain(NamedTuple):
 class RowParser:
     """Reads the lines of one layout.
 
-    After the first number with a decimal comma or a decimal point, all numbers have to use the same sign.
+    After the first number with a decimal comma or a decimal point, all numbers have to use the same decimal
+    sign.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -78,13 +79,17 @@ class RowParser:
         self._left_out: dict[bytes, WhyNot] = {}
 
     def plain(self, data: bytes, begin: int = 0) -> Plain:
-        """Read the lines from byte `begin` on, as far as they are plain; the last line has no end."""
+        """Read the lines from byte `begin` on, as far as they are plain rows.
+
+        The last line has no line feed.
+        """
         layout = self.layout
         if layout.parse is not None:
             return self._plain_named(data, begin)
         form = layout.separator or "\0", layout.least, layout.most, layout.chosen.places
         stop = end_of_line(data, begin + self._window) if begin + self._window < len(data) else len(data)
-        part = data[begin:stop]  # memory is reserved for all its lines, so it is short if few are plain
+        # memory is reserved for all lines of this part, so the part is short if few lines are plain
+        part = data[begin:stop]
         after, passed, decimal, rows, values = plain_rows(part, 0, *form, self._decimal or "\0")
         self._decimal = decimal.strip("\0")
         goes_on = after > len(part)
@@ -150,7 +155,7 @@ class RowParser:
             return "number", why
         fields += [""] * (
             max(layout.chosen.places) + 1 - len(fields)
-        )  # the accelerometer's fields may be missing
+        )  # fields of the accelerometer may be missing
         chosen = [fields[place].strip().strip('"').strip() for place in layout.chosen.places]
         if layout.separator != ",":
             self._note_decimal(chosen[: len(layout.chosen.needed)])
@@ -189,7 +194,8 @@ def _of_named(
     chosen = layout.chosen
     names = chosen.read[: len(chosen.needed)]
     if lacking := [name for name in names if name not in found]:
-        if parse is values_in:  # boards write other quantities on separate lines
+        # a line without the needed labels is no error, since boards write other quantities on separate lines
+        if parse is values_in:
             return (
                 None if len(lacking) == len(names) else ("fields", f"has no number for {shown(lacking[0])}.")
             )
@@ -210,7 +216,10 @@ def end_of_line(data: bytes, begin: int) -> int:
 
 
 def decoded(line: bytes) -> str:
-    """Return a line as text, in UTF-8 or else the Windows encoding; units have signs beyond ASCII."""
+    """Return a line as text, read as UTF-8 or, if it is not, in the Windows encoding.
+
+    Units have signs beyond ASCII.
+    """
     try:
         return line.decode()
     except UnicodeDecodeError:

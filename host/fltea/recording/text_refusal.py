@@ -24,10 +24,10 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 MOST_TABLES = 4
-"""Most kinds of rows that the message shows."""
+"""Largest number of kinds of rows that the message shows."""
 
 FactsOf = Callable[[Sequence[str] | None, int, str], Facts]
-"""Function that returns what is known of a file, from names, the number of columns, and the first field."""
+"""Function that returns what is known of a file, from column names, number of columns, and first field."""
 
 NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 
@@ -35,7 +35,10 @@ NamesAbove = tuple[int | None, list[str] | None, list[str] | None]
 def refusal(
     where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> UsageError:
-    """Return the error that says why none of the first lines is a row. `kinds`: first fields of the kinds."""
+    """Return the error that says why none of the first lines is a row.
+
+    `kinds`: first field of each kind of rows.
+    """
     wanted = wanted_of(how)
     has_numbers = any(is_number(field) for line in lines for field in bare_fields(line))
     kind, rows = rows_alike(lines)
@@ -61,7 +64,7 @@ def refusal(
 def _choose_row(
     where: str, how: How, row: str, lines: Sequence[str], kinds: Mapping[str, int], facts: FactsOf
 ) -> None:
-    """Choose the columns of a row; the error that this raises asks for what is missing."""
+    """Choose the columns of a row, which raises an error that asks the user for the missing facts."""
     fields = split(row, separator_of(row))
     if len(kinds) > 1 and fields[0] in kinds and how.topic is None:
         raise _which_rows(where, how, lines, kinds)
@@ -72,7 +75,7 @@ def _choose_row(
 
 
 def _which_rows(where: str, how: How, lines: Sequence[str], kinds: Mapping[str, int]) -> UsageError:
-    """Return the question which of several kinds of rows to read; it shows the columns of each kind."""
+    """Return the question that asks which of several kinds of rows to read, and shows the columns of each."""
     tables = [
         f"Rows that begin with {kind}. {columns_table(None, sample_of(lines, None, width, kind))}"
         for kind, width in list(kinds.items())[:MOST_TABLES]
@@ -95,7 +98,7 @@ def names_above(lines: Iterable[tuple[int, str]], width: int) -> NamesAbove:
         found = bare_fields(line)
         if len(found) != width or all_numbers(line) or is_number(found[0]) or WRONG_SUM in found:
             continue
-        # the line is a statement in words and not a list of names
+        # such a line is a statement in words and not a list of names
         if separator_of(line) is None and any(stated_in(line)):
             continue
         if units is None and units_in(line) is not None:

@@ -30,13 +30,15 @@ from fltea.records.errors import UsageError
 from fltea.settings.how import How
 
 SAMPLE_LINES, SAMPLE_BYTES = 2000, 1 << 18
-"""Number of first lines, and of bytes, that are kept to find out what the columns hold."""
+"""Number of a text's first lines, and of their bytes, that are kept to find out what the columns hold."""
 
 ONE_DOCUMENT = re.compile(rb'\s*(?:\[\s*[\[{]|\{\s*\n|\{\s*"[^"]*"\s*:\s*(?:\[\s*["\[{]|\{\s*"0"))')
-"""Matches the beginning of a JSON array, of an object over several lines, or of pandas' columns."""
+"""Matches the beginning of a JSON document that is no list of lines: an array, an object over several lines,
+or columns as pandas writes them.
+"""
 
 MOST_CHECKS, MOST_HEADERS = 200, 64
-"""Most lines of a block that are examined as headers, and most different headers of a file."""
+"""Largest number of lines of a block that are examined as headers, and of different headers in a file."""
 
 NO_NAME = "0123456789+-."
 """Characters with which a line of names cannot begin."""
@@ -69,13 +71,17 @@ class TextReader:
         self._finder = LayoutFinder(where, how, lambda: self._sample)
         self._finder.head += head
         self._parser: RowParser | None = None
-        self._layouts: dict[str, Layout | None] = {}  # by the line of names; None: columns that do not fit
+        # layout for each line of names; None if the columns do not fit those of the first
+        self._layouts: dict[str, Layout | None] = {}
         self._checks = 0
         self._sensors = SensorLines(where, how)
 
     @property
     def layout(self) -> Layout | None:
-        """How rows are read now; None until a line determines it, and while another header is examined."""
+        """Layout by which rows are read.
+
+        It is None until a line determines it, and while another header is examined.
+        """
         return None if self._parser is None else self._parser.layout
 
     @property
@@ -89,7 +95,7 @@ class TextReader:
         return self._buffer.pending_bytes
 
     def resume(self, *, within_line: bool) -> None:
-        """Continue after a loss of the sender.
+        """Continue after the sender was lost and found again.
 
         `within_line`: whether the next bytes may be the end of a line.
         """
@@ -132,7 +138,7 @@ class TextReader:
         return self._sensors.in_turn(self._feed(self._buffer.feed(data)))
 
     def _feed(self, whole: bytes | None) -> list[Rows]:
-        """Read whole lines, if there are any, and count a line that is too long."""
+        """Read whole lines, if `whole` is not None, and count a pending line that is too long."""
         found = [] if whole is None else self._take(whole)
         if self._buffer.drops_too_long():
             self.lines += 1
@@ -197,7 +203,7 @@ class TextReader:
         return _by_run(pieces)
 
     def _find(self, data: bytes, begin: int) -> int | None:
-        """Find the first row; return its offset, or None if there is none."""
+        """Find the first row after a header; return its offset, or None if there is none."""
         while begin <= len(data):
             if self.chosen is None and self.lines >= self.most_before:
                 raise self.refusal()
@@ -241,7 +247,7 @@ class TextReader:
         return LayoutFinder(self._where, self._how, lambda: self._sample, self._finder)
 
     def _is_as_before(self, chosen: Chosen) -> bool:
-        """Return whether the columns of a new header can continue those of the header before."""
+        """Return whether columns chosen for a new header can continue the columns that were read before."""
 
         def kind(of: Chosen) -> tuple[object, ...]:
             return len(of.gyro), of.lsb, of.time is None, of.time_unit, len(of.accel)
@@ -257,13 +263,13 @@ class TextReader:
         return self._go_on(layout)
 
     def _go_on(self, layout: Layout) -> RowParser:
-        """Read rows by `layout` from here on."""
+        """Read the following rows by `layout`."""
         self._sensors.begin(layout.chosen, len(self._sample))
         self._parser = RowParser(layout)
         return self._parser
 
     def _read(self, parser: RowParser, data: bytes, begin: int, pieces: list[Rows]) -> int | None:
-        """Read rows; return the offset of another header, or None at the end of the data."""
+        """Read rows up to another header; return its offset, or None at the end of the data."""
         is_plain = is_first = (
             True  # after two lines without a row, lines are read one by one until a row comes
         )
@@ -312,7 +318,7 @@ class TextReader:
         self.bad.add(self.lines, *why)
 
     def _names_again(self, parser: RowParser, line: str, data: bytes, begin: int, end: int) -> RowParser:
-        """Handle a line of names or units that came before; return the parser to use."""
+        """Handle a repeated line of names or units; return the parser to use for the following rows."""
         known = self._layouts.get(line)
         if known is not None:
             again = data.find(data[begin:end], end)
@@ -330,9 +336,9 @@ class TextReader:
         pieces.append(Rows(self.lines + 1 + rows, layout.chosen.scale(values), ordinal, begins))
 
     def _is_header(self, parser: RowParser, text: str) -> bool:
-        """Return whether a line names columns anew.
+        """Return whether a line in the middle of a text names columns again.
 
-        Of many other lines only some are examined, since this is slow.
+        Only a limited number of lines is examined, since this is slow.
         """
         might_be = parser.layout.parse is None and text.lstrip()[:1] not in NO_NAME
         if not might_be or not self._checks or len(self._layouts) >= MOST_HEADERS:

@@ -25,7 +25,7 @@ _DAY = (
 )
 _WEEKDAY = "(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*,? )?"
 _HOUR = re.compile(rf"(?<![\w:.])(?:{_WEEKDAY}(?:{_DAY})(?:T|\s+|,\s))?(?P<h>\d\d?)$")
-"""Matches the text before the first colon of a time of day."""
+"""Matches the date, if any, and the hour in the text before the first colon of a time of day."""
 
 _LONGEST_BEFORE = 40
 
@@ -34,15 +34,17 @@ _CLOCK = re.compile(
     r"(?:([.:])(\d+)|,(\d+)(?=[;\t\"]|\s*->|[ ]+[-+\d]))?"
     r"(?:\s?([AaPp])\.?[Mm]\b\.?)?(?:\s?(Z|UTC|GMT|[+-]\d\d:?\d\d)(?![\d:]))?|(?<=:\d\d)([.,])(\d+))(?![\w:])"
 )
-"""Matches a time of day from its first colon on; the last two groups are minutes and seconds as in Excel."""
+"""Matches a time of day from its first colon on. The last two groups match minutes and seconds as in
+Excel.
+"""
 
 _SECONDS = re.compile(r"\s*(\d+)(?:[.,](\d+))?\s*")
-"""Matches a time after its conversion."""
+"""Matches a time that was converted to seconds."""
 
 _MINUTES = re.compile(r"(?<![\w:.])\d{1,3}$")
 
 A_CLOCK = re.compile(rb"\d:[0-5]?\d[:.,]")
-"""Matches bytes that may belong to a time of day; a quick test before the conversion."""
+"""Matches bytes that may belong to a time of day, as a quick test before the conversion."""
 
 _DECIMAL_COMMAS = re.compile(r"[;\t][-+ ]*\d+,\d")
 """Matches a number with a decimal comma in a line whose fields have other separators."""
@@ -60,8 +62,8 @@ class Clocks:
     """Converts the times of one text to seconds, a block of whole lines at a time.
 
     Digits after the seconds are a fraction, unless they turn out to be milliseconds without leading zeros:
-    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Digits after a further colon, as WitMotion's programs
-    write, are milliseconds unless there are always two, which may be frames of a film.
+    the SDK of WitMotion writes 5 ms as `9:46:40.5`. Digits after a third colon, as WitMotion's programs
+    write, are milliseconds, unless there are always two digits, which may number the frames of a film.
     """
 
     def __init__(self) -> None:
@@ -98,9 +100,9 @@ class Clocks:
     def _examine(self, text: str) -> None:
         """Find out how fractions of seconds are written.
 
-        Milliseconds without leading zeros have several lengths and never begin with a zero. Read as
-        fractions, they would end in zeros or decrease within a second. Programs that write fractions of
-        several lengths drop final zeros.
+        Milliseconds without leading zeros have one to three digits and never begin with a zero. If they were
+        read as fractions, they would end in zeros or decrease within a second. Programs that write fractions
+        of several lengths drop final zeros.
         """
         for clock, sign, digits in _LAST.findall(text):
             if sign == ":":
@@ -118,7 +120,7 @@ class Clocks:
                 self._last = clock, digits
 
     def _seconds(self, found: re.Match[str], before: str, mark: str) -> tuple[int, str] | None:
-        """Return where in `before` a time begins, and the time in seconds; None if there is no time."""
+        """Return the index in `before` at which a time begins, and the time in seconds, or None."""
         m, s, sign, digits, behind_comma, half, zone, _, fraction = found.groups()
         if s is None:
             minutes = _MINUTES.search(before)
@@ -176,9 +178,9 @@ def points_of_time(texts: Sequence[str | None], *, is_known: bool = False) -> ND
 class _DayMonth:
     """Order of day and month in dates such as 03/05/2023, the same for a whole text.
 
-    A number above 12 shows the order, or else the next date, since successive dates are near. Until then the
-    month is taken as first. If this turns out wrong, later dates are shifted to continue from there, since
-    only steps between dates are used.
+    A number above 12 shows the order. Otherwise the next date shows it, since successive dates are near each
+    other. Until the order is known, the month is taken as first. If this proves wrong, later dates are
+    shifted so that they continue the earlier ones, since only steps between dates are used.
     """
 
     def __init__(self) -> None:
@@ -187,7 +189,7 @@ class _DayMonth:
         self._newest: tuple[int, int] | None = None
 
     def days(self, month_first: int | None, day_first: int | None) -> int | None:
-        """Return the days since 1970 of a date, given for both orders; None for an invalid date."""
+        """Return a date's days since 1970, given for both orders of day and month, or None."""
         newest = self._newest
         if self._is_day_first is None and (month_first is None or day_first is None):
             self._is_day_first = month_first is None
@@ -206,7 +208,8 @@ class _DayMonth:
 class _Hour(NamedTuple):
     """A date and an hour.
 
-    `begin`: position in the text. `days`: since 1970, by order; `is_either`: orders differ.
+    `begin`: index in the text at which they begin. `days`: days since 1970, with the month first and with the
+    day first. `is_either`: whether both orders are possible.
     """
 
     begin: int
@@ -227,7 +230,7 @@ def _hour(before: str) -> _Hour | None:
         day = _day(part["y"], part["mo"], part["d"])
     elif part["a"]:
         day = _day(part["c"], part["b"], part["a"])
-        if part["sign"] != ".":  # with full stops the day is first
+        if part["sign"] != ".":  # in dates with full stops, the day is first
             return _Hour(found.start(), hour, (_day(part["c"], part["a"], part["b"]), day), is_either=True)
     elif name:
         month = str(_MONTHS.index(name[:3].lower()) + 1)
@@ -238,7 +241,7 @@ def _hour(before: str) -> _Hour | None:
 
 
 def _day(year: str, month: str, day: str) -> int | None:
-    """Return the days since 1970, or None."""
+    """Return the days since 1970 of a date; None if there is no such date."""
     try:
         return (
             date(int(year if len(year) == 4 else f"20{year}"), int(month), int(day)) - date(1970, 1, 1)
@@ -248,7 +251,10 @@ def _day(year: str, month: str, day: str) -> int | None:
 
 
 def _before_line(found: re.Match[str]) -> str:
-    """Put the time into the line as one more column: a number, a labelled number, or a name among names."""
+    """Return the line with the time before it as one more column.
+
+    The time has the form of the line: a number, a labelled number, or the name `time` among names.
+    """
     seconds, line = found[1], found[2]
     if re.match(r'\s*[-+\d.,"]', line):
         separator = next((mark for mark in "\t;," if mark in line), " ")

@@ -29,7 +29,7 @@ LEAST_HZ = 0.01
 """Lowest rate that the user may give without --overrule [Hz]; lower rates are likely mistakes."""
 
 LIKE_MEAN = 1.5
-"""Largest accepted ratio between a given rate and the mean rate of uneven times."""
+"""Largest accepted ratio between the user's rate and the mean rate of uneven times, in either direction."""
 
 
 class Timing(NamedTuple):
@@ -104,7 +104,10 @@ def check_given(where: str, rate_hz: float, *, overrule: bool) -> None:
 
 
 def rate_of(times: Floats, unit: TimeUnit | None) -> float | None:
-    """Return the rate that some times give, if they are even and in a known unit or in s; else None."""
+    """Return the sampling rate that times give if they are even; else None.
+
+    Times without a unit are taken as seconds.
+    """
     times = times[np.isfinite(times)]
     if not len(times):
         return None
@@ -127,7 +130,7 @@ def _clock_answer(column: TimeColumn, elapsed: Elapsed, rate_hz: float) -> Answe
 def _uneven(
     where: str, column: TimeColumn, clock: Clock, elapsed: Elapsed, place: Callable[[int], str]
 ) -> NotStated:
-    """Return a question for the rate that explains why the times are not a sensor's clock."""
+    """Return the question for the rate, which explains why the times are not from a sensor's clock."""
     name, shown, unit_s = column.name, column.unit or "s", SECONDS[column.unit or "s"]
     first = "" if elapsed.first is None else place(elapsed.first).removeprefix(where).strip(": ")
     at = f", the first in {f'line {first}' if first.isdigit() else first}" if first else ""
@@ -180,7 +183,7 @@ def _uneven(
 
 
 def _turns(where: str, name: str, count: int, at: str, mean: str) -> NotStated:
-    """Return the question whether times that repeat `count` times each are from `count` sensors."""
+    """Return the question whether times that each stand in `count` rows are from `count` sensors."""
     what = f"whether {count} sensors take turns, or the clock is coarser than the samples"
     table = [
         f"Each time in '{name}' stands {count} times{at}:",
@@ -213,7 +216,7 @@ def _is_within(limits: tuple[float, float], rate_hz: float) -> bool:
 
 
 def _widened(limits: tuple[float, float]) -> tuple[float, float]:
-    """Return limits widened by the rounding of a computed rate."""
+    """Return limits widened by the rounding error of a computed rate."""
     return limits[0] * (1 - 1e-6), limits[1] * (1 + 1e-6)
 
 
@@ -250,7 +253,7 @@ def _with_rate(
         mean_hz = math.nan if unit is None else _mean_hz(clock, elapsed, SECONDS[unit])
         is_slower = (
             mean_hz > LIKE_MEAN * rate_hz
-        )  # the given rate may exceed the mean rate where samples are lost
+        )  # the user's rate may exceed the mean rate if samples are lost
         is_faster = _is_coarse(elapsed) and LIKE_MEAN * mean_hz < rate_hz
         if (is_slower or is_faster) and not column.overrule:
             raise _other_rate(where_column, mean_hz, rate_hz)

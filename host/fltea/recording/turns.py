@@ -6,7 +6,9 @@ from fltea.recording.sample_times import SAME_TIME, Floats, Ints, Marks
 from fltea.recording.table import Rows, joined
 
 LOOKED_AT, STEADY = 8, 0.2
-"""Number of rounds in which the steps between sensors are measured, and relative tolerance of a step."""
+"""Number of rounds (one row of each sensor) in which the steps of time between sensors are measured, and
+relative tolerance of a step.
+"""
 
 
 class Turns:
@@ -14,9 +16,10 @@ class Turns:
 
     `which`: index of the sensor, from 0. `count`: number of sensors. `time`: column of times, or None.
 
-    If rows share times, each time has one row of each sensor, in a fixed order. Incomplete groups are left
-    out, since it is unknown which sensor is missing. If all times differ, the steps between them show which
-    sensor's row is missing. Without times, the order of the rows decides.
+    If rows share times, there is one row of each sensor at each time, in a fixed order. If rows are missing
+    at a time, all rows at that time are left out, since it is unknown which sensor is missing. If all times
+    differ, the steps between them show which sensor's row is missing. Without times, the order of the rows
+    decides.
     """
 
     def __init__(self, which: int, count: int, time: int | None) -> None:
@@ -28,7 +31,7 @@ class Turns:
         self._ordinal = 0
 
     def take(self, rows: Rows) -> list[Rows]:
-        """Return the sensor's rows among `rows` and the rows held back; hold the last few rows back again."""
+        """Return the sensor's rows among the rows held back and `rows`; hold the last few rows back again."""
         found = self.finish() if rows.begins else []
         self._held.append(rows)
         if self._time is not None and sum(len(one.values) for one in self._held) < LOOKED_AT * self._count:
@@ -57,7 +60,7 @@ class Turns:
             ours = self._turn_of(time) == self._which
         else:
             edges = np.flatnonzero(~same) + 1
-            if not is_last:  # more rows with the last time may still come
+            if not is_last:  # more rows with the same time as the last one may still come
                 end = int(edges[-1]) if len(edges) else 0
                 self._held = [Rows(numbers[end:], values[end:], ordinal[end:], begins and not end)]
                 numbers, values, edges = numbers[:end], values[:end], edges[:-1]
@@ -66,7 +69,10 @@ class Turns:
         return _some(numbers[ours], values[ours], np.arange(first, self._ordinal), begins)
 
     def _of_groups(self, rows: int, edges: Ints) -> Marks:
-        """Mark one row in each complete group; groups begin at row 0 and at `edges`."""
+        """Mark the sensor's row in each complete group of rows with equal times.
+
+        Groups begin at row 0 and at `edges`.
+        """
         ours = np.zeros(rows, np.bool_)
         begin = np.concatenate([[0], edges])
         sizes = np.diff(begin, append=rows)
@@ -76,9 +82,9 @@ class Turns:
         return ours
 
     def _turn_of(self, time: Floats) -> Ints:
-        """Return the index of the sensor of each row, by the steps between times."""
+        """Return for each row the index of its sensor, which the steps between times show."""
         if self._steps is None:
-            # later rounds may be shifted, if a row is missing
+            # the median over few rounds is taken, since later rounds are shifted if a row is missing
             rounds = min(len(time[1:]) // self._count, LOOKED_AT)
             steps = np.diff(time[: 1 + rounds * self._count])
             self._steps = np.nanmedian(steps.reshape(-1, self._count), axis=0)
@@ -99,7 +105,10 @@ class Turns:
         return turns
 
     def _after(self, turn: int, step: float) -> int:
-        """Return the sensor whose row follows a step; rows between may be missing."""
+        """Return the index of the sensor whose row follows a row of sensor `turn` after a step of time.
+
+        Rows in between may be missing.
+        """
         assert self._steps is not None
         around = float(self._steps.sum())
         if not np.isfinite(step) or around <= 0:

@@ -1,4 +1,4 @@
-"""Reads units as people write them, by a grammar: angles per time, accelerations and times.
+"""Reads units as people write them, by a grammar: units of angle per time, of acceleration and of time.
 
 Blanks, brackets, multiplication signs and capitals make no difference, since no logger writes megaradians.
 Ambiguous words are not accepted: `rps` is revolutions or radians per second.
@@ -15,7 +15,7 @@ from fltea.settings.how import TimeUnit
 
 
 def _spelled(forms: dict[str, str]) -> dict[str, str]:
-    """Map each word to its meaning, given the words of each meaning."""
+    """Return a mapping from each word to its meaning, given a text of all words for each meaning."""
     return {word: meaning for meaning, words in forms.items() for word in words.split()}
 
 
@@ -29,7 +29,7 @@ PER_UNIT = {
     for prefix, scale in _PREFIXES.items()
     for time, seconds in _TIMES.items()
 }
-"""Factors from each unit of angular rates to deg/s, by the unit's name here."""
+"""Factor to deg/s for each unit of angular rates, by the name that the program gives to the unit."""
 
 UNITS_HELP = "deg/s, °/s, dps, mdps, rad/s, mrad/s, deg/h, rpm, or lsb:N for counts, N LSB per deg/s"
 ACCEL_UNITS_HELP = "m/s^2, cm/s^2, mm/s^2, g, mg, or lsb:N for counts, N LSB per g"
@@ -66,10 +66,12 @@ _LONG_TIMES_S = {"min": 60.0, "h": 3600.0, "d": 86_400.0}
 _DAYS = dict.fromkeys(("d", "day", "days"), "d")
 
 AMBIGUOUS = ("rads",)
-"""Words for radians per second or several radians: clear for a gyroscope, unclear for a column x."""
+"""Words that mean radians per second or just radians. They are clear as the unit of a gyroscope, and
+ambiguous as that of a column x.
+"""
 
 _OF_COUNTS = "- 1 lsb lsbs count counts raw adc digit digits bit bits tick ticks no_units unitless"
-"""Words for no physical unit: counts of a sensor's register, or numbers without a dimension."""
+"""Words that mean no physical unit, but counts of a sensor's register or numbers without a dimension."""
 
 _OTHERS = (
     "% percent c °c degc deg_c celsius °f degf k kelvin v mv uv ma hz khz pa hpa kpa mbar bar psi mm cm m km"
@@ -78,7 +80,7 @@ _OTHERS += (
     " ft m/s km/h kmh kn knots ut nt mt tesla gauss g mgauss mga mg local_flux lux lx dbm db ohm ohms kohm"
 )
 _OTHERS += " kohms min hours rh %rh kg nm bool text string"
-"""Units of other quantities, which a row of units may contain too."""
+"""Units of quantities other than rate, acceleration and time, which a row of units may contain too."""
 
 _NO_RATES = frozenset(f"{_OF_COUNTS} {_OTHERS}".split())
 
@@ -97,7 +99,7 @@ _SIGNS = str.maketrans(
         "â": "",
     }
 )
-"""Other ways to write a sign. "â" stands before "°" if UTF-8 was read in the Windows encoding."""
+"""Other spellings of signs. The letter "â" stands before "°" if UTF-8 was read in the Windows encoding."""
 
 LONGEST_UNIT = 40
 """Longest unit [characters]; longer texts are not units."""
@@ -129,14 +131,14 @@ def _rate(text: str) -> str | None:
     if found is None:
         return None
     word = found["angle"].strip()
-    if found["p"] and word in ("d", "md", "ud"):  # a d means degree only in dps and similar words
+    if found["p"] and word in ("d", "md", "ud"):  # the letter d means degree only in dps and similar words
         word += "eg"
     angle = _angle(word)
     return None if angle is None else f"{angle}/{_TIME_WORDS[found['time'] or found['of']]}"
 
 
 def parse_units(text: str) -> tuple[float, float | None]:
-    """Return the factor from a unit to deg/s, and for counts their number per deg/s, else None.
+    """Return the factor from a unit to deg/s, and for counts the number of counts in 1 deg/s, else None.
 
     Raises:
         UsageError: the unit is unknown.
@@ -162,7 +164,7 @@ def _accel(text: str) -> float | None:
 
 
 def parse_accel_unit(text: str) -> tuple[float, float | None]:
-    """Return the factor from a unit to m/s², and for counts their number per g, else None.
+    """Return the factor from a unit to m/s², and for counts the number of counts in 1 g, else None.
 
     Raises:
         UsageError: the unit is unknown.
@@ -179,7 +181,10 @@ def time_unit(text: str) -> TimeUnit | None:
 
 
 def time_scale(text: str) -> tuple[TimeUnit, float] | None:
-    """Return the unit of times in a text and its multiple (minutes, hours and days are in s); or None."""
+    """Return the unit of times that a text means, and the multiple of it that 1 stands for; or None.
+
+    Minutes, hours and days are multiples of s.
+    """
     bare = _bare(text[: LONGEST_UNIT + 1])
     if (unit := TIME_UNITS.get(bare)) is not None:
         return unit, 1.0
@@ -193,7 +198,7 @@ def is_angle(text: str) -> bool:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a unit of anything in a table of an IMU, or states that there is none."""
+    """Return whether a text is the unit of some quantity of an IMU, or states that there is no unit."""
     return _is_unit(text[: LONGEST_UNIT + 1])
 
 
@@ -205,7 +210,7 @@ def _is_unit(text: str) -> bool:
 
 
 def is_physical(text: str) -> bool:
-    """Return whether a text is a unit of a measured quantity, neither of counts nor of mere numbers."""
+    """Return whether a text is the unit of a physical quantity, and not of counts or mere numbers."""
     return is_unit(text) and _bare(text) not in ("", *_OF_COUNTS.split())
 
 

@@ -1,4 +1,4 @@
-"""The columns that the user names, and tests for what a text field holds."""
+"""Gives the columns that the user names, and tests what a field of a text holds."""
 
 import re
 from collections.abc import Sequence
@@ -21,8 +21,8 @@ MISSING = ("", "nan", "-nan", "+nan", "na", "n/a", "null", "none")
 class Wanted(NamedTuple):
     """The columns that the user names.
 
-    `columns`: names of the axes; None: they are chosen by name or dialect. `time`: name of the column of
-    times.
+    `columns`: names of the axes' columns; None: these are chosen by their names or by the dialect. `time`:
+    name of the column of times.
     """
 
     columns: list[str] | None
@@ -43,7 +43,11 @@ class Wanted(NamedTuple):
         return self.columns is not None and all(name in header for name in self.names)
 
     def is_at(self, fields: Sequence[str]) -> bool:
-        """Return whether a line without a header is a row, by positions or by its number of fields."""
+        """Return whether a line in a text without a header is a row.
+
+        Numbers have to stand at the positions that the user names, or in as many fields as the user names
+        axes.
+        """
         if self.by_position:
             found = [fields[p - 1] for p in map(int, self.names) if p <= len(fields)]
             return (

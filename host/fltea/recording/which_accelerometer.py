@@ -13,7 +13,7 @@ from fltea.recording.units import accel_unit, parse_accel_unit
 from fltea.records.errors import UsageError
 
 Accelerometer = tuple[tuple[int, ...], float]
-"""Columns of the axes x, y, z, or empty; and the unit of these columns [m/s²]."""
+"""Columns of the axes x, y, z, empty if none are read; and the unit of these columns [m/s²]."""
 
 
 def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Accelerometer:
@@ -52,7 +52,8 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
     measured: list[str] = []
     if values is not None and len(values) and not stated:
         measured = candidates.gravity_units(values[:, list(accel)])
-    if len(measured) == 1 and not measured[0].startswith("lsb:"):  # the scale of counts would be uncertain
+    # counts are left out, since their scale would be uncertain
+    if len(measured) == 1 and not measured[0].startswith("lsb:"):
         choice.answer(
             "accelerometer", f"{shown} in {measured[0]}", "measured", "their length is that of gravity"
         )
@@ -63,7 +64,7 @@ def choose_accelerometer(choice: Choice, taken: set[int | None]) -> Acceleromete
 
 
 def _axes(choice: Choice, taken: set[int | None]) -> tuple[tuple[int, ...], bool]:
-    """Return the columns of the axes, and whether the dialect names them."""
+    """Return the columns of the accelerometer's axes, and whether the dialect names them."""
     names, dialect = choice.names, choice.dialect
     near = common_beginning([names[place] for place in taken if place is not None])
     accel: tuple[int, ...] = columns_of(dialect.accel, names, near) if dialect is not None else ()

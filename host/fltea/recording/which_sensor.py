@@ -16,11 +16,13 @@ from fltea.records.errors import UsageError
 
 MOST_TURNS = 16
 MOST_SHOWN, MOST_FIGURES = 8, 6
-"""Most sensors, and most columns, in the table that shows the sensors to the user."""
+"""Largest numbers of sensors, and of columns, in the table that shows the sensors to the user."""
 
 
 def choose_sensor(choice: Choice, tag: str, gyro: Sequence[int]) -> tuple[int, str | None] | None:
-    """Find the column that distinguishes sensors, and the sensor to read; later questions use only its rows.
+    """Find the column that distinguishes sensors, and the sensor to read.
+
+    Later questions about the file use only the rows of this sensor.
 
     `tag`: first field of the rows, in files with rows of several kinds. `gyro`: columns of the axes.
 
@@ -90,7 +92,7 @@ def _place_of(choice: Choice, column: str) -> int | None:
 
 
 def _named(choice: Choice) -> list[int]:
-    """Return the columns that by name or dialect distinguish sensors, and columns that state units."""
+    """Return the columns that, by name or dialect, distinguish sensors, and those that state units."""
     pattern = choice.dialect.sensor if choice.dialect is not None else ""
     if pattern and (found := columns_of([[pattern]], choice.names)):
         return [found[0]]
@@ -104,7 +106,7 @@ def _named(choice: Choice) -> list[int]:
 
 
 def _counts(choice: Choice, place: int) -> bool:
-    """Return whether the numbers in a column only count the rows."""
+    """Return whether the values in a column are those of a counter and not names of sensors."""
     cells = _cells(choice, place)
     if len({*cells}) > MOST_SENSORS:
         return True
@@ -113,7 +115,7 @@ def _counts(choice: Choice, place: int) -> bool:
 
 
 def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
-    """Yield columns whose values alternate as sensors do; times and measurements are left out."""
+    """Yield columns whose values alternate as those of sensors do, except times and measurements."""
     values, names = choice.first_rows(), choice.names
     if values is None:
         return
@@ -127,7 +129,7 @@ def _measured(choice: Choice, gyro: Sequence[int]) -> Iterator[int]:
             axes.append(place)
         elif not (place in gyro or is_time(name) or is_physical(unit_in(name) or unit)):
             free += [] if choice.labels[place] in wanted else [place]
-    if not axes:  # all columns with many values then serve as measurements
+    if not axes:  # without axes, all columns with many values serve as measurements
         axes = [k for k in free if len(np.unique(values[:, k])) > MOST_IN_TURN]
     figures = values[:, axes]
     yield from (
@@ -176,7 +178,7 @@ def _figures(name: str, values: Floats) -> str:
 
 
 def _turns(given: str) -> tuple[int, int] | None:
-    """Return index (from 0) and number of alternating sensors from a text such as `1/2`; or None."""
+    """Return the index, from 0, and the number of alternating sensors in a text such as `1/2`, or None."""
     first, mark, count = given.partition("/")
     if not (mark and first.isdecimal() and count.isdecimal()):
         return None

@@ -1,4 +1,7 @@
-"""Chooses the unit of the gyroscope's axes, by the user, the file or the dialect, which must agree."""
+"""Chooses the unit of the gyroscope's axes.
+
+The user, the file and the dialect may state it, and must agree.
+"""
 
 from collections.abc import Sequence
 
@@ -13,10 +16,12 @@ from fltea.recording.units import is_physical, parse_units, rate_unit
 from fltea.records.errors import UsageError
 
 ALIKE = 0.02
-"""Largest relative difference of two scales that count as equal, since scales in heads are rounded."""
+"""Largest relative difference of two scales that count as equal, since files state rounded scales."""
 
 Unit = tuple[str, float, float | None]
-"""Name of the unit, its factor to deg/s or counts, and the number of counts per deg/s or None."""
+"""Name of a unit, its factor to deg/s (or to counts), and the number of counts per deg/s, None if no
+counts.
+"""
 
 _ASKED: Unit = ("", 1.0, None)
 
@@ -58,9 +63,9 @@ def choose_unit(choice: Choice, gyro: tuple[int, ...]) -> Unit:
 
 
 def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> None:
-    """Ask for the unit.
+    """Ask the user for the unit.
 
-    If the columns are asked for too, the unit is asked for only if no column states one.
+    If the user is asked for the columns too, the unit is asked for only if no column states one.
     """
     if any(one.option.startswith("--units ?") for one in choice.missing):
         return
@@ -74,9 +79,12 @@ def _ask(choice: Choice, gyro: Sequence[int], stated: Sequence[str | None]) -> N
 
 
 def _use_head(choice: Choice, gyro: Sequence[int]) -> None:
-    """Use the unit of the axes that the head states, and compare it with the unit in the axes' names."""
+    """Use the axes' unit that the lines before the column names state.
+
+    Before this, compare this unit with the one in the axes' names.
+    """
     units = dict(stated_in(choice.facts.head).units)
-    # fractions are not counts; a scale in the head is then that of the sensor
+    # numbers with fractions are not counts; a scale stated before the column names is then that of the sensor
     if not _is_whole(choice, gyro):
         units = {line: unit for line, unit in units.items() if not unit.startswith("lsb:")}
     beside = [choice.units[p] or (rate_unit_of(choice.names[p]) or "") for p in gyro]
@@ -153,7 +161,7 @@ def _check_given(
 
 
 def _of_dialect(choice: Choice, gyro: Sequence[int]) -> Unit | None:
-    """Return the dialect's unit, multiplied by the scale in the head if the dialect has one."""
+    """Return the dialect's unit, times the scale that the file's head states if the dialect has one."""
     dialect = choice.dialect if choice.is_of_dialect(gyro) else None
     scale = None if dialect is None else choice.scale(dialect.gyro_scale)
     if dialect is None or not dialect.gyro_unit or scale is None:
@@ -197,7 +205,10 @@ def _changed(choice: Choice, places: Sequence[int]) -> str:
 def _whole(
     choice: Choice, parsed: tuple[float, float | None], gyro: Sequence[int]
 ) -> tuple[float, float | None]:
-    """Return a unit as factor and counts per unit; for fractions, `lsb:N` is only a scale."""
+    """Return a unit as a factor to deg/s and, for counts, their number per deg/s.
+
+    For numbers with fractions, `lsb:N` is only a scale.
+    """
     factor, lsb = parsed
     return (factor, lsb) if lsb is None or _is_whole(choice, gyro) else (factor / lsb, None)
 

@@ -27,16 +27,16 @@ MOST_BYTES = 250_000
 """Largest size of a settings file [bytes], enough for the tables of a thousand devices."""
 
 DOT, MOST_DOTS = re.compile(r"\.[^.]"), 50
-"""Most dots in a line of settings: tomllib's time and memory grow with the square of a key's number of
-parts.
+"""Largest number of dots in a line of settings, since tomllib's time and memory grow with the square of the
+number of parts of a key.
 """
 
 MOST_MB = 1e9
-"""Largest limit of memory that can be set [MB]: a thousand TB."""
+"""Largest value of a setting that limits memory [MB]: a thousand TB."""
 
 
 class LinkConfig(Table, frozen=True):
-    """Serial link."""
+    """Settings of the serial connection to a device."""
 
     baud: Annotated[
         int,
@@ -121,7 +121,7 @@ class ReplayConfig(How, frozen=True):
         return How(**{name: getattr(self, name) for name in How.__struct_fields__})
 
 
-# Over 12 attributes: each is one setting, or one table of settings, of the TOML file.
+# This class has over 12 attributes, since each is one setting, or one table of settings, of the TOML file.
 class Config(Outputs, frozen=True):
     """All settings of `fltea run`; the tables of its TOML file have the same names."""
 
@@ -192,17 +192,19 @@ class Config(Outputs, frozen=True):
 
 
 TABLES = tables(Config())
-"""Every table of settings by its path; the top table has the path ""."""
+"""All tables of settings by their paths. The path of the top table is ""."""
 
 SETTINGS = all_declared(Config())
-"""Every setting by its path."""
+"""All settings by their paths, such as `estimator.window`."""
 
 OF_A_DEVICE = ("source", "channels", "pace", "link", "replay", "estimator", "accel")
-"""Settings and tables that a table [device.NAME] may hold; all other settings apply to the whole program."""
+"""Settings and tables that a table [device.NAME] of the file may hold. All others apply to the whole
+program.
+"""
 
 
 def load_config(file: Path | None, overrides: Mapping[str, Any]) -> Config:
-    """Return the configuration of a program with one device; arguments as for `load_configs`."""
+    """Return the configuration of a program with one device. The arguments are those of `load_configs`."""
     (config,) = load_configs(file, overrides)
     return config
 
@@ -228,7 +230,8 @@ def load_configs(
         raise UsageError('command line: --source: say where it is, for instance "serial:/dev/ttyACM0".')
     devices: dict[str | None, Mapping[str, Any]] = {**tree.pop("device", {})}
     if urls:
-        names = device_names(urls) if len(urls) > 1 else [None]  # the setting `name` names a single device
+        # with one device, the setting `name` gives its name
+        names = device_names(urls) if len(urls) > 1 else [None]
         devices = dict(zip(names, ({"source": url} for url in urls), strict=True))
     configs = []
     for name, table in (devices or {None: {}}).items():
@@ -286,7 +289,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
 
 
 def of_flags(flags: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of flags by the path of their setting.
+    """Return the values of flags, each by the path of its setting.
 
     Texts are converted to the setting's type; None means that a flag was not given and is left out.
     """
@@ -340,10 +343,10 @@ def _explain(message: str, tree: Mapping[str, Any]) -> str:
         key = joined(path, unknown[1])
         return f"{key}: there is no such setting. Known here: {', '.join(TABLES[path].__struct_fields__)}."
     setting = SETTINGS.get(re.sub(r"\[.*", "", path))
-    if setting is not None:  # wrong type, or none of the setting's words
+    if setting is not None:  # the value has a wrong type, or is none of the setting's words
         return f"{setting.wrong(_value(tree, setting.path))}."
     if path in TABLES and reason.partition(" ")[0].rstrip(":") in TABLES[path].__struct_fields__:
-        # The message of a table's own check begins with the setting's name, since a table does not know its
+        # A table's own check begins its message with the setting's name only, since a table does not know its
         # path.
         return f"{of_sensor(path + '.', joined(path, reason))}."
     return f"{path}: {reason[:1].lower()}{reason[1:]}."

@@ -1,4 +1,4 @@
-"""Convert durations in samples, or as a time such as "30 s", to samples by the sampling rate."""
+"""Convert durations, given in samples or as a time such as "30 s", to numbers of samples."""
 
 import math
 import re
@@ -13,16 +13,19 @@ MOST_S = 1e9
 
 
 def in_samples(value: Duration, rate_hz: float, least: int) -> int:
-    """Return a duration in samples at `rate_hz`; a time above 0 s gives at least `least` samples."""
+    """Return a duration as a number of samples at `rate_hz`.
+
+    A time above 0 s gives at least `least` samples.
+    """
     if not isinstance(value, str):
         return value
     seconds = in_seconds(value)
-    assert seconds is not None, value  # Setting.accepts has checked it
+    assert seconds is not None, value  # Setting.accepts has checked the text
     return max(least, round(seconds * rate_hz)) if seconds else 0
 
 
 def known(name: str, value: Duration) -> int:
-    """Return a duration that is already a number of samples; raise ValueError for a time."""
+    """Return a duration that is given in samples; raise ValueError if it is given as a time."""
     if isinstance(value, str):
         raise ValueError(f"{name} is a time, {value}: `at` converts it to samples once the rate is known")
     return value

@@ -8,14 +8,18 @@ from fltea.settings.duration import Duration, in_samples, known
 from fltea.settings.setting import Setting, Table
 
 LARGEST = 1e100
-"""Largest number or variance that a filter may be given; the smallest measurement variance is 1 / LARGEST."""
+"""Largest number or variance in a filter's settings. The smallest variance of a measurement is 1 /
+LARGEST.
+"""
 
 LONGEST_WINDOW = 10_000_000
-"""Longest window [samples]: more than a day at 100 Hz. It fits into the memory of a small computer."""
+"""Longest window (memory of the algorithm) [samples]: more than a day at 100 Hz. It fits into the memory of a
+small computer.
+"""
 
 LONGEST_GAP = 1_000_000
-"""Longest gap that is bridged [samples]: three hours at 100 Hz. Each sample is a step, so this takes
-seconds.
+"""Longest gap that the filters bridge [samples]: three hours at 100 Hz. They make a step for each missing
+sample, so this takes seconds.
 """
 
 SQUARED = "(deg/s)²"
@@ -37,7 +41,7 @@ def _variance(meaning: str, unit: str = "") -> Setting:
 
 
 class StateSettings(Table, frozen=True):
-    """KFx, the filter of the state."""
+    """Settings of KFx, the filter of the state."""
 
     P0: Annotated[float, _variance("Variance of the state at the start.", SQUARED)] = 0.01
     Q: Annotated[float, _variance("Variance of one step of the noise, h^2α included.", SQUARED)] = 0.15
@@ -45,7 +49,7 @@ class StateSettings(Table, frozen=True):
 
 
 class OrderSettings(Table, frozen=True):
-    """KFo, the filter of the order, which has no unit. P0 = Q0 = 0 keeps the order at alpha0."""
+    """Settings of KFo, the filter of the order, which has no unit. P0 = Q0 = 0 keeps the order at alpha0."""
 
     P0: Annotated[float, _variance("Variance of the order at the start.")] = 0.01
     Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.")] = 0.1
@@ -54,7 +58,7 @@ class OrderSettings(Table, frozen=True):
 
 
 class ParameterSettings(Table, frozen=True):
-    """KFw, the filter of the parameter. P0 = Q0 = 0 keeps f at f0."""
+    """Settings of KFw, the filter of the parameter f. P0 = Q0 = 0 keeps f at f0."""
 
     P0: Annotated[float, _variance("Variance of f at the start.", "(s^-α)²")] = 0.01
     Q0: Annotated[float, _variance("Variance of one step of its random walk, at the start.", "(s^-α)²")] = 0.1
@@ -63,7 +67,7 @@ class ParameterSettings(Table, frozen=True):
 
 
 class JointSettings(Table, frozen=True):
-    """The joint filter on (α, β = h^α f), both without unit."""
+    """Settings of the joint filter of α and β = h^α f, which both have no unit."""
 
     P0: Annotated[float, _variance("Variance of α and of β at the start.")] = 0.06
     Q0: Annotated[float, _variance("Variance of one step of their random walks, at the start.")] = 0.0
@@ -79,7 +83,7 @@ Tuning = Literal["live", "startup"]
 """Source of the filters' Q and R while they run: the live fit, or the start-up window."""
 
 DEFAULT_TUNING: Tuning = "live"
-"""Default value of `tuning`. With "live", errors are smaller for most noises, and σ is true to the errors
+"""Default value of `tuning`. With "live", errors are smaller for most noises, and σ agrees with the errors
 (host/docs/evaluation/live.md, Tuned live).
 """
 
@@ -87,9 +91,9 @@ BY_DEVICE = ("device", "both")
 """Values of `EstimateOn` for which the device runs its own estimator."""
 
 
-# Over 12 attributes: each is one setting of the TOML file.
+# This class has over 12 attributes, since each is one setting of the TOML file.
 class EstimatorConfig(Table, frozen=True):
-    """The filters of an estimator, their start-up window, bias and R; the paper's numbers, section 7.1."""
+    """Settings of an estimator's filters, start-up window, bias and R. Defaults: section 7.1 of the paper."""
 
     window: Annotated[
         Duration,
@@ -213,7 +217,7 @@ class EstimatorConfig(Table, frozen=True):
         return "startup" if given or self.guard == "off" else DEFAULT_TUNING
 
     def at(self, rate_hz: float) -> Self:
-        """Return these settings with times converted to samples at `rate_hz`.
+        """Return these settings with times converted to numbers of samples at `rate_hz`.
 
         Raises:
             ValueError: a window is too long for the filters.
@@ -241,10 +245,10 @@ class EstimatorConfig(Table, frozen=True):
 
 
 class AccelConfig(EstimatorConfig, frozen=True):
-    """The same settings for axes of the accelerometer, in m/s² in place of deg/s.
+    """The settings of `EstimatorConfig` for the axes of the accelerometer, with m/s² in place of deg/s.
 
     The default variances have the same ratio to the noise as in the paper: the variance of a resting
-    MPU-6050's accelerometer is 9e-4 (m/s²)², that of the paper's gyroscope 0.02 (deg/s)².
+    MPU-6050's accelerometer is 9e-4 (m/s²)², and that of the paper's gyroscope is 0.02 (deg/s)².
     """
 
     state: StateSettings = StateSettings(P0=0.00045, Q=0.00675)

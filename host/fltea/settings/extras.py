@@ -8,7 +8,7 @@ from types import ModuleType
 from fltea.records.errors import UsageError
 
 _ROOT = Path(__file__).resolve().parents[3]
-"""Folder of the repository's clone, if the program runs from a clone."""
+"""Folder of the repository, if the program runs from a clone."""
 
 
 def how_to_install(*extras: str) -> str:
@@ -40,5 +40,5 @@ def load(module: str, library: str, extra: str, who_needs: str, otherwise: str =
 
 
 def need_matplotlib(who_needs: str, otherwise: str = "") -> None:
-    """Check before anything is computed that matplotlib is installed; arguments as for `load`."""
+    """Check that matplotlib is installed, before anything is computed. The arguments are those of `load`."""
     load("matplotlib", "matplotlib", "plot", who_needs, otherwise)

@@ -9,7 +9,7 @@ TimeUnit = Literal["s", "ms", "us", "ns"]
 
 
 class How(Table, frozen=True, kw_only=True):
-    """The user's statements on a recording; the file itself must state what is unset."""
+    """The user's statements about a recording. The file itself must state everything that is unset here."""
 
     columns: Annotated[
         list[str] | None,

@@ -13,18 +13,21 @@ DAY_S = 86400
 
 
 def is_shared(url: str | None) -> bool:
-    """Return whether many devices send through this source."""
+    """Return whether the source at a URL is shared: many devices send through it."""
     return url is not None and url.partition(":")[0] in SCHEMES
 
 
 def is_partitioned(url: str | None) -> bool:
-    """Return whether several processes can share the devices of this source."""
+    """Return whether several processes can divide the devices of the source at a URL among them."""
     return url is not None and url.startswith("nats:")
 
 
-# Over 12 attributes: each is one setting of the TOML file.
+# This class has over 12 attributes, since each is one setting of the TOML file.
 class IngestConfig(Table, frozen=True):
-    """Devices that publish their frames to a broker; settings from `stream` on are for NATS only."""
+    """Settings for devices that publish their frames to a broker.
+
+    Those from `stream` on are for NATS only.
+    """
 
     devices: Annotated[
         int, Setting("Most devices at the same time.", unit="devices", least=1, most=100_000)

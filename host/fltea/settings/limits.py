@@ -13,8 +13,9 @@ class Limits(NamedTuple):
     `max_chunk_mb`: largest decompressed size of one record of an MCAP file; one record is in memory at a time
     [MB]. `max_mb`: largest size of the numbers in an .npz or CSV file, at 8 bytes a number, and of NDJSON
     from a pipe [MB]. A day at 100 Hz with all columns of `fltea export` has 700 MB. The file is read in
-    blocks. Temporary files on the disk need this size, or the memory if the samples are shuffled. `seconds`:
-    processor time that reading a small file may take (`recording.quota`); no setting changes this limit.
+    blocks. Temporary files on the disk may reach this size; if the samples are shuffled, memory does.
+    `seconds`: processor time that reading a small file may take (`recording.quota`); no setting changes this
+    limit.
     """
 
     max_chunk_mb: float = 64.0

@@ -9,13 +9,13 @@ TUNED_WITHIN = 0.3
 """Largest half-width of α's 95 % interval with which a fit tunes the filters.
 
 With a wider interval, the values with which the filters start are often nearer to the truth than the fit.
-With a smaller limit, the first fits that pass would be fits whose interval is too narrow by chance
-(host/docs/evaluation/live.md).
+With a smaller limit, the first fits that tune the filters would be those whose interval is too narrow by
+chance (host/docs/evaluation/live.md).
 """
 
 
 class LiveConfig(Table, frozen=True):
-    """Live spectrum, maximum-likelihood fit and bias of every axis."""
+    """Settings of the live spectrum, maximum-likelihood fit and bias of every axis."""
 
     on: Annotated[bool, Setting("Fit the noise live.")] = True
     period_s: Annotated[

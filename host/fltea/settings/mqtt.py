@@ -20,7 +20,7 @@ class BrokerAddress(NamedTuple):
 
 
 class MqttConfig(Table, frozen=True):
-    """Publishing to an MQTT broker; off unless `broker` is set."""
+    """Settings for publishing to an MQTT broker, which is off unless `broker` is set."""
 
     broker: Annotated[
         str | None,
@@ -86,7 +86,7 @@ class MqttConfig(Table, frozen=True):
         """Return the broker's host, port and whether TLS is used.
 
         Raises:
-            ValueError: `broker` is no address; the text does not repeat it.
+            ValueError: `broker` is no address; the error's text does not repeat it.
             UsageError: the address holds a password.
         """
         assert self.broker is not None

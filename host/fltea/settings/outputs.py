@@ -2,7 +2,7 @@
 
 A new output needs its settings, a field of `Outputs` and a row of `OUTPUTS` here, a module in `sinks` with
 its `open_output`, and a check in `machine/doctor/checks_outputs.py`. `tests/service/test_output_table.py`
-names the pieces that are missing. The guide for users is host/docs/guide/outputs.md.
+names what is missing. The guide for users is host/docs/guide/outputs.md.
 """
 
 import ipaddress
@@ -29,7 +29,7 @@ Recorded = Literal[
     "stats",
     "error",
 ]
-"""Names of the kinds of records that can be written to a recording, in addition to the bytes."""
+"""Names of the kinds of records that a recording can hold in addition to the device's bytes."""
 
 RECORDED: tuple[Recorded, ...] = get_args(Recorded)
 
@@ -37,7 +37,7 @@ EACH_SAMPLE: tuple[Recorded, ...] = ("sample", "corrected", "estimate", "device_
 FEW_DEVICES = 32
 """Largest number of devices with which recordings hold the records of `EACH_SAMPLE` by default.
 
-With many devices these records would be most of a file. A replay makes them again from the recorded bytes.
+With many devices, these records would fill most of a file. A replay makes them again from the recorded bytes.
 """
 
 LOOPBACK = "127.0.0.1"
@@ -92,7 +92,7 @@ class OutputConfig(Table, frozen=True):
 
 
 class RecordConfig(Table, frozen=True):
-    """Recording in MCAP files; off without a folder."""
+    """Settings for recording in MCAP files, which is off without a folder."""
 
     folder: Annotated[
         str | None,
@@ -152,7 +152,7 @@ def _address(what: str, flag: str, port: int) -> Setting:
 
 
 class Listening(Table, frozen=True):
-    """Base of the settings of a server that listens at an address; there is no server without an address."""
+    """Base of the settings of a server that listens at an address. Without an address, there is no server."""
 
     address: str | int | None = None
     names: Annotated[
@@ -174,7 +174,7 @@ class Listening(Table, frozen=True):
 
 
 class DashboardConfig(Listening, frozen=True):
-    """The live page; off without an address."""
+    """Settings of the live page, which is off without an address."""
 
     address: Annotated[str | int | None, _address("Address of the live page", "--dashboard", 5006)] = None
     password_file: Annotated[
@@ -207,7 +207,7 @@ class DashboardConfig(Listening, frozen=True):
 
 
 class MetricsConfig(Listening, frozen=True):
-    """Metrics for Prometheus; off without an address."""
+    """Settings of the metrics for Prometheus, which are off without an address."""
 
     address: Annotated[str | int | None, _address("Address of metrics for Prometheus", "--metrics", 9100)] = (
         None
@@ -215,7 +215,7 @@ class MetricsConfig(Listening, frozen=True):
 
 
 class StateConfig(Table, frozen=True):
-    """Snapshots of the estimators, from which a restarted daemon continues; off without a file."""
+    """Settings of the estimators' snapshots, from which a restarted daemon continues; off without a file."""
 
     file: Annotated[
         str | None,
@@ -237,7 +237,10 @@ class StateConfig(Table, frozen=True):
 
 
 class Outputs(Table, frozen=True, kw_only=True):
-    """The tables of settings of all outputs; keyword-only, so that they follow the fields of `Config`."""
+    """The tables of settings of all outputs.
+
+    They are keyword-only, so that they follow the fields of `Config`.
+    """
 
     output: OutputConfig = OutputConfig()
     record: RecordConfig = RecordConfig()
@@ -251,11 +254,12 @@ class Output(NamedTuple):
     """One output, a row of `OUTPUTS`.
 
     `name`: key of the output's counts in `stats.outputs`. `on`: path of the setting that switches the output
-    on, by any value or by one of `when`. `module`: name of the module in `fltea.sinks` that has its
-    `open_output`. `each`: whether the output is opened once for the program, for each device, or for all
-    shared sources. `section`: the output's heading in the guide to outputs. `what`: what the output writes,
-    for the guide's table. `extra`, `library`: the extra of the package, and the module, that the output
-    needs. `of_many`: whether the output takes the records of shared sources (with many devices each).
+    on, by any value or, if `when` is given, by one of its values. `module`: name of the module in
+    `fltea.sinks` that has its `open_output`. `each`: whether the output is opened once for the program, for
+    each device, or for all shared sources. `section`: the output's heading in the guide to outputs. `what`:
+    what the output writes, for the guide's table. `extra`, `library`: the extra of the package, and the
+    module, that the output needs. `of_many`: whether the output takes the records of shared sources (with
+    many devices each).
     """
 
     name: str
@@ -299,6 +303,6 @@ OUTPUTS = (
     Output("stdout", "format", "table", "program", *_TABLE, when=("table",)),
 )
 """All outputs in the order in which they are opened. Standard output as NDJSON is first, so that it receives
-the errors that other outputs report. The table is last, since it draws over the whole terminal. The log on
-stderr is not in the list, since it has no counts in `stats.outputs`.
+the errors that other outputs report. The table on the terminal is last, since it draws over the whole
+terminal. The log on stderr is not in the list, since it has no counts in `stats.outputs`.
 """

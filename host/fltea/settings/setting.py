@@ -21,7 +21,7 @@ from msgspec import inspect as types
 from fltea.settings.duration import EXAMPLE, in_seconds
 
 END = 2.0**63
-"""Limit of numbers whose setting states no limit; larger whole numbers do not fit into 64 bits."""
+"""Limit for numbers if a setting states none. Larger whole numbers do not fit into 64 bits."""
 
 MOST_SHOWN = 200
 """Largest number of characters that a message quotes from a wrong value."""
@@ -31,7 +31,7 @@ MOST_SHOWN = 200
 class Setting:
     """Declaration of a setting, except its name, type and default.
 
-    The range is from `least` to `most`, both included, and above `above`, which is excluded.
+    Values are allowed from `least` to `most`, both included, and only above `above`.
     """
 
     meaning: str
@@ -56,11 +56,14 @@ class Setting:
     """whether the default is also written to the board's header"""
 
     def contains(self, number: Any) -> Any:
-        """Return whether a number is in range, and so finite; for an array, one answer per element."""
+        """Return whether a number is in range, which also means that it is finite.
+
+        For an array, return an array with the answer for each element.
+        """
         return (number >= self.least) & (number > self.above) & (number <= self.most)
 
     def accepts(self, value: Any) -> bool:
-        """Return whether a value of the right type is allowed; of a list, whether all its values are."""
+        """Return whether a value of the right type is allowed. A list is allowed if all its values are."""
         if isinstance(value, list | tuple):
             return all(map(self.accepts, value))
         if isinstance(value, str):
@@ -80,7 +83,7 @@ class Setting:
         return f" above {self.above:g}{up}" if self.above > -math.inf else ""
 
     def words(self, kind: types.Type) -> list[str]:
-        """Return what a value of type `kind` must be, as one text for each alternative."""
+        """Return texts that say what a value of type `kind` must be, one text for each alternative."""
         if isinstance(kind, types.UnionType):
             parts = [part for one in kind.types for part in self.words(one)]
             return parts[1:] + parts[:1] if isinstance(kind.types[0], types.StrType) else parts
@@ -112,29 +115,29 @@ class Declared(NamedTuple):
     """A setting with its path, type and default."""
 
     path: str
-    """names of its tables and of the setting, such as `estimator.order.Q0`"""
+    """names of the tables around the setting, and its own name, such as `estimator.order.Q0`"""
     kind: types.Type
     default: Any
     setting: Setting
 
     @property
     def name(self) -> str:
-        """The last part of the path."""
+        """Last part of the path."""
         return self.path.rpartition(".")[2]
 
     @property
     def unit(self) -> str:
-        """Unit of the setting; settings of the accelerometer have m/s² in place of deg/s."""
+        """Unit of the setting. In settings of the accelerometer, m/s² stands in place of deg/s."""
         return of_sensor(self.path, self.setting.unit)
 
     @property
     def kinds(self) -> tuple[types.Type, ...]:
-        """The types of values that the setting takes."""
+        """Types of values that the setting takes."""
         return self.kind.types if isinstance(self.kind, types.UnionType) else (self.kind,)
 
     @property
     def words(self) -> list[Any]:
-        """The fixed words or whole numbers that the setting takes."""
+        """Fixed words or whole numbers among which the value has to be; empty if there are none."""
         return [word for kind in self.kinds if isinstance(kind, types.LiteralType) for word in kind.values]
 
     @property
@@ -154,7 +157,7 @@ class Declared(NamedTuple):
         return f"{self.path} must be {self.takes}, got {shown(value)}"
 
     def read(self, text: str) -> Any:
-        """Convert the text of a flag to a number or list if the setting takes one; else return the text."""
+        """Return the text of a flag as a number or list if the setting takes one; else return the text."""
         lists = [kind for kind in self.kinds if isinstance(kind, types.ListType | types.VarTupleType)]
         scalars = tuple(map(type, self.kinds))
         if lists and ("," in text or not {types.IntType, types.FloatType} & {*scalars}):
@@ -164,7 +167,10 @@ class Declared(NamedTuple):
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Base of tables of settings. It raises ValueError, with the setting's name, for a value not allowed."""
+    """Base of tables of settings.
+
+    For a value that is not allowed, it raises ValueError with the setting's name.
+    """
 
     def __post_init__(self) -> None:
         for name, kind, setting in _declared_in(type(self)):
@@ -184,7 +190,7 @@ def tables(table: Table, path: str = "") -> dict[str, Table]:
 
 
 def declared(table: Table, path: str = "") -> Iterator[Declared]:
-    """Yield the settings of the table at `path`, without the settings of tables inside it."""
+    """Yield the settings of a table, whose path is `path`, without those of tables inside it."""
     for name, kind, setting in _declared_in(type(table)):
         yield Declared(joined(path, name), kind, getattr(table, name), setting)
 
@@ -209,7 +215,10 @@ def _declared_in(table: type[Table]) -> tuple[tuple[str, types.Type, Setting], .
 
 
 def joined(path: str, name: str) -> str:
-    """Return the path of the entry `name` in the table at `path`; the path of the top table is empty."""
+    """Return the path of the setting or table `name` in the table at `path`.
+
+    The path of the top table is empty.
+    """
     return f"{path}.{name}" if path else name
 
 

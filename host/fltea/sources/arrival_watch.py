@@ -23,7 +23,7 @@ class ArrivalWatch:
         self.begin()
 
     def begin(self) -> None:
-        """Forget all arrivals, since the sender restarted."""
+        """Forget all arrivals of samples, since the sender restarted."""
         self._origin: tuple[float, float] | None = None
         self._whiles: list[tuple[float, float]] = []
         self._doubt: tuple[float, float] | None = None
@@ -31,7 +31,7 @@ class ArrivalWatch:
         self._pauses_s: list[float] = []
 
     def add(self, device_us: int, host_ns: int) -> Trouble | None:
-        """Note the last of the samples that arrived together; return a warning if one is due."""
+        """Note the times of the last of the samples that arrived together; return a warning if one is due."""
         host_s, device_s = host_ns * 1e-9, device_us * 1e-6
         if self._origin is None:
             self._origin = (host_s, device_s)
@@ -70,7 +70,8 @@ class ArrivalWatch:
     def _slope(self) -> float:
         """Return the change of the delay per second.
 
-        It is a median and no `clock_fit`, since a jump that is not yet known as one would bend a fitted line.
+        It is a median and no `clock_fit`, since a jump of the delay that has not been recognised yet would
+        change the slope of a fitted line.
         """
         late, host = np.array(self._whiles).T
         return float(np.median(np.diff(late) / np.diff(host)))

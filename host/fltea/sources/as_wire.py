@@ -44,7 +44,7 @@ class AsWire:
     counts, device counters, and losses of the device. Troubles are not encoded; they are only recorded as
     `error` records.
 
-    `unix_offset_ns`: function that returns the offset from the source's monotonic clock to Unix time [ns].
+    `unix_offset_ns`: function that returns the offset [ns] from the source's monotonic clock to Unix time.
     """
 
     def __init__(self, unix_offset_ns: Callable[[], int] = clock.unix_offset_ns) -> None:
@@ -120,7 +120,7 @@ def _impossible(why: str) -> UsageError:
 
 
 def as_stated(hello: Hello) -> Hello:
-    """Return a HELLO whose device has the identity that a recording would give it.
+    """Return the HELLO with the device's identity that a recording would give.
 
     Raises:
         UsageError: a frame cannot hold the HELLO.
@@ -151,7 +151,8 @@ def _hello(hello: Hello) -> wire.Hello:
         gyro_dlpf=round(hello.gyro_dlpf_hz or 0),
         sampling_mode=_number(wire.SamplingMode, hello.sampling_mode),
     )
-    message.pack()  # raises an error for values that do not fit, before the values are compared
+    # this raises an error for values that do not fit into a frame, before the values are compared
+    message.pack()
     if hello.gyro_lsb_per_dps is None:
         raise ValueError("its samples are deg/s, not counts")
     stated = hello_event(message, "", 0)
@@ -194,11 +195,11 @@ def _status(status: DeviceStatus) -> wire.Status:
         status.overruns % U32,
         status.dropped_frames % U32,
         _number(wire.ResetCause, status.reset_cause),
-        cpu_share=0,  # this share is unknown for a source without a wire protocol
+        cpu_share=0,  # the processor load is unknown for a source without a wire protocol
         longest_step=0,
     )
 
 
 def _number(enum: type[wire.SamplingMode | wire.ResetCause], name: str) -> int:
-    """Return the enum's value for a name in lower case; 255 for an unknown name."""
+    """Return the value of the enum's member with a name, given in lower case; 255 for an unknown name."""
     return next((int(member) for member in enum if member.name.lower() == name), 255)

@@ -1,4 +1,4 @@
-"""Fit a device's clock to the host's: a straight line through the earliest arrivals.
+"""Fit a device's clock to the host's: the delay of the earliest arrivals as a straight line over time.
 
 The delay between sampling and arrival is never negative, but often large and in bursts. So each caller keeps
 only the earliest arrival of each second or so. The line is fitted by least squares in
@@ -12,9 +12,10 @@ from fltea import _native
 
 
 class ClockFit(NamedTuple):
-    """The line: a delay of `delay` at the device's time `device`, which are means, and its slope.
+    """The fitted line. It has the slope `slope`, and the delay `delay` at the device's time `device`.
 
-    The unit of the device's time is the caller's, such as seconds or numbers of samples.
+    `device` and `delay` are means of the arrivals. The unit of the device's time is the caller's, such as
+    seconds or numbers of samples.
     """
 
     device: float
@@ -22,10 +23,10 @@ class ClockFit(NamedTuple):
     slope: float
     """Change of the delay per unit of the device's time."""
     slope_std: float
-    """Standard error of the slope, by the residuals; infinite with two arrivals."""
+    """Standard error of the slope, computed from the residuals; infinite if there are only two arrivals."""
 
     def at(self, device: float) -> float:
-        """Return the delay at a device's time."""
+        """Return the delay at a time of the device's clock."""
         return self.delay + self.slope * (device - self.device)
 
 

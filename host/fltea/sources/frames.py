@@ -1,4 +1,7 @@
-"""Turns the frames of one device behind a broker into events; another object receives its messages."""
+"""Turns the frames of one device that publishes to a broker into events.
+
+Another object receives the device's messages.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -35,7 +38,7 @@ class FramesSource:
         return self._wire.unix_offset_ns
 
     def events(self) -> Iterator[Event]:
-        """Yield nothing: one object receives the messages for many devices, and calls `take`."""
+        """Yield nothing, since one object receives the messages of many devices and calls `take`."""
         return iter(())
 
     def open(self, now_ns: int, unix_offset_ns: int) -> Iterator[Event]:
@@ -43,14 +46,18 @@ class FramesSource:
         return self.take(Opened(now_ns, unix_offset_ns))
 
     def take(self, item: Opened | Chunk | Reads | None) -> Iterator[Event]:
-        """Yield the events of one or more messages; None says that no message came for a while."""
+        """Yield the events of one or more messages.
+
+        An `item` of None says that no message came for a while.
+        """
         if item is not None and self.tap is not None:
             self.tap(item)
         if item is None:
             now_ns = host_ns()
         else:
             now_ns = int(item.host_ns[0]) if isinstance(item, Reads) else item.host_ns
-        # this source exists only once the device has sent something, so a pause is not the program's
+        # this source exists only after the device has sent something, so a pause is the device's and not the
+        # program's
         self._wire.resume(now_ns)
         yield from self._wire.feed(item, now_ns)
 

@@ -50,12 +50,12 @@ class Session(NamedTuple):
 
     @property
     def name(self) -> Path:
-        """Path of the session's first file without its number."""
+        """Path of the session's first file, without the file's number."""
         return name_of(self.parts[0].path)
 
 
 def find_session(paths: Sequence[Path]) -> Session:
-    """Return the only session at these paths, with the reasons why files cannot be read.
+    """Return the only session at these paths, with the reasons why some of its files cannot be read.
 
     Raises:
         UsageError: nothing is at the paths, the files are no recording, or there are several sessions.
@@ -115,7 +115,7 @@ def find_sessions(paths: Sequence[Path]) -> tuple[list[Session], dict[Path, str]
 
 
 def _missing(session: Session) -> Iterator[tuple[Path, str]]:
-    """Yield the missing files between the files of a session; missing first or last files are not known."""
+    """Yield the missing files between the files of a session. Missing first or last files do not show."""
     unread = {path.name for path in session.unread}
     for before, after in pairwise(part.info.part for part in session.parts):
         names = (f"{session.name.name}_{number:03}{SUFFIX}" for number in range(before + 1, after))
@@ -125,7 +125,7 @@ def _missing(session: Session) -> Iterator[tuple[Path, str]]:
 
 
 def _original(path: Path) -> Path:
-    """Return the file of which this file is a recovered copy, or the file itself."""
+    """Return the file that a file is a recovered copy of, or else the file itself."""
     return path.with_name(path.name.replace(".recovered.", "."))
 
 
@@ -158,14 +158,12 @@ def name_of(path: Path) -> Path:
 
 
 class McapRecording:
-    """Yields the events of a recording, or its messages, once.
+    """Yields, once, the events of a recording, or its messages.
 
-    `name`: source name that HELLO shows. All counts are those of the events yielded so far.
-    `breaks`: number of gaps in which something was not recorded. `torn`: number of files that were not
-    finished.
-    `open`: number of files to which a program still writes.
-    `unread`: why files cannot be read, or not completely.
-    `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted as lost.
+    `name`: source name that HELLO shows. All counts are those of the events yielded so far. `breaks`: number
+    of gaps in which something was not recorded. `torn`: number of files that end without an index. `open`:
+    number of files to which a program still writes. `unread`: reasons why files cannot be read, or not
+    completely. `unrecorded_items`, `unrecorded_bytes`: items and bytes that the recorder counted as lost.
     `damaged_bytes`: total size of the unreadable parts of files. `changes`: counts of bias steps and motions.
     """
 
@@ -184,8 +182,8 @@ class McapRecording:
         self._now_ns = 0
         self._next_sequence: int | None = None
         self._opened = parts[0].info.part == 0
-        self._hello = parts[0].info.hello  # the HELLO to yield before the next message, or None
-        self._missing: str | None = None  # why data are missing before the next message, or None
+        self._hello = parts[0].info.hello  # HELLO to yield before the next message, or None
+        self._missing: str | None = None  # reason why data are missing before the next message, or None
         self._no_sensor = False
 
     @property
@@ -211,7 +209,7 @@ class McapRecording:
         return self._wire.link_stats()
 
     def events(self) -> Iterator[Event]:
-        """Yield the device's events; recorded troubles are not fatal in a replay."""
+        """Yield the device's events. In a replay, recorded troubles are not fatal."""
         number = self.parts[0].info.part
         for part in self.parts:
             if part.info.part != number:
@@ -257,11 +255,14 @@ class McapRecording:
             yield item
 
     def _break(self, why: str, hello: Hello | None) -> None:
-        """Note that data are missing here. `hello`: the device's HELLO after the gap, if known."""
+        """Note that data are missing before the next message.
+
+        `hello`: HELLO of the device after the gap, if known.
+        """
         self._missing, self._hello, self._next_sequence, self._opened = why, hello, None, False
 
     def _on_batch(self, batch: Batch, info: PartInfo) -> Iterator[Event]:
-        """Yield the events of messages; successive reads of the wire are handled together."""
+        """Yield the events of a batch of messages; successive serial reads are decoded together."""
         of_wire = [channel for channel, topic in batch.topics.items() if topic == WIRE]
         of_link = [channel for channel, topic in batch.topics.items() if topic == LINK]
         messages = batch.messages.of_channels([*of_wire, *of_link])
@@ -296,7 +297,7 @@ class McapRecording:
     def _on_link(self, data: bytes, host_ns: int, offset_ns: int, info: PartInfo) -> Iterator[Event]:
         try:
             link = _link.decode(data)
-        except (ValueError, RecursionError):  # errors of msgspec, and of deeply nested brackets
+        except (ValueError, RecursionError):  # raised by msgspec, and for deeply nested brackets
             self._break("a message about the line is damaged", None)
             return
         if link.event == "gap":
@@ -337,7 +338,7 @@ class McapRecording:
                 return event._replace(fatal=False)
             case Hello():
                 return self._renamed(event)
-            # a simulated device: the temperature in its frames has no meaning
+            # the device was simulated, so the temperature in its frames has no meaning
             case RawBlock() if self._no_sensor:
                 return event._replace(temperature=None)
         return event

@@ -24,11 +24,12 @@ from fltea.recording.timing import Timing, timing
 from fltea.records.errors import UsageError
 
 RATE_S, FEWEST, MOST = 2.0, 8, 20_000
-"""The rate is measured over `RATE_S` [s], from at least `FEWEST` and at most `MOST` samples."""
+"""The sampling rate is measured over `RATE_S` [s], from at least `FEWEST` and at most `MOST` samples."""
 
 PATIENCE_NS = 10 * 10**9
-"""Time on the host's clock after which samples wait no longer for a rate [ns]; their times may be in another
-unit."""
+"""Longest time, by the host's clock, for which samples wait until their rate is known [ns]. If it passes,
+their times may be in another unit than expected.
+"""
 
 
 class Arrived(NamedTuple):
@@ -89,7 +90,10 @@ class ByOrder:
 
 
 class _Waiting(NamedTuple):
-    """Samples that wait until their rate is known. `marks`: which samples begin a new run of the sender."""
+    """Samples that wait until their rate is known.
+
+    `marks`: marks of those that begin a new run of the sender.
+    """
 
     elapsed: Floats
     marks: Marks
@@ -101,10 +105,9 @@ class ByTime:
     """Numbers samples by a column of times: a step longer than the sampling period means lost samples.
 
     `where`: name of the source in messages. `rate_hz`: sampling rate; None until it is measured, unless the
-    user gives it.
-    `duplicates`: number of samples that were left out because their time equals the previous time.
-    `unrated`: number of samples that were left out because their times give no rate; `why_no_rate` says why.
-    `uneven`: warning that only the given rate is used, not the times.
+    user gives it. `duplicates`: number of samples that were left out because their time equals the previous
+    time. `unrated`: number of samples that were left out because their times give no rate; `why_no_rate` says
+    why. `uneven`: warning that the times are uneven, so that only the user's rate is used.
     """
 
     def __init__(self, where: str, column: TimeColumn) -> None:
@@ -126,7 +129,7 @@ class ByTime:
             self._by_order.begin()
 
     def add(self, rows: Arrived, host_ns: int) -> Iterator[Numbered]:
-        """Number samples that arrived together; they wait until the rate is known."""
+        """Number samples that arrived together. They wait until the sampling rate is known."""
         assert rows.time is not None
         if self._by_order is not None:
             yield from self._by_order.add(rows, host_ns)
@@ -149,7 +152,7 @@ class ByTime:
         return count >= MOST or (count >= FEWEST and long)
 
     def finish(self) -> Iterator[Numbered]:
-        """Number the waiting samples, if their times give a rate."""
+        """Number the waiting samples if their times give a sampling rate."""
         waiting, self._waiting = self._waiting, []
         if not waiting:
             return

@@ -1,4 +1,4 @@
-"""Open a source by its URL: `serial:…`, `stdin:`, `replay:…` and so on, or a plain port or file.
+"""Open a source of samples by its URL (`serial:…`, `stdin:`, `replay:…` …), or a plain port or file.
 
 Rarely used modules are imported late, since the program's start takes a second on a Raspberry Pi.
 """
@@ -20,7 +20,9 @@ from fltea.wire.transport import ANY_BOARD
 
 
 def find_board() -> str:
-    """Return the URL of the Arduino Due. A board that is not plugged in yet is waited for, like any port.
+    """Return the URL of the Arduino Due.
+
+    If no board is plugged in yet, the source waits for one, as for any port.
 
     Raises:
         UsageError: more than one board is plugged in.
@@ -38,7 +40,8 @@ def _open_serial(place: str, config: Config) -> Source:
 
 
 def _open_i2c(place: str, config: Config) -> Source:
-    from fltea.sources.i2c.source import I2cSource  # not at the top, since smbus2 loads on Linux only
+    # this import is not at the top, since smbus2 loads on Linux only
+    from fltea.sources.i2c.source import I2cSource
 
     return I2cSource(place)
 
@@ -86,12 +89,12 @@ class SourceKind(NamedTuple):
     """A kind of source, which the scheme of its URL names.
 
     Attributes:
-        example: how its URL is written.
-        open: returns the source for the part of the URL after the colon; None: it stands for many devices,
-            and `service.ingest` opens it.
-        samples_only: whether its devices do not estimate.
+        example: an example of its URL.
+        open: function that returns the source for the part of the URL after the colon; None: the source has
+        many devices, and `service.ingest` opens it.
+        samples_only: whether its devices only send samples and do not estimate.
         described: whether options may describe its columns, units and rate.
-        may_be_bare: whether nothing need follow the colon.
+        may_be_bare: whether the URL may end after the colon.
     """
 
     example: str
@@ -114,7 +117,7 @@ KINDS_OF_SOURCE = {
     "replay": SourceKind("replay:FILE", _open_replay, described=True),
     "synthetic": SourceKind("synthetic:?KEY=VALUE&…", _open_synthetic, samples_only=True, may_be_bare=True),
 }
-"""Scheme of the URL -> the kind of source."""
+"""Kind of source for each scheme of a URL."""
 
 
 def open_source(config: Config) -> Source:
@@ -126,7 +129,7 @@ def open_source(config: Config) -> Source:
     url = config.source or f"serial:{find_board()}"
     scheme, colon, rest = url.partition(":")
     of_pyserial = rest.startswith("//") and scheme != "i2c"
-    if not colon or of_pyserial or url.startswith("/"):  # a bare path, or pyserial's own URLs
+    if not colon or of_pyserial or url.startswith("/"):  # the source is a path, or one of pyserial's own URLs
         place = Path(url)
         is_file = place.suffix.lower() in KINDS or place.is_dir() or place.is_file()
         is_pipe = url in ("-", "/dev/stdin") or Path(url).is_fifo()
@@ -151,7 +154,7 @@ def open_source(config: Config) -> Source:
 
 
 def check_shared(configs: Sequence[Config]) -> None:
-    """Refuse outputs and options that make no sense for a source of very many devices.
+    """Refuse outputs and options that make no sense for a source that has very many devices.
 
     Raises:
         UsageError: a setting is only for single devices.
@@ -200,5 +203,5 @@ def _need_wire(config: Config, url: str) -> None:
 
 
 def _startup(config: EstimatorConfig) -> int:
-    """Return the smallest number of samples that a recording needs, as far as known without its rate."""
+    """Return the smallest number of samples that a recording needs; 0 if it depends on the sampling rate."""
     return config.startup_needed if isinstance(config.startup, int) else 0

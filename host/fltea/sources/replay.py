@@ -42,7 +42,7 @@ AT_ONCE = 8192
 """Number of samples in a block."""
 
 MOST_TROUBLES = 3
-"""Most troubles that the message about a file with too few samples lists."""
+"""Largest number of troubles that the message about a file with too few samples lists."""
 
 
 class ReplaySource:
@@ -52,9 +52,9 @@ class ReplaySource:
     and NDJSON may come through a pipe, which is read to its end here.
 
     `how`: what the user states about the recording. `startup`: number of samples in the start-up window; a
-    shorter recording is refused. `shuffle`: seed of a permutation of the samples (the times stay), which
-    makes any noise white. `realtime`: whether to wait between samples as long as in the recording. `limits`:
-    limits of memory.
+    shorter recording is refused. `shuffle`: seed of a random permutation of the samples, which makes any
+    noise white; the times keep their order. `realtime`: whether to wait between samples as long as in the
+    recording. `limits`: limits of memory.
 
     Raises:
         UsageError: the file is missing, damaged or too large; the message names file, line and reason.
@@ -81,7 +81,7 @@ class ReplaySource:
         self.reading: tuple[Answer, ...] = ()
         self.axes: tuple[str, ...] = ()
         troubles: list[str] = []
-        # a name may contain bytes that are no valid text
+        # a file name may contain bytes that are no valid text
         printable = str(path).encode(errors="replace").decode()
         name = f"replay:{printable}" + ("" if shuffle is None else f" (shuffled, seed {shuffle})")
         opened = open_recording(path, how, limits) if is_one_file(path) else None
@@ -153,11 +153,13 @@ class ReplaySource:
 
 
 TOGETHER_NS = 5_000_000
-"""Samples within this time are yielded together [ns], since single samples at 8 kHz would take too long."""
+"""Samples within this time are yielded together [ns], since yielding samples one by one at 8 kHz would take
+too long.
+"""
 
 
 def _paced(event: Event) -> Iterator[Event]:
-    """Yield a block of samples in parts, each due at one time, and any other event unchanged."""
+    """Yield a block of samples as short blocks, each due at one time; yield any other event unchanged."""
     if not isinstance(event, RawBlock):
         yield event
         return
@@ -202,7 +204,10 @@ def _mcap_library() -> ModuleType:
 
 
 def _count_samples(recording: "McapRecording", limit: int) -> tuple[int, list[str]]:
-    """Return the number of samples in a recording, up to about `limit`, and the troubles up to there."""
+    """Return the number of samples in a recording, and the troubles among them.
+
+    Counting ends at about `limit` samples.
+    """
     count, troubles = 0, []
     for event in recording.events():
         if isinstance(event, Trouble) and event.kind in FILE_TROUBLES:
@@ -244,7 +249,8 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
         if block.epoch is not None:
             breaks |= np.diff(block.epoch, prepend=epoch) != 0
             epoch = int(block.epoch[-1])
-        # Counts without a scale are useless. A HELLO without a scale would say that the values are in m/s².
+        # Accelerations in counts are left out if their scale is unknown. A HELLO without a scale would say
+        # that the values are in m/s².
         accel = block.accel if recording.accel_lsb_per_g else block.accel_ms2
         raw = RawBlock(sequence % SEQUENCE_WRAP, device_us % TIME_WRAP_US, host_ns, block.gyro, accel)
         begins = [0, *np.flatnonzero(breaks).tolist()]
@@ -256,7 +262,7 @@ def _from_recording(name: str, recording: Stored, shuffle: int | None) -> Iterat
 
 
 def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
-    """Yield the samples in random order; all of them must be in memory."""
+    """Yield the samples in random order, which needs memory for all of them."""
     whole = recording.whole()
     order = np.random.default_rng(seed).permutation(len(whole.gyro))
     accel, accel_ms2 = (None if one is None else one[order] for one in (whole.accel, whole.accel_ms2))
@@ -264,7 +270,7 @@ def _shuffled(recording: Stored, seed: int) -> Iterator[Recording]:
 
 
 def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
-    """Yield the events of fltea's own output, whose sample numbers and times do not wrap."""
+    """Yield the events in fltea's own output. Sample numbers and times in it do not wrap."""
     if cut is not None:
         yield Trouble("cut_recording", cut, records[0].host_ns, fatal=False)
     hello: Hello | None = None
@@ -286,7 +292,7 @@ def _from_ndjson(records: list[Kept], cut: str | None) -> Iterator[Event]:
                 yield from block()
                 hello = record
                 yield record
-            # a gap is detected again, with the present limit
+            # an epoch after a gap is not passed on, since the gap is detected again with the present limit
             case EpochMark(reason=reason) if reason != "gap":
                 yield from block()
                 yield Break(record.reason, record.host_ns)

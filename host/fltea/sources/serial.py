@@ -1,4 +1,4 @@
-"""Reads a device on a serial URL."""
+"""Reads a device on a serial port, which is named by a URL."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -16,10 +16,12 @@ from fltea.wire.transport import Port
 class SerialSource:
     """Turns frames from a serial port into events; each failure becomes a `Trouble`, and reading continues.
 
-    This object reads the port itself (`events`), or native code reads `port` and passes what came to `take`.
+    Either this object reads the port itself (`events`), or native code reads `port` and passes what came to
+    `take`.
 
-    `latency_s`: greatest age of the first waiting bytes when they are passed on [s]. `tap`: function that is
-    called with everything that comes from the port, before it is decoded; set it before reading begins.
+    `latency_s`: longest time for which received bytes wait before they are passed on [s]. `tap`: function
+    that is called with everything that comes from the port, before it is decoded; set it before reading
+    begins.
 
     Raises:
         UsageError: the kind of URL is unknown, or the speed is 1200 baud.
@@ -51,7 +53,7 @@ class SerialSource:
     def decoder(self) -> PortDecoder:
         """The native decoder, for callers that read the port in native code.
 
-        Pass its items to `events_of`.
+        Pass the items that it yields to `events_of`.
         """
         return self._wire.decoder
 
@@ -60,7 +62,10 @@ class SerialSource:
         return self._wire.events_of(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of a transport event from the port; None says that nothing came for a while."""
+        """Yield the events of what came from the port.
+
+        An `item` of None says that nothing came for a while.
+        """
         now_ns = clock.host_ns()
         if item is not None and self.tap is not None:
             self.tap(item)

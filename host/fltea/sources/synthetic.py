@@ -17,7 +17,9 @@ from fltea.settings.estimator import LONGEST_WINDOW
 from fltea.sources.pacing import sleep_until
 
 PACE_S = 0.01
-"""Time whose samples are yielded together in real time [s]; at 100 Hz each sample is yielded alone."""
+"""In real time, samples within this time are yielded together [s]; at 100 Hz, each sample is yielded
+alone.
+"""
 AT_ONCE = 256
 """Number of samples in a block if the source does not wait."""
 
@@ -26,7 +28,8 @@ class NoiseSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The settings of a simulated gyroscope; the defaults resemble an MPU-9250 at ±2000 deg/s.
 
     `alpha`, `f` (s^-α), `Q` ((deg/s)² s^-2α), `R` ((deg/s)²): the model of `fltea.noise.simulation`.
-    `lsb_per_dps`: 0 leaves the samples unquantised. `n`: number of samples, 0 for no end.
+    `lsb_per_dps`: counts in 1 deg/s; 0: the samples are not rounded to counts. `n`: number of samples; 0:
+    without end.
     """
 
     alpha: float = 0.3
@@ -81,7 +84,8 @@ def parse_noise(query: str) -> NoiseSettings:
             raise ValueError(f"window has to be 1 to {LONGEST_WINDOW} samples, not {settings.window}")
         if settings.n < 0:
             raise ValueError(f"n has to be 0 (no end) or more, not {settings.n}")
-        NoiseGenerator(settings).step()  # each part of the generator checks its settings
+        # this raises an error for wrong settings, since each part of the generator checks its own
+        NoiseGenerator(settings).step()
     except msgspec.ValidationError as error:
         known = ", ".join(NoiseSettings.__struct_fields__)
         raise UsageError(f"synthetic:{query}: {error}. Known keys: {known}.") from error
@@ -93,7 +97,8 @@ def parse_noise(query: str) -> NoiseSettings:
 class SyntheticSource:
     """Yields simulated samples as events, in real time or at full speed.
 
-    `unix_offset_ns`: offset to Unix time [ns]; 0 unless in real time, so that two runs give equal output.
+    `unix_offset_ns`: offset from the monotonic clock to Unix time [ns]. It is 0 at full speed, so that two
+    runs give equal output.
     """
 
     live = False
@@ -106,7 +111,7 @@ class SyntheticSource:
         self.unix_offset_ns = clock.unix_offset_ns() if realtime else 0
 
     def events(self) -> Iterator[Event]:
-        """Yield HELLO and the samples."""
+        """Yield a HELLO and the samples."""
         s = self.settings
         noise = NoiseGenerator(s)
         begin_ns = clock.host_ns() if self._realtime else 0

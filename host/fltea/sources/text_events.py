@@ -40,8 +40,9 @@ a block."""
 PATIENCE_NS = 5 * 10**9
 
 FEW_LINES = 20
-"""Number of lines without a header from which a warning is due; a sender may print a few other lines
-first."""
+"""Number of lines before the header after which a warning is due. A sender may print a few other lines
+first.
+"""
 
 
 class TextEvents:
@@ -74,7 +75,7 @@ class TextEvents:
         self._lines_reported = 0
 
     def open(self, now_ns: int, *, within_line: bool) -> None:
-        """Note that the input is open. `within_line`: whether its first bytes may be the end of a line."""
+        """Note that the input was opened. `within_line`: whether its first bytes may be the end of a line."""
         self._connections += 1
         self._hello_due = True
         self._heard_ns = now_ns
@@ -122,7 +123,7 @@ class TextEvents:
             yield Trouble(*self.reader.cut, now_ns, fatal=False)
 
     def link_stats(self, overflow_bytes: int = 0) -> LinkStats:
-        """Return the counts; a frame is a line with a sample, and a bad frame is a line without one."""
+        """Return the counts of lines with a sample as frames, and of lines without a sample as bad frames."""
         bad = dict(self.reader.bad.counts + self._left_out)
         if self._numbers is not None and self._numbers.duplicates:
             bad["duplicate_time"] = self._numbers.duplicates
@@ -174,7 +175,7 @@ class TextEvents:
             yield Trouble(note.kind, note.text, now_ns, fatal=False)
 
     def _judge_gyro(self, plausible: Plausible, gyro: Floats) -> None:
-        """Check the first samples, since a wrong column or unit shows in them.
+        """Check the first samples, since their values show a wrong column or unit.
 
         Raises:
             Implausible: no gyroscope gives such numbers.
@@ -188,7 +189,7 @@ class TextEvents:
             self._plausible = None
 
     def _judge_accel(self, samples: Samples, now_ns: int) -> Iterator[Event]:
-        """Leave the accelerometer out as soon as a sample has no acceleration."""
+        """Leave the accelerometer out from the first sample without an acceleration on; yield a warning."""
         assert samples.accel is not None
         if not self._has_accel or is_of_sensor(samples.accel).all():
             return
@@ -245,7 +246,10 @@ class TextEvents:
         )
 
     def _report_lines(self, now_ns: int) -> Iterator[Trouble]:
-        """Report lines without a sample; before the columns are known, report only if no sample follows."""
+        """Report lines without a sample.
+
+        Lines before the columns are known are reported only if no sample follows.
+        """
         early = self.reader.bad.counts["before_header"]
         total = self.reader.left_out + self._left_out.total()
         if total > self._lines_reported and self._reported.is_due("lines", now_ns):

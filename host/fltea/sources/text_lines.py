@@ -1,7 +1,7 @@
 """Reads live samples as lines of text: `stdin:`, `stdin:FIFO` and `serial-text:PORT?baud=115200`.
 
 The text is CSV with or without a header, or JSON objects, and is read as `fltea.recording.text_rows` reads
-files. Everything that has arrived is passed on at once, as one block.
+files. All samples that have arrived are passed on at once, as one block.
 """
 
 import contextlib
@@ -58,7 +58,7 @@ class PipeText:
 
     @property
     def unix_offset_ns(self) -> int:
-        """Present offset from the monotonic clock to Unix time [ns]."""
+        """Offset from the monotonic clock to Unix time at present [ns]."""
         return clock.unix_offset_ns()
 
     def events(self) -> Iterator[Event]:
@@ -101,7 +101,7 @@ class PipeText:
 
 
 class SerialText:
-    """Reads lines of text from a serial port; after a loss, the port is opened again.
+    """Reads lines of text from a serial port. If the port is lost, it is opened again.
 
     `unix_offset_ns`: offset from the monotonic clock to Unix time at the last event [ns].
 
@@ -126,7 +126,10 @@ class SerialText:
             yield from self.take(item)
 
     def take(self, item: TransportEvent | None) -> Iterator[Event]:
-        """Yield the events of a transport event from the port; None says that nothing came for a while."""
+        """Yield the events of what came from the port.
+
+        An `item` of None says that nothing came for a while.
+        """
         match item:
             case None:
                 yield from self._events.tick(clock.host_ns())

@@ -1,4 +1,4 @@
-"""Turns what arrived over a wire into events, and watches for silence and faults.
+"""Turns the bytes that a device sent into events, and watches for silence and faults.
 
 It makes no difference whether the bytes come from a port (`fltea.sources.serial`) or from a recording.
 """
@@ -40,7 +40,7 @@ from fltea.wire.ports import TICK_NS
 from fltea.wire.sensors import NO_SENSOR, SENSORS, relative_text, sensor_name
 
 SILENCE_S = 5.0
-"""Time without bytes, or without readable bytes, after which a trouble is reported [s]."""
+"""Time without bytes, or without readable frames, after which a trouble is reported [s]."""
 
 LIMIT_NS = int(SILENCE_S * 1e9)
 
@@ -59,7 +59,9 @@ OF_A_PORT = Hints(
 
 
 class WireEvents:
-    """Turns transport events into events; each failure becomes a `Trouble`.
+    """Turns transport events (bytes, and what happened to the port) into events.
+
+    Each failure becomes a `Trouble`.
 
     `url`: name of the port in messages. `hints`: advice if no frames, or no bytes, arrive.
     """
@@ -69,7 +71,7 @@ class WireEvents:
         self._hints = hints or OF_A_PORT
         self._source = f"serial:{url}" if hints is None else url
         self.decoder = PortDecoder(LIMIT_NS, TICK_NS, REPEAT_NS)
-        self._said: Hello | None = None  # the last accepted HELLO; most later HELLOs are equal
+        self._said: Hello | None = None  # last accepted HELLO; most later HELLOs equal it
         self._sensor: tuple[int, int] | None = None
         self._reported_sensors = {NO_SENSOR}
         self._reported_faults = OnceAMinute()
@@ -84,7 +86,9 @@ class WireEvents:
         self.decoder.unix_offset_ns = offset_ns
 
     def feed(self, item: TransportEvent | Reads | None, now_ns: int) -> Iterator[Event]:
-        """Yield the events of one transport event, or of many reads; None says that nothing came for a while.
+        """Yield the events of one transport event, or of many reads.
+
+        An `item` of None says that nothing came for a while.
 
         Many reads together give the same events as the single reads, with ticks for the silence between them.
         `now_ns`: present time of the monotonic clock [ns]; in a recording, the time of the event or of the
@@ -107,12 +111,12 @@ class WireEvents:
         yield from self._items()
 
     def pass_time(self, until_ns: int) -> Iterator[Event]:
-        """Yield the events of a port that was silent until the time `until_ns`."""
+        """Yield the events that are due if the port was silent until the time `until_ns`."""
         self.decoder.pass_time(until_ns)
         yield from self._items()
 
     def forgive(self, now_ns: int) -> None:
-        """Restart all timeouts, since the program was not listening."""
+        """Restart all timeouts, since the program did not listen to the device for a while."""
         self.decoder.forgive(now_ns)
 
     def resume(self, now_ns: int) -> None:
@@ -185,7 +189,7 @@ class WireEvents:
                     yield Trouble("device_fault", f"{self.url}: {text}", host_ns, fatal=False)
 
     def _on_sensor(self, hello: wire.Hello, host_ns: int) -> Iterator[Trouble]:
-        """Report once that a chip is unusual; after a restart of the sensor, report its faults again."""
+        """Report an unusual chip once; after a restart of the sensor, let its faults be reported again."""
         sensor, who = (hello.boot_id, hello.sensor_starts), hello.who_am_i
         if sensor != self._sensor:
             self._sensor = sensor

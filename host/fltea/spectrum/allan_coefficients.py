@@ -20,18 +20,21 @@ from fltea.records.units import FLICKER, HOUR
 FEWEST_DOF = 6.0
 """Points with fewer degrees of freedom are not read: their deviation is uncertain by half its value."""
 SPAN = 3.0
-"""Smallest length of a range of points, as its last τ over its first."""
+"""A coefficient is read from a range of points whose last τ is at least this multiple of its first τ."""
 TOLERANCE = 0.1
 K_TOLERANCE = 0.25
 """The tolerance of K's slope is wide: the curve is uncertain at long τ, and no other slope is near."""
 FEWEST_AVERAGED = 5
-"""Smallest τ for K, in samples: below it, a sampled random walk is over 1 % above a continuous one."""
+"""Smallest τ for K, in samples: below it, the Allan deviation of a sampled random walk exceeds that of a
+continuous one by more than 1 %.
+"""
 
 
 Source = Literal["curve", "spectrum", "model", "tracker"]
-"""Source of N, B or K: "curve", the Allan deviation; "spectrum", white noise, 1/f noise and a random walk
-fitted to the spectrum; "model", the model that stands for the noise; "tracker", which estimates the random
-walk of the offset."""
+"""Source of N, B or K. "curve": read from the Allan deviation. "spectrum": from a fit of white noise, 1/f
+noise and a random walk to the spectrum. "model": from the noise model of the verdict. "tracker": from the
+filter that tracks the bias and estimates the random walk of its offset.
+"""
 
 
 class Coefficient(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -112,9 +115,10 @@ class _Curve:
         self.tau, self.deviation, self.low, self.high, self.dof, self.slope = (one[use] for one in points)
 
     def stretch(self, slope: float, tolerance: float, from_s: float = 0.0) -> slice | None:
-        """Return the longest range of points, from `from_s` on, whose slope is `slope` within `tolerance`.
+        """Return the longest range of points whose slope is `slope` within `tolerance`.
 
-        None if the range is too short.
+        Only averaging times from `from_s` on count. The result is None if even the longest range is shorter
+        than SPAN.
         """
         inside = (np.abs(self.slope - slope) <= tolerance) & (self.tau >= from_s * (1 - 1e-9))
         edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
@@ -125,7 +129,10 @@ class _Curve:
         return best
 
     def line(self, part: slice, slope: float, at_s: float) -> Coefficient:
-        """Fit a line of this slope to the points of `part`, weighted by their dof; return it at `at_s`."""
+        """Return the value at `at_s` of a line of this slope, fitted to the points of `part`.
+
+        The points are weighted by their degrees of freedom.
+        """
         log_line = np.log(self.deviation[part]) - slope * np.log(self.tau[part] / at_s)
         value = float(np.exp(np.average(log_line, weights=self.dof[part])))
         heaviest = self.point(part.start + int(self.dof[part].argmax()))

@@ -25,9 +25,9 @@ CONFIDENCE = 0.95
 SHORTEST_RECORD = 100
 """Fewest samples for an Allan deviation."""
 LONGEST_SHARE = 1 / 3
-"""Longest averaging time of the live curve, as a share of the record."""
+"""Longest averaging time of the live curve, as a share of the length of the record."""
 AROUND = 2.0
-"""A local slope is fitted to the points within this factor of τ."""
+"""The local slope at an averaging time τ is fitted to the points from τ / AROUND to τ · AROUND."""
 
 
 class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,11 +60,11 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return cls(tau, deviation, low, high, degrees, count, *coefficients(found, h, unit))
 
     def with_model(self, f: CandidateModels, stands: FittedModel, level: Level, unit: str) -> "Allan":
-        """Return the curve next to that of `stands`, the model of the noise, with its N and K, and with B.
+        """Return the curve with N and K of the noise model `stands`, with B, and with the model's own curve.
 
-        The model gives a better N and K than the curve. At short averaging times a filter that removes power
-        bends the curve, and at long ones every other part of the noise does; the fit of the spectrum accounts
-        for both.
+        The model gives a better N and K than the curve. At short averaging times, a filter that removes power
+        bends the curve. At long averaging times, all other parts of the noise bend it. The fit of the
+        spectrum accounts for both. `level`: N and K of the model.
         """
         N, K = level.N, level.K
         no_walk = "" if K.value is not None else "no part of the noise is a random walk"
@@ -78,7 +78,7 @@ class Allan(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def of_fit(self) -> FitAllan:
-        """Return the curve in the form that the record `fit` has."""
+        """Return the curve in the form in which the output record `fit` contains it."""
         tau, deviation, low, high, model = (
             list(one) for one in (self.tau_s, self.deviation, self.low, self.high, self.model)
         )
@@ -118,12 +118,12 @@ def fit_allan(
     noise: FittedModel,
     N: float | None,
 ) -> FitAllan | None:
-    """Return the curve in the form of the record `fit`, next to the curve of the model `noise`, one of `f`.
+    """Return the curve for the output record `fit`, and beside it the curve of the model `noise`.
 
-    None while there are too few samples or the axis is constant. `sums`: averaging times in samples, Allan
-    variances and terms, as `live_allan` takes them. `samples`: number of samples in these sums. `h`: sampling
-    period [s]. `N`: that of `noise`, since other parts of the noise bend the curve from which N would be
-    read.
+    The result is None while there are too few samples or the axis is constant. `noise` is one of the models
+    in `f`. `sums`: averaging times in samples, Allan variances and terms, as `live_allan` takes them.
+    `samples`: number of samples in these sums. `h`: sampling period [s]. `N`: the angle random walk of
+    `noise`. It is not read from the curve, since other parts of the noise bend the curve.
     """
     factors, avar, terms = sums
     try:
@@ -160,8 +160,8 @@ def points(
 ) -> Points:
     """Return the Allan deviations above 0, with 95 % intervals. `h`: sampling period [s].
 
-    `factors`: averaging times in samples. `dof`: returns the degrees of freedom of every point for the
-    exponent (0 to -2) of its noise's power spectrum.
+    `factors`: averaging times in samples. `dof`: a function that takes, for every point, the exponent (0 to
+    -2) of the noise's power spectrum there, and returns the degrees of freedom of every point.
     """
     tau = np.asarray(factors, dtype=np.float64) * h
     slope = local_slopes(tau, deviation)

@@ -1,8 +1,8 @@
-"""Degrees of freedom of overlapping Allan variances, for each kind of noise.
+"""Degrees of freedom of overlapping Allan variances, for white noise, 1/f noise and a random walk.
 
 C. A. Greenhall and W. J. Riley, "Uncertainty of stability variances based on finite differences", PTTI 2003,
-equations 7 to 10 and 13; also in W. J. Riley, NIST SP 1065 (2008), 5.4.1. The sum is exact for an estimate in
-which a block of m samples begins every m / S samples.
+equations 7 to 10 and 13; also in W. J. Riley, NIST SP 1065 (2008), 5.4.1. Their sum is exact for an estimate
+in which a block of m samples begins every m / S samples.
 """
 
 import functools
@@ -15,9 +15,11 @@ from fltea.records.arrays import Array
 PARTS = 8
 """Number S of blocks that begin within the length of a block of running sums (host/native/allan_sums.hpp)."""
 FULL_PARTS = 64
-"""Number of blocks within a block's length that stands for full overlap (one block begins per sample)."""
+"""Where a block begins at every sample, at most this many blocks within the length of a block are counted."""
 FINITE = 33
-"""Averaging factors up to this value are exact; for larger ones sampling is taken as continuous."""
+"""For blocks of up to this many samples, the result is exact. For longer blocks, the formula for continuous
+time is used.
+"""
 
 
 def degrees_of_freedom(
@@ -27,7 +29,8 @@ def degrees_of_freedom(
 
     `power`: exponent of the noise's power spectrum around 1/τ: 0 (white), -1 (flicker) or -2 (random walk).
     `factors`: samples in a block, m. `terms`: number of averaged differences between neighbouring blocks.
-    `most_parts`: min(m, most_parts) blocks begin within the length of a block.
+    `most_parts`: the largest number of blocks that begin within the length of a block; there are min(m,
+    most_parts).
     """
     parts = np.broadcast_arrays(
         np.asarray(power, dtype=np.int64),
@@ -48,7 +51,7 @@ def full_overlap(power: ArrayLike, factors: ArrayLike, samples: int) -> Array:
     return degrees_of_freedom(power, m, terms, FULL_PARTS)
 
 
-@functools.lru_cache(maxsize=256)  # axes share most arguments
+@functools.lru_cache(maxsize=256)  # most axes are called with the same arguments
 def _one(power: int, m: float, terms: float, parts: float) -> float:
     reach = min(terms, 3 * parts)
     j = np.arange(0.0, np.ceil(reach))

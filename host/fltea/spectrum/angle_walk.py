@@ -1,11 +1,12 @@
-"""N (angle random walk) of a model, with a 95 % interval that covers what the data cannot exclude.
+"""N (angle random walk) of a model, with a 95 % interval that covers all models that fit equally well.
 
 The model that stands for the noise may lack a part that is too weak to be found. Most weak parts hardly
-change N. A relaxation whose corner is near the sample rate is different: it looks much like white noise. The
-fit then counts it as white noise, and N comes out too large by many standard deviations. So other models are
-tried as well: the best model with an order or the best without one; the same parts and one more relaxation;
-and a relaxation, or a rise, in place of filters and of everything else that shapes the high frequencies. The
-interval covers the intervals of all models that describe the data equally well.
+change N. But a relaxation whose corner is near the sample rate looks much like white noise. The fit then
+counts its power as white noise, and N comes out too large by many standard deviations. So three kinds of
+other models are tried as well. The first is the best model with an order, if the model has none, or the best
+model without an order. The second has the same parts and one more relaxation. The third has a relaxation, or
+a rise, in place of filters and of everything else that shapes the high frequencies. The interval covers the
+intervals of all models that describe the data equally well.
 """
 
 import math
@@ -36,27 +37,30 @@ from fltea.spectrum.intervals import around, interval_end, slopes
 from fltea.spectrum.reading import NO_WHITE
 
 HARDLY_KNOWN = 2.0
-"""A density is not known if the interval of its logarithm has at least this half-width."""
+"""The density of a part is not known if the interval of its logarithm has at least this half-width."""
 SHAPES = tuple(kind for kind in CODES if kind is not White and not kind.has("slow"))
-"""Parts that shape the high frequencies; a relaxation or a rise is tried in place of them."""
+"""Kinds of parts that shape the high frequencies. A relaxation or a rise is tried in place of them."""
 SEEN = 2.706
 """Gain in 2 log L from which on a model with one more relaxation counts as better. It is the 95 % point of
 the law of a variance that cannot be below 0: half 0 and half χ² with one degree of freedom (Self & Liang,
 *JASA* 82, 1987)."""
 FAST = (0.15, 0.3), (0.6, 0.4), (1.8, 0.5)
-"""Starting points of the search for one more relaxation: its rate [rad a sample], and its density at low
-frequencies over that of the white noise."""
+"""Starting points of the search for one more relaxation: its rate [rad a sample], and the ratio of its
+density at low frequencies to that of the white noise.
+"""
 RISING = (0.4, 1.0), (1.0, 1.0)
-"""Starting points of the search for a rise: δ, and its density at half the sample rate over white noise."""
+"""Starting points of the search for a rise: its exponent δ, and the ratio of its density at half the sample
+rate to that of white noise.
+"""
 
 
 def angle_walk(f: CandidateModels, model: FittedModel) -> Interval:
     """Return N (angle random walk) with its interval, in the unit of the samples times √s.
 
-    N follows from the low-frequency density of all parts that are neither slow nor an order: white noise and
-    the parts that are added to it there. Value and ends are None where the white noise is negligible next to
-    a fast relaxation, since the relaxation may stand for the white noise. The value is that of `model`,
-    the model of the noise.
+    N follows from the density at low frequencies of white noise together with all other parts that are
+    neither slow nor an order. The value comes from `model`, the noise model of the verdict. Value and ends
+    are None where the white noise is negligible compared with a fast relaxation, since the relaxation may
+    itself be the white noise after a filter.
     """
     found = _of_one(f, model)
     if found.value is None or found.low is None or found.high is None:
@@ -93,8 +97,8 @@ def _of_one(f: CandidateModels, model: FittedModel) -> Interval:
         return Interval()
     here = _walk_of(math.log(value), f.h)
     if len(fast) == 1 < len(terms):
-        # If the noise is white alone, this is the interval of R, which is asymmetric where other parts hide
-        # R.
+        # If white noise is the only part that counts, this is the interval of R. It is asymmetric where other
+        # parts of the model hide R.
         return Interval(here, *_profile(f, model))
     return Interval(here, *(_walk_of(math.log(value) + one, f.h) for one in (-deviation, deviation)))
 
@@ -117,7 +121,10 @@ def _as_good(f: CandidateModels, model: FittedModel) -> Iterator[FittedModel]:
 
 
 def _stands_beside(other: FittedModel, model: FittedModel) -> bool:
-    """Return whether `other` is near `model` in 2 log L, less what a parameter gains by chance."""
+    """Return whether `other` has about the same 2 log L as `model`.
+
+    What additional parameters gain by chance is subtracted first.
+    """
     dearer = BY_CHANCE * (other.parameters - model.parameters)
     return 2 * (other.nll - model.nll) + dearer < APART
 
@@ -125,9 +132,9 @@ def _stands_beside(other: FittedModel, model: FittedModel) -> bool:
 def _with(
     f: CandidateModels, model: FittedModel, kind: type[Part], left_out: tuple[type[Part], ...]
 ) -> FittedModel:
-    """Return the best fit with one more part, a fast relaxation or a rise, and without the kinds `left_out`.
+    """Return the best fit of `model` with one more part of `kind`, and without parts of the kinds `left_out`.
 
-    The fit begins at the last result for the same parts.
+    `kind`: a fast relaxation or a rise. The fit begins at the last result for the same parts.
     """
     kept = [(code, at) for code, at in model.terms() if not _is(code, *left_out)]
     codes = [*(code for code, _ in kept), CODES.index(kind)]
@@ -146,18 +153,24 @@ def _with(
 
 
 def _rising(rest: list[float], delta: float, share: float) -> list[float]:
-    """Return fit parameters (transformed) at which a part of the white noise has become a rise."""
+    """Return transformed parameters from which a fit starts.
+
+    In them, a rise has taken a share of the white noise.
+    """
     return [*rest, rest[0] + math.log(share), delta]
 
 
 def _relaxing(rest: list[float], rate: float, share: float) -> list[float]:
-    """Return fit parameters (transformed) at which a part of the white noise has become a relaxation."""
+    """Return transformed parameters from which a fit starts.
+
+    In them, a relaxation has taken a share of the white noise.
+    """
     variance = rest[0] + math.log(share * math.tanh(rate / 2))
     return [rest[0] + math.log1p(-share / 2), *rest[1:], variance, math.log(rate)]
 
 
 def _profile(f: CandidateModels, model: FittedModel) -> tuple[float, float]:
-    """Return the ends of the interval of N of the model's white noise, by the profile of the likelihood."""
+    """Return the ends of the profile-likelihood interval of N of the model's white noise alone."""
     limits = around(f, model.eta[0])
     low, high = (
         interval_end(f, model, 0, side, limit, 0.1) for side, limit in zip((-1, 1), limits, strict=True)

@@ -1,10 +1,11 @@
-"""Bias instability B, which the command, Python, the live fit and clusters all determine in the same way.
+"""Bias instability B. The command, the Python interface, the live fit and clusters all determine it here.
 
 B is the amplitude of 1/f noise, whose Allan deviation is flat at 0.664 B. First, white noise, 1/f noise and a
 random walk are fitted to the spectrum. If these three terms describe it about as well as the model that
-stands for the noise, B comes from this fit. B is then not known if the fit does not need the 1/f noise: where
-white noise meets a random walk, the lowest point of the Allan deviation is no flat stretch. In all other
-cases B is read from the curve as data sheets do: a flat stretch, or the lowest point, over 0.664.
+stands for the noise, B comes from this fit. If the fit does not need the 1/f noise, B is not known: where the
+falling curve of white noise meets the rising curve of a random walk, the Allan deviation has a lowest point
+without any 1/f noise. If the three terms do not describe the spectrum, B is read from the curve as data
+sheets do: the height of a flat stretch, or of the lowest point, divided by 0.664.
 """
 
 import math
@@ -19,7 +20,7 @@ from fltea.spectrum.flicker import Flicker, flicker
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW_KINDS = (White, *SLOW)
-"""Parts that have power at the low frequencies to which the three terms are fitted."""
+"""Kinds of parts that have power at the low frequencies to which the three terms are fitted."""
 
 
 def bias_instability(
@@ -42,13 +43,14 @@ def bias_instability(
 def _needed(fit: Flicker) -> bool:
     """Return whether the fit needs the 1/f noise.
 
-    With a random walk, the 1/f noise has to gain BIC's price in 2 log L, since it may be a relaxation.
+    If the fit has a random walk too, the 1/f noise has to raise 2 log L by more than BIC's price for a
+    parameter, since the apparent 1/f noise may be a relaxation.
     """
     return fit.gain > (math.log(fit.ordinates) if fit.gain_of_walk > CRITICAL else CRITICAL)
 
 
 def _describes(fit: Flicker, stands: FittedModel) -> bool:
-    """Return whether the BIC of the three terms is as low as that of the model, within the tolerance."""
+    """Return whether the BIC of the three terms is not higher than that of the model, within a tolerance."""
     needed = 1 + (fit.gain > CRITICAL) + (fit.gain_of_walk > CRITICAL)
     others = sum(free_of(code) for code in stands.codes if kind_of(code) in SLOW_KINDS)
     return fit.behind < APART + math.log(fit.ordinates) * (others - needed)

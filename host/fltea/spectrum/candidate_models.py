@@ -1,10 +1,11 @@
 """The candidate noise models of one spectrum: the best model without an order, and the best with one.
 
-The native search (host/native/whittle_search.hpp) finds each model. It adds parts for as long as a part
-gains more than its price in 2 log L. At BIC's price (the logarithm of the number of ordinates, for each
-parameter) it adds no part by chance. In much data, though, a sum of many relaxations costs more than it gains
-over an order, so that BIC alone would report an order. Therefore a second model without an order is searched
-for at a lower price, and an order has to be ahead of both.
+The native search (host/native/whittle_search.hpp) finds each model. It adds one part after another, as long
+as the new part raises 2 log L by more than a price for each of its parameters. At BIC's price (the logarithm
+of the number of ordinates) hardly any part is added by chance. In a long record, though, a noise may be a sum
+of many relaxations, each of which gains less than that price over an order. BIC alone would then report an
+order. Therefore a second model without an order is searched for at a lower price, and a model with an order
+has to be ahead of both.
 """
 
 import math
@@ -34,25 +35,28 @@ from fltea.spectrum.periodogram import Binned
 BY_CHANCE = 4.0
 """Gain in 2 log L that chance may give to each further parameter of a search."""
 LEAST_ORDER, MOST_ORDER = 0.15, 0.85
-"""Orders that are fitted: below them, hardly any order is left; above, it is as good as a relaxation."""
+"""Lowest and highest order that a search fits. Below the lowest, hardly any order is left; above the highest,
+a relaxation describes the noise as well.
+"""
 AT_A_LIMIT = 0.01
 ABOVE_ONE = 1.2, 1.6
-"""Orders at which the search also begins, for orders up to 2."""
+"""Additional starting values of the order for a search of orders up to 2."""
 WITHOUT_WHITE, NO_WHITE = (0.25, 0.5), 12.0
-"""The fit of the reported order begins a second time without white noise, at each of the orders
-WITHOUT_WHITE; its log R is lowered by NO_WHITE."""
+"""The reported order is fitted again from starting points almost without white noise: one for each order in
+WITHOUT_WHITE, where log R is lowered by NO_WHITE.
+"""
 AHEAD = 6.0
 """Lead in 2 log L that ARFIMA needs over the fractional state to be reported."""
 LEAK_OF_CUBIC = 1 / 9
-"""Leakage of a random walk after its cubic is subtracted. It is the mean square of the step between the last
-sample and the first, over the mean square step of the walk in the same time; the leakage affects all
-frequencies."""
+"""Leakage of a random walk into all frequencies after a cubic is subtracted. It is the mean square of the
+step from the last sample to the first after the subtraction, divided by that before it.
+"""
 
 Raw = tuple[list[int], list[float], float]
 
 
 class FittedModel(NamedTuple):
-    """A noise model: the native module's numbers of its parts, white noise first, and the fitted `eta`.
+    """A noise model: the native module's code numbers of its parts, white noise first, and the fitted `eta`.
 
     `eta` holds the transformed free parameters of all parts.
     """
@@ -64,7 +68,11 @@ class FittedModel(NamedTuple):
 
     @property
     def parameters(self) -> int:
-        """Return the number of parameters for BIC, with the searched ones (a mean's m, a notch's place)."""
+        """Return the number of parameters that BIC counts.
+
+        It includes those that are found by trying values: the number of samples of a mean, the frequency of a
+        notch.
+        """
         return sum(map(free_of, self.codes)) + sum(kind.row().sought for kind in self.kinds)
 
     @property
@@ -73,7 +81,7 @@ class FittedModel(NamedTuple):
         return tuple(map(kind_of, self.codes))
 
     def terms(self) -> Iterator[tuple[int, int]]:
-        """Yield the number of each part, and the index of its first transformed parameter."""
+        """Yield the code number of each part, and the index of its first parameter in `eta`."""
         at = 0
         for code in self.codes:
             yield code, at
@@ -88,23 +96,30 @@ class FittedModel(NamedTuple):
         return spectrum_of(self.codes, self.eta, lam, h)
 
     def without(self, kind: type[Part]) -> "FittedModel":
-        """Return the model without its parts of `kind`; nothing is fitted again, so `nll` stays as it was."""
+        """Return the model without its parts of `kind`.
+
+        It is not fitted again, and `nll` is that of the whole model.
+        """
         terms = [(code, at) for code, at in self.terms() if kind_of(code) is not kind]
         eta = [self.eta[at + k] for code, at in terms for k in range(free_of(code))]
         return FittedModel(tuple(code for code, _ in terms), tuple(eta), self.nll)
 
     def place(self, *kinds: type[Part]) -> int | None:
-        """Return the index of the first transformed parameter of the first part of these kinds."""
+        """Return the index in `eta` of the first parameter of the first part of these kinds.
+
+        None without one.
+        """
         return next((at for code, at in self.terms() if kind_of(code) in kinds), None)
 
 
 class Fits:
-    """Results from which a later fit of the same axis begins; they hold none of the data.
+    """Results from which a later fit of the same axis begins. They do not refer to the data.
 
-    `raw`: the fitted models. `elsewhere`: fits of the reported order within its interval, near the maximum or
-    far from it; None: not searched for yet. `ends`: difference between the fit at an end of a parameter's
-    interval and the best fit, by the model's part codes, the parameter's index and the side. `beside`: fits
-    with one more part, for the interval of N, by their part codes.
+    `raw`: the fitted models. `elsewhere`: fits with another order that belong to the interval of the reported
+    order, near the maximum of the likelihood or far from it; None: not searched for yet. `ends`: difference
+    between the fit at an end of a parameter's interval and the best fit; the key is the model's part codes,
+    the parameter's index and the side. `beside`: fits with one more part, for the interval of N; the key is
+    their part codes.
     """
 
     def __init__(self, raw: list[Raw], last: "Fits | None" = None) -> None:
@@ -116,7 +131,9 @@ class Fits:
 
 # Over 12 attributes: the models are compared with each other, so they are kept side by side.
 class CandidateModels:
-    """The noise models fitted to one series; `samples`: length of the record, which sets what a walk leaks.
+    """The noise models fitted to one series.
+
+    `samples`: length of the record, on which the leakage of a random walk depends.
 
     Attributes:
         white: white noise alone.
@@ -146,7 +163,8 @@ class CandidateModels:
     def order(self) -> FittedModel | None:
         """Return the model whose order is reported: the best one with an order, fitted without search limits.
 
-        ARFIMA has no f. It is reported only where it is ahead of the fractional state in white noise.
+        Since ARFIMA has no f, it is reported only where it leads the fractional state in white noise by
+        AHEAD.
         """
         if self.ordered is None:
             return None
@@ -158,7 +176,7 @@ class CandidateModels:
         return found
 
     def _starts(self, found: FittedModel) -> Iterator[FittedModel]:
-        """Yield the fit of an order, and fits that start from the same model with its white noise removed.
+        """Yield the fit `found`, and fits that start from the same model with its white noise removed.
 
         A second start helps because an order with white noise and another order without it can have nearly
         the same spectrum.
@@ -200,7 +218,9 @@ class CandidateModels:
 
 
 def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
-    """Return the native fits of the single series in `data`; the arguments are those of `CandidateModels`.
+    """Return the native module's fits of the one series in `data`.
+
+    The arguments are those of `CandidateModels`.
 
     Raises:
         ValueError: no spectrum can be fitted to the data.
@@ -214,9 +234,9 @@ def native(data: Binned, h: float, samples: int) -> _native.WhittleFits:
 def windows(lam: Array, samples: int) -> Array:
     """Return the mean square [rad²] of the frequency distance that Hann's window averages over, (bins,).
 
-    For a block of m samples it is (2π / m)² / 3. A twelfth of (2π / m)² is subtracted, since each spectral
-    line is taken to fill the space to its neighbours. Bins below the octaves of a record of `samples` samples
-    do not come from blocks, so that their value is 0.
+    For a block of m samples it is (2π / m)² / 3. A twelfth of (2π / m)² is subtracted, since each frequency
+    of the spectrum is taken to stand for the whole distance to its neighbours. In a record of `samples`
+    samples, the bins below the octaves do not come from blocks, so that their value is 0.
     """
     level = np.maximum(np.ceil(np.log2(JOIN / 2 / lam)), 0.0)
     depth = max(0, math.ceil(math.log2(max(samples, 1) / WHOLE)))
@@ -225,7 +245,7 @@ def windows(lam: Array, samples: int) -> Array:
 
 
 def walk_column(lam: Array, samples: int) -> Array:
-    """Return the power of a random walk with steps of variance 1 in each bin of such a record."""
+    """Return a random walk's power in each bin, for steps of variance 1 and a record of `samples` samples."""
     leak = np.where(leaking(lam, samples), LEAK_OF_CUBIC, 0.0)
     return np.asarray((1 + leak) / (4 * np.sin(lam / 2) ** 2))
 
@@ -237,7 +257,7 @@ def leaking(lam: Array, samples: int) -> NDArray[np.bool_]:
 
 
 def order_in_white(fits: _native.WhittleFits) -> FittedModel:
-    """Return the best model of white noise and an order up to 2, which is the model that a board fits."""
+    """Return the best fit of white noise and an order up to 2, which is the model that the firmware fits."""
     codes = [CODES.index(White), CODES.index(Order)]
     white, alpha, logit, s2 = fits.null_test([])[2][:4]
     starts = [[white, start, logit, s2] for start in (alpha, *ABOVE_ONE)]
@@ -246,7 +266,10 @@ def order_in_white(fits: _native.WhittleFits) -> FittedModel:
 
 
 def order_of(one: FittedModel | None) -> float | None:
-    """Return α, or d of ARFIMA; None without an order, and at a limit, beyond which α may lie."""
+    """Return α of the model, or d of ARFIMA.
+
+    The result is None without an order, and where the fit stopped at a limit that the true α may exceed.
+    """
     at = one.place(Order, Arfima) if one is not None else None
     if one is None or at is None:
         return None

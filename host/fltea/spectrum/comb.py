@@ -3,11 +3,11 @@
 An event that repeats at equal intervals, such as a glitch each second, has its power in many lines, each too
 weak to be seen alone. The lines are found together. Candidates for the period come from two sources: the lags
 at which the autocorrelation of the whitened record is highest, and the periods for which the strongest single
-lines are all multiples of one frequency. Each candidate is tested by the ordinates at its multiples, the
-teeth. In noise, the ratio of an ordinate to the mean of m neighbours exceeds r with the probability (1 +
-r/m)^-m, so that the sum of m log(1 + r/m) over H teeth has a gamma distribution of shape H. Each term is
-limited, so that a few strong lines alone do not make a comb. The rate of false alarms is divided by the
-number of fundamental frequencies that could have been found (Bonferroni).
+lines are all multiples of one frequency. Each candidate is tested by the ordinates at the multiples of its
+frequency, which are called teeth. In noise, the ratio of an ordinate to the mean of m neighbours exceeds r
+with the probability (1 + r/m)^-m, so that the sum of m log(1 + r/m) over H teeth has a gamma distribution of
+shape H. Each term is limited, so that a few strong lines alone do not make a comb. The rate of false alarms
+is divided by the number of fundamental frequencies that are tested (Bonferroni).
 """
 
 import functools
@@ -25,24 +25,31 @@ from fltea.spectrum.periodogram import Periodogram, bin_starts
 FALSE_ALARM = 1e-3
 """Probability of finding a comb in noise without one."""
 FEWEST_TEETH = 5
-"""Fewest teeth of a comb: more than mains hum with its second and third harmonic has."""
+"""Fewest teeth of a comb. Mains hum with its second and third harmonic has fewer."""
 FEWEST_PERIODS = 8
 """Fewest periods in the record. Teeth are that many ordinates apart, so that noise is visible between
 them."""
 SHORTEST_PERIOD = 2 * FEWEST_TEETH
-"""Shortest period in samples: half of the sample rate then holds `FEWEST_TEETH` multiples."""
+"""Shortest period in samples: `FEWEST_TEETH` multiples of its frequency are just below half of the sample
+rate.
+"""
 LOOKED_AT = 0.01
-"""Probability that noise without a comb yields a candidate."""
+"""Probability that noise without a comb yields a candidate for the period."""
 LEAST_LIMIT, LIMIT_SHARE = 10.0, 0.25
 """The largest ratio of an ordinate to its surroundings that counts for candidates is the larger of two
-limits: LEAST_LIMIT, and LIMIT_SHARE times the root of the number of ordinates. With the latter, one line
-alone is a quarter of a standard deviation."""
+limits: LEAST_LIMIT, and LIMIT_SHARE times the root of the number of ordinates. The second limit keeps what a
+single line adds to the autocorrelation at a quarter of a standard deviation.
+"""
 LEVEL_BINS = 5
-"""The level of a bin is the median of this many bins on each side; few of these can hold a tooth."""
+"""The level around a bin is the median of this many bins on each side, few of which can contain a tooth."""
 TOGETHER = 4
-"""Number of ordinates that are summed first; two thirds of the autocorrelation remain at the longest lag."""
+"""Number of neighbouring ordinates that are summed before the autocorrelation is computed. At the longest
+lag, two thirds of the autocorrelation remain.
+"""
 WIDTHS = (1, 3, 5)
-"""Numbers of lags that are averaged, since a period may have jitter and need not be whole samples."""
+"""Numbers of neighbouring lags over which the autocorrelation is averaged, since a period may have jitter and
+need not be a whole number of samples.
+"""
 GUARD = 2
 """Number of ordinates on each side of a tooth into which the tooth leaks."""
 WIDEST_FLANK = 24
@@ -50,25 +57,32 @@ WIDEST_FLANK = 24
 MOST_A_TOOTH = 8.0
 """Largest evidence of a single tooth, which noise exceeds once in 3,000 ordinates."""
 CLEAR = 4.0
-"""Evidence from which on a single tooth is clear; `FEWEST_TEETH` clear teeth are a comb."""
+"""A tooth with at least this evidence is clear. A comb has at least `FEWEST_TEETH` clear teeth."""
 FIRST_SHARE = 0.6
 """The first multiple of the period has at least this share of the highest autocorrelation."""
 NEAR = 2.0
 """Largest difference between the period and a candidate, in samples."""
 MOST_DIVISOR = 6
-"""The true period may be a candidate divided by a whole number up to this one."""
+"""The true period may be a candidate divided by a whole number. This is the largest divisor that is tried."""
 NEARLY = 0.8
-"""The shortest period with at least this share of the highest evidence is taken, over its multiples."""
+"""Of a period and its multiples, the shortest is chosen that has at least this share of the highest
+evidence.
+"""
 MOST_SOONER, FIRST_TEETH = 12, 8
-"""MOST_SOONER: how often at most an event may happen within a period that was found. FIRST_TEETH: number of
-its lowest lines that are compared."""
+"""MOST_SOONER: largest number of times that the event may happen within the period that was found.
+FIRST_TEETH: number of its lowest teeth that are compared with the lines between them.
+"""
 NO_TOOTH, SHAPED = 1.5, 0.08
-"""Lines between the teeth count as noise, or as made by rounding to the nearest sample, up to the mean height
-NO_TOOTH (noise has 1), or up to SHAPED times the height of the teeth."""
+"""Lines between the teeth count as noise up to the mean height NO_TOOTH (noise has the height 1). Up to
+SHAPED times the height of the teeth, they count as a trace of events that are rounded to the nearest
+sample.
+"""
 AT_ONCE = 1 << 18
-"""Number of teeth that are looked up at a time."""
+"""Largest number of teeth that are computed in one step."""
 PREFIXES = (5, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-"""Numbers of teeth, counted from the lowest, that are tried: a smooth wave has only a few."""
+"""Numbers of teeth, counted from the lowest, with which a comb is tested: a smooth wave has only a few
+teeth.
+"""
 
 
 class Comb(NamedTuple):
@@ -77,9 +91,9 @@ class Comb(NamedTuple):
     period: float
     """The period in samples."""
     teeth: int
-    """Number of the highest tooth in the band that belongs to the comb."""
+    """The comb's highest tooth in the band, as a multiple of the fundamental frequency."""
     height: float
-    """The mean ratio of the teeth to the level around them."""
+    """The mean ratio of the power of the teeth to the level around them."""
 
 
 class _Ordinates:
@@ -115,7 +129,7 @@ class _Ordinates:
         return np.asarray(found)
 
     def heights(self, fundamental: float, teeth: int) -> Array:
-        """Return the ratios of the teeth to the mean of the ordinates around them, (teeth,)."""
+        """Return the ratio of each tooth to the mean of the ordinates around it, (teeth,)."""
         e = self.terms(np.array([fundamental]), teeth)[0]
         many = 2 * max(2, min(WIDEST_FLANK, int(fundamental / 2) - GUARD))
         return np.asarray(many * np.expm1(e / many))
@@ -146,8 +160,8 @@ def find_comb(
     best = max((evidence for evidence, _, _ in found), default=0.0)
     if best < needed:
         return None
-    # An event that repeats each second also repeats each 2 s, so that both periods have evidence: take the
-    # shortest period. Half of the true period has only half of the evidence.
+    # An event that repeats each second also repeats every 2 s, so that both periods have evidence. The
+    # shortest period with enough evidence is right: half of the true period has only half of the evidence.
     _, fundamental, teeth = max(
         (one for one in found if one[0] >= max(NEARLY * best, needed)), key=lambda one: one[1]
     )
@@ -159,8 +173,9 @@ def find_comb(
 def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
     """Return how often the event happens within the period that was found.
 
-    An event each 103.7 samples, rounded to the nearest sample, repeats exactly only after ten times that
-    period. Nearly all power of the lowest lines is still in multiples of the true frequency.
+    An event every 103.7 samples, with each time rounded to the nearest sample, repeats exactly only after
+    1037 samples, so that this longer period is found. Among its lowest lines, nearly all power is still in
+    the multiples of the true frequency.
     """
     for times in range(MOST_SOONER, 1, -1):
         heights = ordinates.heights(fundamental, FIRST_TEETH * times)
@@ -172,7 +187,10 @@ def _happens_sooner(ordinates: _Ordinates, fundamental: float) -> int:
 
 
 def _lags(p: Periodogram) -> tuple[float, ...]:
-    """Return the lags [samples] of high autocorrelation of the whitened record; none if all is low."""
+    """Return the lags [samples] at which the whitened record has a high autocorrelation.
+
+    Empty if there are none.
+    """
     longest = p.n // FEWEST_PERIODS
     if longest <= SHORTEST_PERIOD + max(WIDTHS):
         return ()
@@ -195,7 +213,8 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
         values = np.convolve(likeness, np.ones(width), "valid") if width > 1 else likeness
         top = int(values.argmax())
         if values[top] > _stands_out(len(values)) * scale * math.sqrt(width):
-            # The autocorrelation is equally high at all multiples of the period: take the first.
+            # The autocorrelation is equally high at all multiples of the period, so the first of them is
+            # used.
             first = int((values > FIRST_SHARE * values[top]).argmax())
             first += int(values[first : first + width].argmax())
             at = SHORTEST_PERIOD - 1 + width // 2
@@ -205,12 +224,12 @@ def _lags(p: Periodogram) -> tuple[float, ...]:
 
 @functools.cache
 def _stands_out(lags: int) -> float:
-    """Return the normal deviate that one of `lags` lags of noise exceeds with the probability LOOKED_AT."""
+    """Return the normal deviate that any of `lags` lags exceeds, in noise, with probability LOOKED_AT."""
     return NormalDist().inv_cdf(1 - LOOKED_AT / (len(WIDTHS) * lags))
 
 
 def _level(p: Periodogram) -> Array:
-    """Return the level around each ordinate (m,), from which outstanding ordinates are left out."""
+    """Return the level around each ordinate (m,), computed without ordinates that stand out."""
     starts = bin_starts(p.lam, p.n)
     count = np.diff(np.append(starts, len(p.lam)))
     means = np.add.reduceat(p.power, starts) / count
@@ -232,7 +251,8 @@ def _periods_of(lines_hz: Sequence[float], p: Periodogram) -> tuple[float, ...]:
             if fundamental < FEWEST_PERIODS:
                 break
             number = np.rint(lines / fundamental)
-            # The tolerance is about one ordinate, and the fundamental's error grows with the multiple.
+            # A line may be off by about one ordinate, plus the error of the fundamental times the line's
+            # multiple.
             off = np.abs(lines - number * fundamental) <= 0.6 * (1 + number / order)
             found.append((int((off & (number > 0)).sum()), fundamental))
     most = max((count for count, _ in found), default=0)

@@ -1,10 +1,12 @@
-"""Words for an event that repeats at equal intervals."""
+"""The words of a verdict for an event that repeats at equal intervals."""
 
 from fltea.spectrum.spectral_lines import Repeats
 
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 SAME_FREQUENCY = 3e-3
-"""Relative difference up to which a frequency counts as that of mains, which is kept within 0.4 %."""
+"""Largest relative difference between a frequency and the mains frequency (50 or 60 Hz) that counts as equal.
+Power grids keep their frequency within 0.4 %.
+"""
 NEXT = (
     "Look for what runs with that period: a logger that writes its buffer, a GPS pulse, a heater, a radio. "
     "No figure of the noise has it in it."
@@ -33,7 +35,7 @@ def _looks(found: Repeats, share: float) -> str:
 
 
 def every(seconds: float) -> str:
-    """Return a period with three digits, in the unit that a person would choose."""
+    """Return words for a period: three digits, and the unit that a person would choose."""
     return f"{seconds:#.3g} s".replace(". s", " s") if seconds >= 0.1 else f"{seconds * 1e3:.3g} ms"
 
 

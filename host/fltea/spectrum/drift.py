@@ -1,4 +1,4 @@
-"""Drift: the power below the lowest frequency at which a record has several periods; it is not fitted."""
+"""Drift: the power at frequencies of which a record has too few periods for a fit."""
 
 from collections.abc import Callable
 
@@ -11,14 +11,18 @@ from fltea.spectrum.cubic_drift import Drift
 from fltea.spectrum.periodogram import FEWEST, LOWEST, Periodogram
 
 PERIODS = 10.0
-"""Periods in a record of the slowest fitted wave; a wave with fewer periods may be a part of any drift."""
+"""Number of periods that the slowest fitted wave has in the record. A wave with fewer periods may be a part
+of any drift.
+"""
 CUBIC_PERIODS = 0.7
-"""Periods in a record of the waves that resemble a cubic most."""
+"""Number of periods in the record of the waves that resemble a cubic most."""
 LEAST_OFFSET = 10.0
-"""Least power of the offset's drift over that of the noise; a smaller drift does not matter."""
+"""Least ratio of the power of the offset's drift to that of the noise; a smaller drift does not matter."""
 LEAST_RATIO = 2.0
 FALSE_ALARM = 1e-4
-"""Probability of a false alarm of each of the two tests, in a record that is tested once."""
+"""Probability of a false alarm of each of the two tests (slow power, drift of the offset) in a record that is
+tested once.
+"""
 
 
 class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,14 +30,15 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     below_hz: float
     ratio: float = 1.0
-    """The slow power over the slow power that the best model has."""
+    """The slow power, divided by the slow power that the best model predicts."""
     p: float = 1.0
     """Probability of at least this ratio if the model also holds at the slow frequencies."""
     offset: float = 0.0
-    """Power of the cubic that was subtracted from a long record, over the model's power at its
-    frequencies."""
+    """Power of the cubic that was subtracted from a long record, divided by the model's power at the cubic's
+    frequencies.
+    """
     offset_p: float = 1.0
-    """Probability of at least this offset drift if the model also holds at its frequencies."""
+    """Probability of at least this value of `offset` if the model also holds at the cubic's frequencies."""
 
     def is_drift(self, false_alarm: float = FALSE_ALARM) -> bool:
         """Return whether there is more slow power than the model explains, and enough of it to matter."""
@@ -44,7 +49,7 @@ class SlowPower(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def drift_hz(duration_s: float, samples: int) -> float:
     """Return the frequency [Hz] below which power counts as drift in a record of `duration_s`.
 
-    In a record of very few samples every frequency that can be fitted is fitted.
+    In a record of very few samples, only the frequencies below the lowest usable ordinate count as drift.
     """
     enough = samples >= 2 * (FEWEST + PERIODS + 1)
     return (PERIODS if enough else LOWEST) / duration_s
@@ -60,7 +65,7 @@ def slow_power(
     """
     offset, offset_p = 0.0, 1.0
     if cubic is not None:
-        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # long records have only a cubic
+        wave = 2 * np.pi * h * CUBIC_PERIODS / PERIODS * below_hz  # only long records have a cubic
         offset = cubic.power / float(model(np.array([wave]))[0])
         offset_p = chi2_tail(offset * cubic.amplitudes, cubic.amplitudes)
     if slow is None:

@@ -1,10 +1,10 @@
 """Drift rate of a record: the slope of its straight line, and its uncertainty from the noise.
 
 The line is the least-squares fit. The variance of its slope is the integral of the noise's spectrum times the
-response of the slope, 36/T² j1(x)², where x is half the phase that the frequency turns in the record. A
-random walk tilts a line far more than white noise does, and in a short record a Gauss–Markov part does so
-too. Where the kind of random walk is not certain, several such variances are combined, each with a
-probability.
+response of the slope, 36/T² j1(x)². There T is the length of the record, j1 a spherical Bessel function, and
+x half the phase [rad] through which the frequency turns in the time T. A random walk tilts the line far more
+than white noise does, and in a short record a Gauss–Markov part does so too. Where it is not certain which of
+them is present, the variances of several models are combined, each with a probability.
 """
 
 import math
@@ -19,11 +19,13 @@ from fltea.records.plus_minus import NORMAL_95
 
 AT_ONCE = 1 << 18
 FINE, COARSE = 4000, 1000
-"""Points of the integral: FINE where the response oscillates, COARSE above, where its mean is enough."""
+"""Number of points of the integral: FINE at the frequencies where the response's oscillations matter, COARSE
+above them, where the response is replaced by its mean.
+"""
 WAVES_TO = 100.0
 OUTSIDE = 0.05
 NEAR = 1e-4
-"""Relative accuracy of half the interval."""
+"""Relative accuracy of the interval's half-width."""
 
 
 def drift_rate(y: Array, h: float, spectrum: Callable[[Array], Array]) -> Interval:

@@ -36,12 +36,14 @@ class Evidence(NamedTuple):
     p_without_peaks: float
     """The p-value of the null test without the ordinates of lines and resonances."""
     p_clean: float
-    """The p-value of the null test of the clean ordinates: without peaks, and above the drift."""
+    """The p-value of the null test of the clean ordinates: those without peaks and above the frequencies of
+    the drift.
+    """
     peaks: tuple[Peak, ...]
     candidates: CandidateModels
     """The candidate models, fitted to the clean ordinates."""
     reading: Reading
-    """What the best model without an order says."""
+    """What the best model without an order says about the noise."""
     from_hz: float
     to_hz: float
     """`from_hz` and `to_hz` are the ends [Hz] of the band of the clean ordinates."""
@@ -50,15 +52,15 @@ class Evidence(NamedTuple):
     clean: Periodogram
     """The clean ordinates."""
     level: float = LEVEL
-    """The level at which the null test rejects."""
+    """The level at which the null test rejects white noise."""
     median: MedianFilter | None = None
     """The median filter that was detected in the samples; None without one."""
 
     def residual_ks(self, model: FittedModel) -> float:
-        """Return the Kolmogorov–Smirnov distance of the periodogram over the model (`residuals`)."""
+        """Return the Kolmogorov–Smirnov distance for the ratio of periodogram to model (`residuals`)."""
         p = self.clean
         ratio = np.empty_like(p.lam)
-        for begin in range(0, len(ratio), AT_ONCE):  # in pieces, which takes less memory
+        for begin in range(0, len(ratio), AT_ONCE):  # computed in pieces, which takes less memory
             part = slice(begin, begin + AT_ONCE)
             ratio[part] = p.power[part] / model.spectrum(p.lam[part], p.h)
         return farthest(ratio, p.weight)
@@ -82,6 +84,7 @@ class Evidence(NamedTuple):
 def apart(level: float) -> float:
     """Return the difference in 2 log L from which on two models count as different.
 
-    It grows with the number of refits (a lower `level`), so that a claim holds for all refits together.
+    It grows as `level`, the significance level of a single refit, becomes smaller. So a claim holds for all
+    refits together.
     """
     return APART - 2 * math.log(level / LEVEL)

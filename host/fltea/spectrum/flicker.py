@@ -1,9 +1,9 @@
-"""White noise, 1/f noise and a random walk fitted to the slow part of a spectrum (pure).
+"""White noise, 1/f noise and a random walk fitted to the low frequencies of a spectrum.
 
 These are the three terms of IEEE 952's noise model that one reads from a curve of Allan deviations. Their
 spectra are linear in their amplitudes, so that a fit costs less than a millisecond. The fit uses every
-frequency at which the 1/f noise stands out of the white noise. It therefore knows the amplitude B long before
-the Allan deviation shows a flat stretch with small errors.
+frequency at which the 1/f noise stands out of the white noise. It therefore determines the amplitude B long
+before the Allan deviation shows a flat stretch with small errors.
 """
 
 import math
@@ -17,43 +17,52 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel, walk_c
 from fltea.spectrum.intervals import CRITICAL
 
 SLOW = 1 / 20
-"""Highest fitted frequency over the sample rate; a sensor's own filter nearly always acts above it."""
+"""Highest fitted frequency as a share of the sample rate. A sensor's own filter nearly always acts above
+it.
+"""
 FEWEST = 30.0
 """Fewest ordinates for a fit."""
 ROUNDS = 60
 LEAST_GAIN = 1e-5
-"""The fit ends when a round gains less than this in log L."""
+"""The fit ends when an iteration raises log L by less than this."""
 DAMPING = 1e-3
 LEAST = 1e-12
-"""Least value of an amplitude, over the largest value that it could have."""
+"""Least squared amplitude of a term, as a share of the value from which the fit starts."""
 NEAR = 0.05
 """Accuracy of an end of an interval, in 2 log L."""
 SEARCHES = 12
 WIDEST = 100.0
-"""Each end of the interval of B² is at most this factor away from B²."""
+"""Each end of the interval of B² differs from B² by at most this factor."""
 
 
 class Flicker(NamedTuple):
-    """The three terms fitted to one spectrum; each gain is in 2 log L over the fit without that term."""
+    """The three terms fitted to one spectrum.
+
+    A gain is the increase of 2 log L over the fit without the term.
+    """
 
     B: Interval
     """The amplitude of the 1/f noise, in the unit of the samples; all null if it gains too little.
 
-    Where the fit needs no random walk, B is that of the fit without a walk. A walk's power cannot be
-    negative, so that any power that chance gives to a walk would be missing in B. The lower end of the
-    interval still comes from the profile with a walk, since there may be one.
+    Where the fit needs no random walk, B comes from a fit without one. The power of a random walk cannot be
+    negative, so that any power that chance gives to it would be missing in B. The lower end of the interval
+    still comes from the profile with a random walk, since there may be one.
     """
     gain: float
     """Gain in 2 log L by the 1/f noise."""
     gain_of_walk: float
     """Gain in 2 log L by the random walk."""
     behind: float
-    """Lead in 2 log L, at the same frequencies, of the model that stands for the noise."""
+    """2 log L of the noise model of the verdict, less 2 log L of this fit, at the same frequencies."""
     ordinates: float
 
 
 class _Data(NamedTuple):
-    """Bins: power and number of ordinates, (k,), and the spectrum of each term of amplitude 1, (k, 3)."""
+    """The bins of a spectrum.
+
+    For each bin: the power and the number of ordinates, (k,), and the spectrum of each term of amplitude 1,
+    (k, 3).
+    """
 
     power: Array
     counts: Array
@@ -99,7 +108,10 @@ def flicker(f: CandidateModels, stands: FittedModel) -> Flicker | None:
 
 
 def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, float]:
-    """Return logarithms of the amplitudes, and -log L, by damped Fisher scoring; `fixed`: constant power."""
+    """Fit by damped Fisher scoring; return the logarithms of the squared amplitudes, and -log L.
+
+    `fixed`: power that is added to every fit unchanged.
+    """
     x, least = start.copy(), start + math.log(LEAST)
     nll, damping = data.nll(x, fixed), DAMPING
     for _ in range(ROUNDS):
@@ -126,8 +138,8 @@ def _fit(data: _Data, start: Array, fixed: Array | float = 0.0) -> tuple[Array, 
 def _end(data: _Data, best: Array, nll: float, side: int) -> float:
     """Return an end of the 95 % interval of B by its profile likelihood, with the other terms free.
 
-    `best`, `nll`: amplitudes and -log L of the fit, in which the 1/f noise is the second term. `side`: -1 for
-    the lower end, 1 for the upper one.
+    `best`, `nll`: logarithms of the squared amplitudes, and -log L, of the fit in which the 1/f noise is the
+    second term. `side`: -1 for the lower end, 1 for the upper one.
     """
     terms = [term for term in range(len(best)) if term != 1]
     others, free = data.only(terms), best[terms]

@@ -1,9 +1,9 @@
 """What a model with a high-pass says about the noise, and what is only the shape of the filter.
 
 A filter that subtracts a running mean, the mean of each block, or an offset estimated at rest does not have
-exactly the spectrum of the fitted high-pass. Its density may swing above the corner, as that of a running
-mean does, by a factor of 1.48 at most. In addition, the ends of a record leak into the frequencies that the
-filter stops: samples at each end lack neighbours that would cancel them.
+exactly the spectrum of the fitted high-pass. Its density may oscillate above the corner frequency, by a
+factor of 1.48 at most, as that of a running mean does. In addition, the ends of a record leak into the
+frequencies that the filter stops: samples at each end lack neighbours that would cancel them.
 """
 
 import math
@@ -17,8 +17,9 @@ from fltea.spectrum.candidate_models import CandidateModels, FittedModel
 from fltea.spectrum.octaves import WHOLE
 
 SWINGS, RINGS = 2.0, 4.0
-"""Largest density over that of the pass band that counts as the filter's own shape: SWINGS if a relaxation
-fits the shape, RINGS if a resonance does."""
+"""Largest ratio of the density to that of the pass band that counts as the filter's own shape: SWINGS if the
+model describes the shape by a relaxation, RINGS if by a resonance.
+"""
 NEAR = 10.0
 """The shape of the filter is examined up to this multiple of its corner."""
 POINTS = 64
@@ -41,14 +42,14 @@ class HighPassed(NamedTuple):
 
     @property
     def told(self) -> tuple[Part, ...]:
-        """The parts to report: the remaining parts, and the filter."""
+        """The parts to report: the remaining parts of the noise, and the filter."""
         return *self.parts, self.high_pass
 
 
 def high_passed(
     f: CandidateModels, model: FittedModel, parts: Sequence[Part], from_hz: float
 ) -> HighPassed | None:
-    """Return which of `parts` (of `model`) remain; None without a high-pass."""
+    """Return which of `parts`, the parts of `model`, are real noise; None if `model` has no high-pass."""
     high_pass = high_pass_of(parts)
     if high_pass is None:
         return None
@@ -75,12 +76,12 @@ def end_leak(f: CandidateModels, model: FittedModel) -> float:
     lam = np.geomspace(math.pi / f.samples, min(math.pi, math.pi * WHOLE / f.samples), POINTS)
     floor = sum(part.R for part in parts if isinstance(part, Floor))
     density = np.maximum(model.spectrum(lam, f.h) - floor, 0.0)
-    # The mean leak of an end at λ is 1 / (2 sin²(λ/2)) / n.
+    # The mean density at λ that leaks from one end of n samples is 1 / (2 sin²(λ/2)) / n.
     return float(np.trapezoid(density / np.sin(lam / 2) ** 2, lam)) / (2 * math.pi * f.samples)
 
 
 def _crest(f: CandidateModels, model: FittedModel, high_pass: HighPass, from_hz: float) -> float:
-    """Return the largest density near the corner and above it, over that of white noise."""
+    """Return the ratio of the largest density near and above the corner frequency to that of white noise."""
     far = min(NEAR * high_pass.corner_hz, 0.5 / f.h)
     hz = np.geomspace(min(from_hz, far / 2), far, POINTS)
     density = model.spectrum(2 * np.pi * hz * f.h, f.h)

@@ -15,9 +15,9 @@ def seconds_more(
 ) -> float | None:
     """Return how many more seconds of samples bring the 95 % interval of α to ± `target`.
 
-    The noise is assumed to stay as it is. `model`: a model of `f` with an order. `longest_s`: length [s]
-    of the memory of a fit that forgets; None: the fit forgets nothing. The result is 0 if the interval is
-    narrow enough now, and None if it never will be or the time cannot be known.
+    The noise is assumed to stay as it is. `model`: a model of `f` with an order. `longest_s`: length [s] of
+    the fit's memory, if old samples fade; None: no sample fades. The result is 0 if the interval is narrow
+    enough now, and None if it never will be or the time cannot be known.
     """
     deviation = order_deviation(f, model)
     if deviation is None:

@@ -18,29 +18,35 @@ LAGS = 20
 """Number of lags in the Ljung–Box test; it is even, so that χ² has a closed form."""
 FEWEST = 100
 COLOURED_P = 1e-3
-"""Innovations may be coloured if white ones exceed their Ljung–Box statistic with at most this
-probability."""
+"""Innovations may be coloured if white innovations would exceed the same Ljung–Box statistic with at most
+this probability.
+"""
 COLOURED = 0.1
-"""Coloured innovations must also exceed this root of the sum of their squared correlations, since in a day
-any noise has something significant. The root is 0.3 to 0.7 behind a low-pass, and 0.12 to 0.15 where α is too
-small by 0.25 to 0.5."""
+"""For coloured innovations, the root of the sum of the squared correlations must also exceed this value,
+since in a day of samples even a tiny correlation is significant. The root is 0.3 to 0.7 for samples that
+passed a low-pass filter, and 0.12 to 0.15 where the filter's α is too small by 0.25 to 0.5.
+"""
 
 
 class Innovations(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Figures of the innovations. For a correct model nis is 1, lag1 is 0 ± 1/√n, ljung_box_p is in 0 … 1."""
+    """Figures of n innovations.
+
+    For a correct model, `nis` is about 1, `lag1` is 0 ± 1/√n, and `ljung_box_p` is spread evenly from 0 to
+    1.
+    """
 
     samples: int
     nis: float
     """The mean normalised innovation squared."""
     lag1: float
-    """Correlation of neighbouring innovations."""
+    """Correlation of each innovation with the next."""
     ljung_box: float
     ljung_box_p: float
     """Probability that white innovations give at least this Ljung–Box statistic."""
 
 
 class InnovationSums:
-    """Sums over innovations, which come block by block; the memory in use does not grow."""
+    """Sums over innovations that arrive block by block, in constant memory."""
 
     def __init__(self) -> None:
         self._samples = 0
@@ -49,7 +55,10 @@ class InnovationSums:
         self._before = np.empty(0)
 
     def add(self, innovation: Array, std: Array) -> None:
-        """Add innovations and the filter's standard deviations of them, both (n,); some may not be finite."""
+        """Add innovations and their standard deviations by the filter, both (n,).
+
+        Samples without finite values are left out.
+        """
         good = np.isfinite(innovation) & np.isfinite(std) & (std > 0)
         e, s = innovation[good], std[good]
         if not len(e):
@@ -75,7 +84,7 @@ class InnovationSums:
 
 
 def innovations(innovation: Array, std: Array) -> Innovations | None:
-    """Test innovations and the filter's standard deviations of them, both (n,); None for fewer than 100."""
+    """Test innovations with their standard deviations by the filter, both (n,); None for fewer than 100."""
     sums = InnovationSums()
     sums.add(innovation, std)
     return sums.result()
@@ -84,15 +93,15 @@ def innovations(innovation: Array, std: Array) -> Innovations | None:
 def describes_order(
     white: bool | None, alpha: float, alpha_std: float, order: Interval | None
 ) -> bool | None:
-    """Tell whether a filter's order, and the filter's own deviation of the order, describe the noise.
+    """Tell whether a filter's order, and the standard deviation that the filter gives it, describe the noise.
 
     White innovations are not enough: on white noise, with or without a drift, a filter with any order up to 1
     has them. The likelihood of the whole record has to show an order too, and the filter's order has to agree
     with it.
 
-    `white`: whether the innovations are white. `order`: the interval of the fit's order, without an end where
-    there is none; None while there is no fit. The result is None while `white` or `order` is None, except
-    that it is False once the innovations are not white.
+    `white`: whether the innovations are white. `order`: the interval of the order by the fit of the spectrum;
+    an end is missing where the noise has no order; None while there is no fit. The result is None while
+    `white` or `order` is None, except that it is False once the innovations are not white.
     """
     if not white or order is None or not math.isfinite(alpha):
         return False if white is False else None
@@ -105,7 +114,8 @@ def describes_order(
 def describes(samples: int, ljung_box: float) -> bool:
     """Tell whether innovations with this Ljung–Box statistic are about white.
 
-    If they are not, the filter's α and f, and its deviations of them, say nothing about the noise.
+    If they are not, the filter's α and f, and the standard deviations that the filter gives them, say nothing
+    about the noise.
     """
     return math.sqrt(ljung_box / samples) <= COLOURED or ljung_box < _coloured()
 

@@ -3,10 +3,11 @@
 A value belongs to the interval if the best fit with that value is at most 3.84 in 2 log L below the best fit
 of all (95 % of χ² with one degree of freedom). Unlike the curvature at the maximum, this rule holds where the
 data cannot separate α from f, where a correlation time has only a lower bound, and where white noise below
-other noise has only an upper bound. An end is None where the profile has no such end.
+other noise has only an upper bound. An end is None where all values on that side belong to the interval.
 
-R cannot be below 0. Where the best fit with a value has no white noise, the likelihood ratio does not follow
-χ²: R can only be too large, and another parameter is then too large or too small along with it (`AT_BOUND`).
+The variance R of the white noise cannot be below 0. Where the best fit with a given value has R = 0, the
+likelihood ratio does not follow χ²: an error of R can only make it too large, and the other parameters then
+err along with it. Such fits have the larger limits `AT_BOUND`.
 
 The likelihood of an order sometimes has a second maximum far from the first. So it is searched over the whole
 range of orders, and orders that are as good as the interval's ends belong to the interval.
@@ -38,33 +39,36 @@ from fltea.spectrum.candidate_models import AT_A_LIMIT, LEAK_OF_CUBIC, Candidate
 CRITICAL = 3.841
 """95 % point of χ² with one degree of freedom."""
 AT_BOUND = {"alpha": 4.8, "f": 4.6, "F": 5.1, "s2": 5.1}
-"""Replaces CRITICAL where the best fit with the value has no white noise.
+"""Replaces CRITICAL, for each of these parameters, where the best fit with a given value has no white noise.
 
-It is the 95 % point for two normal estimates with the correlation ρ, where the second cannot be below 0 and
-is present while the first is held: 4.4 for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the law is
-Self & Liang's, *JASA* 82, 1987). In nine tenths of 35 noises with R = 0, the correlation by the Fisher
-information is at most 0.9 between f and R, 0.95 between α and R, 0.99 for F and 1 for s2
-(tools/validation/bound.py).
+It is the 95 % point for two normal estimates with the correlation ρ, where the second cannot be below 0: 4.4
+for |ρ| = 0.8, 4.7 for 0.9, 4.8 for 0.95 and 5.1 for 1 (the distribution is that of Self & Liang, *JASA* 82,
+1987). In nine tenths of 35 noises with R = 0, the correlation by the Fisher information is at most 0.9
+between f and R, 0.95 between α and R, 0.99 for F and 1 for s2 (tools/validation/bound.py).
 """
 LEAST = 7.0
-"""A variance counts as 0 if its logarithm is more than this below that of the best value."""
+"""A variance counts as 0 if its logarithm is more than this below the logarithm of the best value."""
 LITTLE = 4.0
-"""Log of the power at the highest frequencies over that of a small amount of white noise (`little_white`)."""
+"""Logarithm of the ratio of the power at the highest frequencies to a small amount of white noise
+(`little_white`).
+"""
 SLOWEST = 300.0
 """Correlation times are tried up to this multiple of the longest one that the data can show."""
 WIDEST_ORDER = 0.9
 """An order is undefined if its interval is at least this wide."""
 NOTHING = 1e-4
-"""A parameter with less information than this counts as having none."""
+"""A parameter about which the data have less Fisher information than this counts as unknown."""
 BY_F, BY_PARAMETER, BY_NOISE, BY_STEP = (
     BY_NAME[name].code for name in ("order by F", "order by f", "order by Q", "arfima by s2")
 )
-"""Numbers of parts with other free parameters, which make it possible to hold a parameter that the parts in
-`fltea.noise.parts` only imply. For the order: F and log -g, or α and log -f, in place of α and logit(-g /
-2^α); or log Q in place of log s2. For ARFIMA: log s2 in place of log s2 / (1 - φ)²."""
+"""Code numbers of parts that are the same noises with other free parameters. With them a fit can hold a
+parameter fixed that the parts in `fltea.noise.parts` only imply. For the order: F and log -g, or α and log
+-f, in place of α and logit(-g / 2^α); or log Q in place of log s2. For ARFIMA: log s2 in place of log s2 / (1
+- φ)².
+"""
 HIGHEST_ORDER = 1.999
 LOOKED_AT = np.arange(0.04, 1.3, 0.08)
-"""Orders at which a second maximum is searched for."""
+"""Orders at which a second maximum of the likelihood is searched for."""
 
 
 class Ends(NamedTuple):
@@ -75,7 +79,10 @@ class Ends(NamedTuple):
     high: float
 
     def exp(self) -> "Ends":
-        """Return the interval of the exponential; an end at the limit of a variance becomes 0."""
+        """Return the interval of the exponential, for a logarithm.
+
+        A lower end at the limit of the search, below which a variance counts as 0, becomes 0.
+        """
         low = 0.0 if self.low <= self.value - LEAST else math.exp(self.low)
         return Ends(math.exp(self.value), low, math.exp(self.high))
 
@@ -106,7 +113,7 @@ class Estimated(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class OrderFit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The order of a model that has one; all values are null where the data do not determine the order.
+    """The order of a model with an order. All values are null if the data do not determine it.
 
     F = g + α, g = h^α f. Variances are in the square of the unit of y.
     """
@@ -131,7 +138,7 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
             value = float(getattr(part, name))
             if name in values:
                 continue
-            if k >= free:  # the number of samples of a mean
+            if k >= free:  # `k` is the number of samples of a mean, which is not fitted
                 values[name] = Interval(value, value, value)
                 continue
             low, high = (
@@ -153,9 +160,10 @@ def estimated(f: CandidateModels, model: FittedModel) -> tuple[Estimated, ...]:
 
 
 def _of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dict[str, Interval]:
-    """Return the parameters of an order, or of ARFIMA, that need more than one fit parameter or maximum.
+    """Return those parameters of an order or of ARFIMA whose intervals need more than one search.
 
-    For any other part the result is empty.
+    They depend on several fit parameters, or their likelihood may have several maxima. For any other part the
+    result is empty.
     """
     if kind_of(code) not in (Order, Arfima):
         return {}
@@ -168,12 +176,12 @@ def _of_order(f: CandidateModels, model: FittedModel, code: int, at: int) -> dic
 
 
 def _with_value(found: Interval, value: float) -> Interval:
-    """Return the interval with another `value`; a missing end stays unknown."""
+    """Return the interval with another `value`; a missing end stays missing."""
     return found if found.value is not None else Interval(value)
 
 
 def _step(f: CandidateModels, model: FittedModel, at: int) -> Interval:
-    """Return s2 of ARFIMA."""
+    """Return s2 of ARFIMA with its interval."""
     d, rate, level = model.eta[at : at + 3]
     log_s2 = level + 2 * math.log(-math.expm1(-math.exp(rate)))
     by_step = _other(model, at, BY_STEP, [d, rate, log_s2])
@@ -181,7 +189,7 @@ def _step(f: CandidateModels, model: FittedModel, at: int) -> Interval:
 
 
 def _noise(f: CandidateModels, model: FittedModel, at: int, Q: float) -> Interval:
-    """Return the noise variance Q of an order."""
+    """Return the noise variance Q of an order, with its interval."""
     alpha, logit = model.eta[at : at + 2]
     by_noise = _other(model, at, BY_NOISE, [alpha, logit, math.log(Q)])
     reach = LEAST + 4 * abs(math.log(f.h))
@@ -193,12 +201,12 @@ def _noise(f: CandidateModels, model: FittedModel, at: int, Q: float) -> Interva
 
 
 def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
-    """Return the order of a model that has one, with its intervals."""
+    """Return the order of a model with an order, and its other parameters, with their intervals."""
     arfima = model.place(Order) is None
     at = model.place(Order, Arfima)
     assert at is not None
     here = model.eta
-    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the order may be any beyond the limit
+    if not arfima and here[at] > HIGHEST_ORDER - AT_A_LIMIT:  # the order may have any value beyond the limit
         return OrderFit()
     if arfima:
         alpha = _interval(f, model, at, "alpha", (0.0, 1.0), 0.03)
@@ -224,7 +232,7 @@ def order_fit(f: CandidateModels, model: FittedModel) -> OrderFit:
 
 
 def _of_maximum(f: CandidateModels, model: FittedModel, at: int, first: bool = True) -> list[Ends]:
-    """Return α, F, -f, s2 and R with the parts of their intervals around one maximum.
+    """Return α, F, -f, s2 and R, each with the part of its interval around one maximum of the likelihood.
 
     `first`: whether this is the maximum of `model.nll`. Another maximum may be lower, and its ends are not
     stored.
@@ -260,7 +268,7 @@ def information_of(f: CandidateModels, model: FittedModel) -> Array:
 
 
 def slopes(f: CandidateModels, codes: Sequence[int], eta: Sequence[float]) -> tuple[Array, Array]:
-    """Return a model's spectrum (bins,) and the derivatives of its logarithm by the parameters, (p, bins)."""
+    """Return a model's spectrum (bins,), and the slopes of its logarithm by the parameters, (p, bins)."""
     total, rows = np.empty(len(f.data.lam)), np.empty((len(eta), len(f.data.lam)))
     f.native.slopes(list(codes), list(eta), total, rows)
     return total, rows
@@ -272,7 +280,7 @@ def order_deviation(f: CandidateModels, model: FittedModel) -> float | None:
     if at is None:
         return None
     information = information_of(f, model)
-    # A parameter without information (of a part that is not there) is left out.
+    # A parameter of a part with negligible power, about which the data say nothing, is left out.
     keep = [i for i in range(len(information)) if i == at or information[i, i] > NOTHING]
     try:
         variance = float(np.linalg.inv(information[np.ix_(keep, keep)])[keep.index(at), keep.index(at)])
@@ -304,10 +312,10 @@ def _interval(
 
 
 def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[float]]:
-    """Return the transformed parameters of all fits with a held order that belong to the interval.
+    """Return the transformed parameters of all fits with a fixed order that belong to the order's interval.
 
-    The first call of a search tries all orders in LOOKED_AT. Later calls only repeat those that made an
-    interval wider.
+    The first call after a model search tries all orders in LOOKED_AT. Later calls only repeat the fits that
+    belonged to the interval.
     """
     starts = f.fits.elsewhere
     if starts is None:
@@ -327,7 +335,7 @@ def _elsewhere(f: CandidateModels, model: FittedModel, at: int) -> list[list[flo
 
 
 def _limits(f: CandidateModels, code: int, k: int, here: float, side: int) -> tuple[float, float]:
-    """Return the limit at which the search for an end stops, and the first step of the search."""
+    """Return where the search for an end of an interval stops, and the first step of that search."""
     one = ROWS[code].coordinates[k]
     match one.kind:
         case "rate":
@@ -353,8 +361,8 @@ def interval_end(
 ) -> float | None:
     """Return an end of transformed parameter `i`; None if all values up to `limit` are in the interval.
 
-    `bound`: used in place of CRITICAL where the best fit has no white noise. `keep`: store the end, so that a
-    later refit begins its search there.
+    `side`: -1 for the lower end, 1 for the upper one. `bound`: used in place of CRITICAL where the best fit
+    has no white noise. `keep`: store the end, so that the next refit begins its search at this end.
     """
     if side * (limit - model.eta[i]) <= 0:
         return None
@@ -374,16 +382,19 @@ def _at(code: int, eta: Sequence[float], k: int, end: float, h: float, name: str
 
 
 def _falls(ends: Sequence[float | None], value: float) -> bool:
-    """Return whether the ends are swapped, since the parameter falls as its transformed value rises."""
+    """Return whether the two ends are swapped.
+
+    They are where the parameter falls as its transformed value rises.
+    """
     low, high = ends
     return (low is not None and low > value) or (high is not None and high < value)
 
 
 def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: float | None) -> float | None:
-    """Return an end of K, moved outwards for the power that a random walk leaks.
+    """Return an end of the interval of K, moved outwards because of the power that a random walk leaks.
 
-    The leaked power depends on a single random number and has the same shape at all frequencies, so that it
-    does not average out.
+    The leaked power depends on a single random number and has the same shape at all frequencies, so that an
+    average over frequencies does not reduce its error.
     """
     if end is None:
         return None
@@ -397,10 +408,11 @@ def _wider(f: CandidateModels, model: FittedModel, at: int, value: float, end: f
 
 
 def _other(model: FittedModel, at: int, code: int, first: list[float]) -> FittedModel:
-    """Return the model with other values of the first transformed parameters of the part at index `at`.
+    """Return the same model, with the part at index `at` described by other free parameters.
 
-    The spectrum is the same. A part without such parameters, such as a mean of samples, may have the same
-    index, and stays.
+    `code`: number of the part with these free parameters. `first`: values of the first of them. The spectrum
+    stays the same. A part without free parameters, such as a mean of samples, may have the same index and is
+    left as it is.
     """
     codes = [code if place == at and free_of(one) else one for one, place in model.terms()]
     eta = [*model.eta[:at], *first, *model.eta[at + len(first) :]]
@@ -416,7 +428,7 @@ def little_white(f: CandidateModels) -> float:
 
 
 def around(f: CandidateModels, here: float) -> tuple[float, float]:
-    """Return the limits of the search for a variance's ends; a negligible variance may have any size."""
+    """Return the limits of the search for the ends of a variance's interval, as logarithms."""
     return here - LEAST, max(here, f.white.eta[0]) + LEAST
 
 

@@ -3,8 +3,9 @@
 The statistic is the likelihood ratio of Whittle fits: white noise against the better of two alternatives. The
 first alternative is the fractional state in white noise with α <= 1, which has more power at low frequencies,
 or at high ones. The second is white noise through a high-pass of one pole, which has less power at low
-frequencies. White noise has no α, g and s2, and no corner, so the ratio does not follow χ²: its distribution
-is simulated (tools/gen_null_constants.py). The distribution hardly depends on the length of the record.
+frequencies. White noise has neither α, g and s2 nor a corner frequency, so that the ratio does not follow χ².
+Its distribution is therefore simulated (tools/gen_null_constants.py). The distribution hardly depends on the
+length of the record.
 """
 
 import math
@@ -31,6 +32,9 @@ def p_value(likelihood_ratio: float, ordinates: float) -> float:
 
 
 def critical_values(ordinates: float) -> Array:
-    """Return the ratios that white noise exceeds with `PROBABILITIES`, the largest probability first."""
+    """Return the likelihood ratios that white noise exceeds with the probabilities `PROBABILITIES`.
+
+    The first of them belongs to the largest probability.
+    """
     x, (c, b, a) = math.log10(ordinates), _COEFFICIENTS
     return np.maximum.accumulate(np.maximum((a * x + b) * x + c, 0.0))

@@ -1,4 +1,7 @@
-"""The live fit of all axes of one sensor: it takes samples and returns an `AxisFit` per axis on request."""
+"""The live fit of all axes of one sensor.
+
+It accumulates samples, and returns an `AxisFit` per axis on request.
+"""
 
 import math
 from collections.abc import Callable, Iterator
@@ -25,23 +28,28 @@ from fltea.spectrum.spectral import LastRefit, Spectral, examine
 from fltea.spectrum.verdict import decide, winner
 
 POINTS = 150
-"""The largest number of points of a spectrum."""
+"""The largest number of points of a published spectrum."""
 SHORTEST_MEMORY = 256
 """Shortest memory of a live fit, in samples."""
 FEWEST_SAMPLES = 2 * (FEWEST + LOWEST)
-"""Fewest samples for a fit, so that FEWEST ordinates remain."""
+"""Fewest samples for a fit: their spectrum has FEWEST ordinates that can be fitted."""
 LONGEST_MOTION_S = 600.0
-"""Motion that lasts longer, without 1,024 samples of rest in a row, counts as noise that has changed."""
+"""Longest motion [s] that is left out. A longer one, without 1,024 samples at rest in a row, counts as noise
+that has changed.
+"""
 LEFT_OUT = "lost", "bridged", "knocked", "moved", "limited"
-"""Kinds of samples that are not used, or are replaced, under their names in the record `fit`."""
+"""Kinds of samples that are left out or replaced, by their names in the output record `fit`."""
 BREAKS = "gaps", "knocks", "motions", "steps", "changes"
-"""Kinds of breaks in the series of samples, under their names in the record `fit`."""
+"""Kinds of breaks in the series of samples, by their names in the output record `fit`."""
 REMEMBERED = 2
 """Samples older than this multiple of the memory's time constant do not contribute to any figure."""
 
 
 class Noise(NamedTuple):
-    """The noise model of a fit. `drifts`: whether there is drift that none of its parts describes."""
+    """The noise model of a fit.
+
+    `drifts`: whether the noise has drift that none of `parts` describes.
+    """
 
     parts: tuple[Part, ...]
     drifts: bool
@@ -84,19 +92,22 @@ class LiveAxes:
 
     @property
     def samples(self) -> int:
-        """The number of samples of an axis taken so far."""
+        """The number of samples that each axis has received so far."""
         return self.octaves.samples
 
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None) -> None:
-        """Take samples `y` (n, axes). Samples where `moving` (n, axes) is set are left out.
+        """Add samples `y` (n, axes). Samples where `moving` (n, axes) is set are left out as motion.
 
-        A motion that lasts longer than LONGEST_MOTION_S counts as noise.
+        But a motion that lasts longer than LONGEST_MOTION_S counts as noise.
         """
         self.octaves.add(y, moving, self.longest_motion)
 
     @property
     def longest_motion(self) -> int:
-        """The number of moving samples in a row from which on they count as noise."""
+        """The largest number of samples in a row that are left out as motion.
+
+        In a longer motion they count as noise.
+        """
         return round(LONGEST_MOTION_S / self.h)
 
     def skip(self, count: int) -> None:
@@ -105,7 +116,7 @@ class LiveAxes:
 
     @property
     def noticed(self) -> int:
-        """The number of steps and changes of all axes so far."""
+        """The number of steps of the offset and changes of the noise's level so far, over all axes."""
         return self.octaves.noticed
 
     def fit(self, *, curves: bool, last: bool = False) -> dict[str, AxisFit]:
@@ -115,14 +126,14 @@ class LiveAxes:
     def refits(
         self, *, curves: bool, last: bool = False, fresh: bool = False
     ) -> dict[str, Callable[[], AxisRefit]]:
-        """Prepare a refit of the samples that are there now; call a returned function to refit that axis.
+        """Copy the present samples for a refit, and return a function per axis that refits the axis.
 
-        The functions may run in any thread while samples arrive, but only one at a time for the same axis.
+        The functions may run in any thread while samples arrive, but not two at a time for the same axis.
 
         `curves`: also compute the spectrum and the Allan deviation. `last`: the record is complete, so that
         it is tested at the level of a single refit, as `fltea identify` does. `fresh`: search again for
-        models, peaks and changes, as with `curves`; otherwise everything begins at the last fit until the
-        record has grown by a tenth.
+        models, peaks and changes, as `curves` does too. Otherwise all searches begin at the results of the
+        last refit, until the record has grown by a tenth.
         """
         octaves = self.octaves.copy()
         level, fresh = LEVEL if last else ANYTIME_LEVEL, fresh or curves
@@ -178,7 +189,10 @@ class LiveAxes:
     def _axis_fit(
         self, octaves: Octaves, lane: int, used: int, seen: Spectral, drawn: Periodogram | None
     ) -> AxisRefit:
-        """Return the fit of an axis; `drawn`: the periodogram for the curves, or None for no curves."""
+        """Return the fit of an axis for output.
+
+        `drawn`: the periodogram from which the published curves are made; None: no curves.
+        """
         e, f = seen.evidence, seen.evidence.candidates
         verdict = decide(e)
         noise = winner(e, verdict)
@@ -224,12 +238,15 @@ def _R(N: Interval, h: float) -> Interval:
 
 
 def _cells(octaves: Octaves, lane: int, h: float) -> Iterator[BandCells]:
-    """Return the band powers over time, computed only if the search for a change asks for them."""
+    """Yield the band powers over time. They are computed only if the search for a change needs them."""
     yield from octaves.cells(lane, h)
 
 
 def spectrum_of(whole: Periodogram, noise: FittedModel) -> FitSpectrum:
-    """Return all ordinates, also those not fitted, in at most POINTS bins, and the spectrum of `noise`."""
+    """Return the spectrum for output, with that of the model `noise`.
+
+    All ordinates, including those that are not fitted, are averaged over at most POINTS bins.
+    """
     data = binned(whole)
     starts = np.arange(0, len(data.lam), max(1, math.ceil(len(data.lam) / POINTS)))
     counts = np.add.reduceat(data.counts, starts)

@@ -1,9 +1,10 @@
 """Detect a median filter, which no part of the noise model describes.
 
 The median of the last w samples is one of these samples. It often equals the previous median, or a median up
-to w - 1 samples ago with other values in between. White noise through a linear filter never repeats values
-so, if its numbers are not rounded. If they are rounded, a difference of 0 is about as frequent as a
-difference of one step, since the differences have a smooth distribution.
+to w - 1 samples ago with other values in between. White noise that has passed through a linear filter never
+repeats values in this way, if its numbers are not rounded. If they are rounded, a difference of 0 between two
+samples is about as frequent as a difference of one rounding step, since the differences have a smooth
+distribution.
 """
 
 from typing import NamedTuple
@@ -13,28 +14,38 @@ import numpy as np
 from fltea.records.arrays import Array
 
 GLIMPSE, LEAST_SHARE = 8192, 0.01
-"""The first GLIMPSE samples are examined first; at least LEAST_SHARE of them must equal their predecessor."""
+"""The first GLIMPSE samples are examined first. Unless at least the share LEAST_SHARE of them equals the
+sample before, there is no median filter.
+"""
 MOST = 1 << 17
 """Largest number of samples that are examined."""
 LONGEST = 31
-"""The longest window that can be detected, in samples."""
+"""The longest window of a median filter that can be detected, in samples."""
 SURE = 6.0
-"""The excess of repeated values over those by rounding is significant from this many standard deviations
-on."""
+"""The number of repeated values, less the number that rounding explains, is significant if it exceeds this
+many standard deviations.
+"""
 ROUNDED, ROUNDED_BETWEEN = 1.5, 1.25
-"""For a smooth distribution, the largest ratio of the number of differences of 0 to the number of differences
-of one step on either side: ROUNDED in general, ROUNDED_BETWEEN with another value in between, which makes a
-difference of 0 less likely."""
+"""Rounding explains at most this ratio of the number of differences of 0 to the mean number of differences of
+plus and of minus one rounding step. ROUNDED holds in general. ROUNDED_BETWEEN holds for two samples with
+another value in between, which makes a difference of 0 less likely.
+"""
 FINE = 1.5
-"""Steps that half of all differences have at least: coarser numbers are the same for no other reason."""
+"""A difference of fewer rounding steps than this counts as a difference of one step. If most differences are
+that small, the numbers are so coarsely rounded that repeats say nothing.
+"""
 ONE_VALUE = 0.5
-"""If the commonest value has this share of the repeats, the cause is a dead band or a stuck value."""
+"""If the most frequent value has more than this share of the repeats, the cause is a dead band or a stuck
+value.
+"""
 REPLACES = 0.2
-"""If fewer values than this share equal their predecessor, the filter replaced only outliers."""
+"""If a smaller share of samples than this equals the sample before, the filter replaced only outliers."""
 
 SHAPED, ENOUGH = 0.1, 128
-"""SHAPED: frequency times window length up to which the filter lowers the power by at most a twentieth.
-ENOUGH: ordinates below that frequency; only these are fitted if the record is long enough to have ENOUGH."""
+"""SHAPED: product of frequency and window length up to which the filter lowers the power by at most a
+twentieth. ENOUGH: if the record has at least this many ordinates below that frequency, only these ordinates
+are fitted.
+"""
 
 
 class MedianFilter(NamedTuple):
@@ -56,7 +67,7 @@ class MedianFilter(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Words for the filter, as a part of a sentence."""
+        """Words for the filter, as part of a sentence of the verdict."""
         if self.replaces_outliers:
             return f"a filter that replaces outliers by the median of about {self.samples} samples (Hampel's)"
         return f"a median filter of about {self.samples} samples"
@@ -81,12 +92,12 @@ def find_median_filter(y: Array) -> MedianFilter | None:
     while longest < len(excess) and (excess[longest][1] or longest == 0):
         longest += 1
     if longest == len(excess):
-        return None  # rounded values shifted later by two offsets repeat at any lag
+        return None  # rounded values to which two different offsets were added later repeat at any lag
     return MedianFilter((longest + 1) | 1, excess[0][0])
 
 
 def _smallest(apart: Array) -> float:
-    """Return the smallest difference other than 0, which is the step of rounded numbers."""
+    """Return the rounding step of numbers: the smallest of their differences `apart` other than 0."""
     return float(np.min(apart, where=apart > 0, initial=np.inf))
 
 
@@ -96,9 +107,9 @@ def _of_one_value(y: Array) -> bool:
 
 
 def _excess(y: Array, lag: int, quantum: float) -> tuple[float, bool]:
-    """Return the share of values that repeat after `lag` samples beyond what rounding causes.
+    """Return the share of values that repeat after `lag` samples, less the share that rounding explains.
 
-    Also return whether that share is significant.
+    Also return whether the result is significant. `quantum`: the rounding step.
     """
     apart = np.abs(y[lag:] - y[:-lag])
     same = apart == 0
@@ -115,7 +126,10 @@ def _over(same: int, by_rounding: float, count: int) -> tuple[float, bool]:
 
 
 def _returns(y: Array, quantum: float) -> bool:
-    """Return whether values repeat with a different value in between; held samples never do that."""
+    """Return whether values come back after one other value.
+
+    Samples that a sensor merely repeats never do that.
+    """
     between = y[1:-1] != y[2:]
     apart = np.abs(y[2:] - y[:-2])[between]
     same = int(np.count_nonzero(apart == 0))

@@ -1,4 +1,4 @@
-"""Words for noise that has passed through a median filter."""
+"""The words of a verdict for noise that has passed through a median filter."""
 
 from fltea.noise.parts import in_hz
 from fltea.spectrum import wording
@@ -7,7 +7,7 @@ from fltea.spectrum.median_filter import MedianFilter
 from fltea.spectrum.reading import Reading, corner_hz
 
 FLAT = 0.1
-"""Frequency times window length below which a median filter has almost no effect."""
+"""Product of frequency and window length below which a median filter has almost no effect."""
 NEXT = (
     "Switch the filter off in the program that wrote the file, or take N for that of the filtered noise: "
     "what was in front of the filter cannot be known."
@@ -19,7 +19,7 @@ def explains(e: Evidence, found: Reading) -> bool:
     assert e.median is not None
     flat_hz = FLAT * e.rate_hz / e.median.samples
     if e.from_hz > flat_hz:
-        return True  # the record is too short for anything else
+        return True  # in so short a record, the filter affects all fitted frequencies
     return not found.drifts and all(corner_hz(part) > flat_hz for part in found.relaxations)
 
 

@@ -1,8 +1,9 @@
 """The figures of the noise model that a verdict chooses: its parts, the order, N and K.
 
-A single model stands for the noise wherever it is used: in tables, files for filters, simulations. N comes
-from its white noise and K from its random walk. A relaxation that is as fast as the sample rate may stand for
-the white noise: then N is not known, and the record shows only the density at the knee.
+A single model stands for the noise wherever its figures are used: in tables, in files for filters, in
+simulations. N comes from its white noise and K from its random walk. A relaxation that is about as fast as
+the sample rate may really be the sensor's white noise after a filter. Then N is not known, and only the
+density at the relaxation's corner frequency (its knee) is reported.
 """
 
 import math
@@ -45,7 +46,7 @@ class NoiseFigures(NamedTuple):
     level: Level
 
     def spectrum(self, h: float) -> Callable[[Array], Array]:
-        """Return the function that gives the spectrum at λ > 0; `h`: sampling period [s]."""
+        """Return a function that returns the spectrum at λ > 0; `h`: sampling period [s]."""
         return lambda lam: self.model.spectrum(np.ascontiguousarray(lam), h)
 
 
@@ -88,5 +89,5 @@ def summaries(f: CandidateModels) -> dict[str, ModelSummary]:
 
 def _summary(f: CandidateModels, one: FittedModel) -> ModelSummary:
     parts = one.parts(f.h)
-    bic = round(f.bic(one), 6) + 0.0  # not -0
+    bic = round(f.bic(one), 6) + 0.0  # adding 0 turns -0 into 0
     return ModelSummary(names(one.kinds), cast(tuple[AnyPart, ...], parts), one.parameters, -one.nll, bic)

@@ -1,10 +1,11 @@
 """Find a comb in an octave spectrum, where only its lowest teeth are separate lines.
 
-The distance between neighbouring frequencies of an octave spectrum is about a constant share of the
-frequency. So the first ten to twenty teeth of a comb are separate, and all higher teeth merge. The separate
-teeth are found as in `comb`: each line's ratio to the level around it becomes a normal deviate, and the sums
-of deviates over the multiples of a frequency are compared for all frequencies. Deviates are limited, so that
-a few strong lines do not make a comb. The merged part of the spectrum is left out together with the teeth.
+The distance between neighbouring frequencies (here called lines) of an octave spectrum is about a constant
+share of the frequency. So the first ten to twenty teeth of a comb (the multiples of its fundamental
+frequency) are separate, and all higher teeth merge. The separate teeth are found as in `comb`: the ratio of
+each line to the level around it is converted to a normal deviate. For each possible fundamental, the deviates
+at its multiples are summed, and the sums are compared. Deviates are limited, so that a few strong lines do
+not make a comb. The merged part of the spectrum is left out together with the teeth.
 """
 
 import functools
@@ -21,32 +22,41 @@ from fltea.spectrum.periodogram import LOWEST, Periodogram
 from fltea.spectrum.spectral_lines import Peak, Repeats
 
 FEWEST_LINES = 5.0
-"""Fewest lines from tooth to tooth; under Hann's window a tooth takes up to four."""
+"""Fewest lines from one tooth to the next. Under Hann's window a tooth is up to four lines wide."""
 LOBES = 2.75
-"""Lines on each side of a tooth that are left out with it under Hann's window."""
+"""Number of lines on each side of a tooth that are left out with the tooth under Hann's window."""
 LEAKS = 0.05
-"""The skirts of a tooth without a window are left out down to this ratio of leaked power to noise power."""
+"""Where there is no window, the skirts of a tooth are left out as far as their power is at least this share
+of the noise power.
+"""
 AROUND, ASIDE = 12, 3
-"""AROUND: lines on each side whose median is the level of a line. ASIDE: distance of the two lines that must
-not be higher than the average of a tooth, since a lobe of a filter is no tooth."""
+"""AROUND: the level at a line is the median of this many lines on each side. ASIDE: a tooth has to stand out
+of the two lines at this distance as well, since otherwise it may be a side lobe of a filter.
+"""
 FEWEST_CLEAR, CLEAR_BY_CHANCE = 5, 0.0062
-"""CLEAR_BY_CHANCE: share of all lines that are clear by chance. A comb is only searched for if FEWEST_CLEAR
-more lines than that are clear, which saves time."""
+"""CLEAR_BY_CHANCE: share of all lines that are clear by chance. To save time, a comb is searched for only if
+at least FEWEST_CLEAR lines more than this are clear.
+"""
 CLEAR, MOST = 2.5, 4.0
-"""CLEAR: deviate from which on a single tooth is clear. MOST: largest deviate that counts."""
+"""CLEAR: a tooth with a larger normal deviate than this is clear. MOST: larger deviates count as this one."""
 NOTCH, LEAST_WEIGHT, LOBE = 0.4, 16.0, 10
-"""NOTCH: share of the level below which a line is taken for a notch; averages over LEAST_WEIGHT ordinates or
-more are hardly ever so low by chance. LOBE: a lobe has such a line within this many lines on one side."""
+"""NOTCH: a line lies in a notch of a filter if its power is below this share of the level. Averages over at
+least LEAST_WEIGHT ordinates are hardly ever so low by chance. LOBE: a side lobe of a filter has a notch
+within this many lines on one side.
+"""
 NEARLY, SAME = 0.8, 0.02
-"""NEARLY: the lowest fundamental with this share of the highest evidence is taken. SAME: relative error of
-the fundamental."""
+"""NEARLY: of all fundamentals with at least this share of the highest evidence, the lowest is chosen. SAME:
+fundamentals that differ by less than this share are versions of the same one.
+"""
 MOST_LEFT_OUT = 0.42
-"""Largest part of the spectrum that is left out on each side of a tooth, over the distance of teeth."""
+"""Largest band that is left out on each side of a tooth, as a share of the distance between teeth."""
 STEP = 1 / 160
-"""Relative step between the fundamentals that are tried: half a line where lines are closest together."""
+"""Relative step between the fundamental frequencies that are tried. It is half the distance of lines where
+lines are closest together.
+"""
 MOST_TEETH = 32
 PREFIXES = np.array([5, 8, 12, 20, 32])
-"""Numbers of teeth, counted from the lowest, that are tried."""
+"""Numbers of teeth, counted from the lowest, with which a fundamental frequency is tested."""
 
 
 class OctaveComb(NamedTuple):
@@ -57,7 +67,7 @@ class OctaveComb(NamedTuple):
 
 
 def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> OctaveComb | None:
-    """Return the comb of one series, or None; `p`: the octave spectrum of the series."""
+    """Return the comb of one series, or None without one; `p`: the octave spectrum of the series."""
     weight = np.ones_like(p.lam) if p.weight is None else p.weight
     if len(p.lam) == p.n // 2 + (p.n % 2) - LOWEST:  # `p` is the periodogram of the whole record
         return _of_the_whole(p, false_alarm)
@@ -83,7 +93,8 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
     strongest = evidence.max(axis=1)
     if not strongest.max() ** 2 / 2 > math.log(evidence.size / false_alarm):
         return None
-    # A comb with multiples of 1 Hz has those of 2 Hz too, but not the reverse: take the lowest candidate.
+    # A comb of the multiples of 1 Hz contains those of 2 Hz, but not the reverse. So the lowest candidate is
+    # right.
     lowest = int((strongest > NEARLY * strongest.max()).argmax())
     near = fundamentals < fundamentals[lowest] * (1 + SAME)
     i = int(np.where(near, strongest, 0.0).argmax())
@@ -93,12 +104,13 @@ def find_octave_comb(p: Periodogram, false_alarm: float = FALSE_ALARM) -> Octave
 
 
 def _nothing_stands_out(power: Array, weight: Array) -> bool:
-    """Return, in little time, whether too few lines are far above the median of the lines around them."""
+    """Return quickly whether too few lines for a comb are far above the median of the lines around them."""
     blocks = len(power) // (2 * AROUND)
     parts = power[: blocks * 2 * AROUND].reshape(blocks, 2 * AROUND)
     level = np.repeat(np.partition(parts, AROUND, axis=1)[:, AROUND], 2 * AROUND)
     thin = 1 / (9 * weight[: len(level)])
-    # The deviate of Wilson and Hilferty for a mean of this many ordinates.
+    # The ratio that belongs to the normal deviate CLEAR, by Wilson and Hilferty, for a mean of `weight`
+    # ordinates.
     least = (1 - thin + CLEAR * np.sqrt(thin)) ** 3 / (1 - thin) ** 3
     few = FEWEST_CLEAR + CLEAR_BY_CHANCE * len(level)
     return int(np.count_nonzero(power[: len(level)] > least * level)) < few
@@ -114,7 +126,7 @@ def _of_the_whole(p: Periodogram, false_alarm: float) -> OctaveComb | None:
 
 
 def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
-    """Return the frequency below which each fundamental's teeth are separate; 0 if they never are."""
+    """Return, for each fundamental, the frequency below which its teeth are separate; 0 if none are."""
     needed = np.maximum.accumulate(spread) * FEWEST_LINES
     place = np.searchsorted(needed, fundamentals, "right") - 1
     return np.where(place >= 0, lam[np.maximum(place, 0)] * (1 + 1e-9), 0.0)
@@ -122,7 +134,7 @@ def _ends(fundamentals: Array, lam: Array, spread: Array) -> Array:
 
 @functools.lru_cache(maxsize=16)
 def _fundamentals(first: float, last: float) -> Array:
-    """Return fundamentals whose first FEWEST_TEETH multiples may be among lines from `first` to `last`."""
+    """Return all fundamentals to try: their first FEWEST_TEETH multiples fit between `first` and `last`."""
     lowest = 2 * first
     count = int(math.log(last / FEWEST_TEETH / lowest) / STEP)
     return np.asarray(lowest * np.exp(STEP * np.arange(max(count, 1))))
@@ -138,7 +150,7 @@ def _level(power: Array, weight: Array) -> Array:
 
 
 def _beside_a_notch(power: Array, level: Array, weight: Array) -> NDArray[np.bool_]:
-    """Return which lines (m,) have a line far below the level nearby, as between the lobes of a filter."""
+    """Return which lines (m,) are near a line far below the level, as side lobes of a filter are."""
     padded = np.pad(power / level, LOBE, mode="reflect")
     lowest = np.lib.stride_tricks.sliding_window_view(padded, 2 * LOBE + 1).min(axis=1)
     return np.asarray((lowest < NOTCH) & (weight > LEAST_WEIGHT))
@@ -156,8 +168,8 @@ def _refined(p: Periodogram, level: Array, line: NDArray[np.intp], order: NDArra
     near = near.clip(0, len(p.lam) - 1)
     above = np.maximum(p.power[near] - level[near], 1e-300 * level[near])
     centre = (above * p.lam[near]).sum(axis=1) / above.sum(axis=1) / order
-    # A tooth's centre has an error of about one line distance; the error of the fundamental is that over the
-    # tooth's number.
+    # The centre of a tooth has an error of about the distance of two lines. Divided by the tooth's number,
+    # this is the error of the fundamental.
     precision = (order / np.gradient(p.lam)[line]) ** 2
     return float((centre * precision).sum() / precision.sum())
 
@@ -171,15 +183,15 @@ def _described(
     near = (line[:, np.newaxis] + np.arange(-2, 3)).clip(0, len(p.lam) - 1)
     excess = ((p.power - level)[near] * spread[near]).sum(axis=1)
     height = np.maximum((p.power / level)[near].max(axis=1), 1.0)
-    # Ordinates of the whole record have no window: a tooth decreases as 1 / (π d)² at a distance of d
-    # ordinates.
+    # Ordinates of the whole record have no window, so that the power of a tooth decreases as 1 / (π d)² at a
+    # distance of d ordinates.
     skirts = np.sqrt(height / (2 * LEAKS)) / math.pi
     reach = np.where(_is_whole(weight[line]), np.maximum(skirts, LOBES), LOBES) * spread[line]
     reach = np.minimum(reach, fundamental * MOST_LEFT_OUT)
     bands = [((a - r) * to_hz, (a + r) * to_hz) for a, r in zip(at.tolist(), reach.tolist(), strict=True)]
     if end < p.lam[-1]:
         bands.append((end * to_hz, 1 / p.h))
-    # The merged teeth are taken to have the power of the separate ones.
+    # The merged teeth are assumed to have the same power as the separate ones.
     share = float(excess.mean()) * (math.pi / fundamental) / float(p.power @ spread)
     return OctaveComb(
         Peak(

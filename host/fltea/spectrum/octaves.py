@@ -1,10 +1,11 @@
-"""The spectrum of an endless series of samples: constant memory, no loss of resolution.
+"""The spectrum of an endless series of samples, in constant memory and without loss of resolution.
 
 Each octave of the spectrum is a Welch estimate (blocks of 256 samples, Hann window, half overlapping), at
-half the sample rate of the octave above it. Below these octaves the whole record is kept at a rate at which
-it has at most 3,072 samples (firmware/core/engine/octave_ladder.hpp). So the spectrum of up to 3,072 samples
-is the periodogram of the record, and the lowest frequencies of a longer record have the resolution of the
-whole record. The sums of two records can be added.
+half the sample rate of the octave above it. Below the lowest octave, the whole record is kept at a reduced
+rate, at which it has at most 3,072 samples: the whole-record level (firmware/core/engine/octave_ladder.hpp).
+So the spectrum of up to 3,072 samples is the periodogram of the record, and the lowest frequencies of a
+longer record have the resolution of the whole record. The sums of two records can be added, which gives the
+spectrum of both.
 
 Samples that are no noise are left out and counted: knocks, steps of the offset, gaps
 (firmware/core/engine/gate.hpp), and samples that the caller marks as motion.
@@ -31,35 +32,39 @@ WHOLE: int = _native.OCTAVES_WHOLE
 """Number of samples up to which the spectrum is the periodogram of the whole record."""
 BLOCK: int = _native.OCTAVES_BLOCK
 LANE_BYTES: int = _native.OCTAVES_LANE_BYTES
-"""Memory of a lane in bytes, whatever the length of the record."""
+"""Memory in bytes for each lane (axis), whatever the length of the record."""
 SHORTEST = 64
-"""Fewest samples of an unbroken stretch of the whole-record level; shorter ones are not used."""
+"""Fewest samples of an unbroken stretch of the whole-record level. Shorter stretches are not used."""
 
 _FIRST_LINE: int = _native.OCTAVES_LOWEST
 _LINES = _native.OCTAVES_LINES
 JOIN = (_FIRST_LINE - 0.5) * 2 * 2 * math.pi / BLOCK
-"""Frequency, in rad a sample of the whole-record level, below which that level gives the spectrum; above, the
-octaves do."""
+"""Frequency, in rad a sample of the whole-record level. Below it the spectrum comes from that level, above it
+from the octaves.
+"""
 _HANN_POWER = 0.375 * BLOCK
 _HANN_LINES = 1 + 2 * (4 / 9 + 1 / 36)
-"""Neighbouring lines under Hann's window are correlated: this number of lines counts as one."""
+"""Neighbouring frequencies under Hann's window are correlated: so many of them count as a single independent
+one.
+"""
 _HALF_OVERLAP = 2 / 12
-"""Blocks that overlap by half make lines more correlated. This is the increase of the number of lines that
-count as one: the sum of the squared correlations of a line with all lines of the previous and of the next
-block."""
+"""Blocks that overlap by half are correlated, too, which increases the number of frequencies that count as
+one. The increase is the sum of the squared correlations of one frequency with all frequencies of the previous
+and of the next block.
+"""
 
 
 class Counts(NamedTuple):
     """Counts of what happened to the samples of one lane (axis)."""
 
     used: int
-    """Samples in the spectrum, or waiting for a chunk to be full."""
+    """Samples that the spectrum contains, or that wait until a chunk of 128 is full."""
     bridged: int
     """Lost samples that a straight line replaces."""
     lost: int
     """All lost samples, bridged ones included."""
     gaps: int
-    """Breaks because of lost samples."""
+    """Number of breaks in the series because of lost samples."""
     knocks: int
     """Chunks of 128 samples left out as knocks."""
     knocked: int
@@ -67,22 +72,22 @@ class Counts(NamedTuple):
     steps: int
     """The number of steps of the offset."""
     changes: int
-    """The number of changes of the noise's level by more than ten times in power."""
+    """The number of times that the power of the noise changed by a factor of more than ten."""
     constant: bool
     """Whether all samples are equal to the first."""
     limited: int = 0
     """Used samples that were reduced to a limit because of their size."""
     moved: int = 0
-    """Samples left out as motion, including the unfinished chunk before the motion."""
+    """Samples left out as motion, including those of the unfinished chunk before the motion."""
     motions: int = 0
-    """Breaks because of motion."""
+    """Number of breaks in the series because of motion."""
 
 
 class BandCells(NamedTuple):
     """The power of one frequency band over time, as logarithms of the powers of its blocks.
 
-    The blocks are grouped into at most 16 cells (intervals of time). For each time scale, the variance
-    between neighbouring runs of blocks is included.
+    The blocks are grouped into at most 16 cells (intervals of time). The variance between neighbouring runs
+    of blocks is added for every time scale.
     """
 
     low_hz: float
@@ -94,11 +99,11 @@ class BandCells(NamedTuple):
     variance_log: Array
     """The variance of these logarithms within the cell (c,); NaN for a cell with a single block."""
     first: NDArray[np.int64]
-    """The index of the first sample of each cell (c,), where lost samples count."""
+    """The index of the first sample of each cell (c,); lost samples are counted."""
     hop: int
     """Number of samples from the start of a block to the start of the next."""
     pairs: Array
-    """Number of compared pairs of neighbouring runs of 2^s blocks, for each scale s (k,)."""
+    """Number of pairs of neighbouring runs of 2^s blocks that were compared, for each scale s (k,)."""
     scale_variance: Array
     """Mean of 2^s d²/2 over these pairs (k,), where d is the difference of the mean logarithms of the two
     runs. It is the same at all scales if the blocks are independent."""
@@ -112,7 +117,7 @@ class AllanPoints(NamedTuple):
     avar: list[float]
     """Allan variances in the squared unit of the samples, (k,)."""
     terms: list[float]
-    """Effective numbers of averaged terms, (k,)."""
+    """Effective numbers of averaged squared differences, (k,)."""
     samples: float
     """Number of samples from which the variances were computed."""
 
@@ -125,14 +130,16 @@ class Parts(NamedTuple):
     """The parts that make up a spectrum."""
 
     welch: list[Lines]
-    """The lines of each octave that has blocks."""
+    """The frequencies, powers and weights of each octave that has blocks."""
     whole: list[Lines]
-    """The lines of each unbroken stretch at the lowest rate, the whole-record level."""
+    """The frequencies, powers and weights of each unbroken stretch of the whole-record level."""
     depth: int
     """Number of octaves above the whole-record level."""
     drift: Drift | None
     n: int
-    """Number of samples of the longest unbroken stretch; without any stretch, that of a block."""
+    """Number of samples of the longest unbroken stretch; without any stretch, the number of samples in a
+    block.
+    """
 
 
 class Octaves:
@@ -150,8 +157,8 @@ class Octaves:
     def add(self, y: Array, moving: NDArray[np.bool_] | None = None, longest: float = 0.0) -> None:
         """Add samples `y`, (n, lanes). The result does not depend on how many samples a call adds.
 
-        `moving` (n, lanes): samples that are motion and are left out. A motion that lasts longer than
-        `longest` samples, without 1,024 samples at rest in a row, counts as noise from there on.
+        `moving` (n, lanes): samples that are motion and are left out. When a motion has lasted for `longest`
+        samples without 1,024 samples at rest in a row, its further samples count as noise.
 
         Raises:
             ValueError: the shape is wrong, or a number is not finite or beyond 5e99.
@@ -167,7 +174,7 @@ class Octaves:
         self.native.skip(count)
 
     def merge(self, other: "Octaves") -> None:
-        """Add everything that `other` contains, as a later part of the record after a break.
+        """Add all that `other` contains, as if its record continued this one after a break.
 
         Raises:
             ValueError: `other` has other lanes or another memory.
@@ -197,7 +204,7 @@ class Octaves:
 
     @property
     def samples(self) -> int:
-        """The number of samples of a lane so far, whether or not they were used."""
+        """The number of samples of each lane so far, used or not."""
         counts, _ = self.native.counts(0)
         return counts[0] + counts[-2]
 
@@ -209,14 +216,14 @@ class Octaves:
 
     @property
     def noticed(self) -> int:
-        """The number of steps and changes in all lanes so far."""
+        """The number of steps of the offset and changes of the noise's level so far, over all lanes."""
         return self.native.noticed()
 
     def periodogram(self, lane: int, h: float) -> Periodogram:
         """Return the weighted spectrum of a lane; `h`: sampling period [s].
 
-        Its `n` is the length, in samples of the lane, of the longest stretch without a break in the
-        whole-record level.
+        Its `n` is the length of the longest stretch without a break in the whole-record level, counted in
+        samples of the full rate.
 
         Raises:
             ValueError: the lane is constant, h is not positive, or there are too few samples yet.
@@ -224,7 +231,7 @@ class Octaves:
         return self.lines_and_drift(lane, h)[0]
 
     def lines_and_drift(self, lane: int, h: float) -> tuple[Periodogram, Drift | None]:
-        """Return the spectrum of `periodogram`, and the drift that was subtracted if the record is long.
+        """Return the spectrum as `periodogram` does, and the drift that was subtracted if the record is long.
 
         Raises:
             ValueError: as `periodogram`.
@@ -288,7 +295,7 @@ class Octaves:
 
 
 def put_together(parts: Sequence[Lines], h: float, n: int) -> Periodogram:
-    """Return the lines of all parts (at least one) in rising order; `n`: as in `Periodogram`.
+    """Join the frequencies of all parts (at least one) in rising order; `n`: as in `Periodogram`.
 
     Raises:
         ValueError: there are too few lines.
@@ -309,13 +316,13 @@ def _welch_lines(level: int, power: Array, blocks: float, effective: float) -> L
 
 @functools.cache
 def _welch_gain(level: int, lines: int) -> tuple[Array, Array]:
-    """Return the frequencies of a level's lines, and the factors that convert block sums into powers."""
+    """Return the frequencies of an octave, and the factors that convert sums over its blocks into powers."""
     own = np.asarray(2 * np.pi / BLOCK * (_FIRST_LINE + np.arange(lines)), dtype=np.float64)
     return own / 2**level, 2.0**level / _HANN_POWER / _passed(own, level)
 
 
 def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) -> Lines:
-    """Return frequencies, powers and weights of the lines of the whole-record level.
+    """Return frequencies, powers and weights of one stretch of the whole-record level.
 
     The cubic drift is subtracted from long records, and its amplitudes are appended to `amplitudes`.
     """
@@ -333,7 +340,7 @@ def _whole_lines(level: int, y: NDArray[np.float32], amplitudes: list[Array]) ->
 
 @functools.lru_cache(maxsize=8)
 def _whole_gain(level: int, m: int) -> tuple[Array, Array]:
-    """Return the frequencies of the lines of m samples of a level, and the factors from |FFT|² to power."""
+    """Return the frequencies for m samples of a level, and the factors that convert |FFT|² into power."""
     last = (m - 1) // 2 if level == 0 else min((m - 1) // 2, math.ceil(JOIN * m / (2 * np.pi)) - 1)
     own = np.asarray(2 * np.pi * np.arange(LOWEST, last + 1) / m, dtype=np.float64)
     return own / 2**level, 2.0**level / m / _passed(own, level)
@@ -346,12 +353,15 @@ def _stretches(values: NDArray[np.float32], lengths: NDArray[np.int32]) -> list[
 
 
 def _passed(own: Array, level: int) -> Array:
-    """Return the power gain of the filters before a level; `own` [rad a sample of the level], up to 0.7 π."""
+    """Return the power gain of all filters that samples pass on their way to a level.
+
+    `own`: frequencies [rad a sample of the level], up to 0.7 π.
+    """
     return np.interp(own, _GRID, _passed_on_grid(level))
 
 
 _GRID = np.linspace(0, 0.71 * np.pi, 2001)
-"""Interpolation between two neighbouring grid points is accurate to seven digits."""
+"""Frequencies at which the gain is computed. Interpolation between them is accurate to seven digits."""
 
 
 @functools.cache
@@ -363,7 +373,7 @@ def _passed_on_grid(level: int) -> Array:
 
 
 def in_order(lam: Array, power: Array, weight: Array) -> Lines:
-    """Return the lines with rising frequency; lines at equal frequencies become their average."""
+    """Return the spectrum with rising frequency; values at equal frequencies are averaged."""
     order = np.argsort(lam)
     lam, power, weight = lam[order], power[order], weight[order]
     unique, place = np.unique(lam, return_inverse=True)

@@ -15,15 +15,15 @@ from fltea.spectrum.candidate_models import CandidateModels
 from fltea.spectrum.order_odds_constants import COEFFICIENTS, ORDINATES
 
 FARTHEST = 40.0
-"""Larger differences in 2 log L are treated as this one."""
+"""Leads in 2 log L that exceed this value are treated as equal to it."""
 
 
 def order_odds(lead: float, lead_over_rich: float, ordinates: float) -> float:
     """Return the odds that there is an order, from 1 / MOST to MOST.
 
     `lead`: lead in 2 log L of the best model with an order over the best without one, after BIC's price.
-    `lead_over_rich`: its lead in 2 log L over the richest model without an order. `ordinates`: number of
-    ordinates to which the models are fitted.
+    `lead_over_rich`: lead in 2 log L of the best model with an order over the richest model without one.
+    `ordinates`: number of ordinates to which the models are fitted.
     """
     lowest, highest = ORDINATES
     decades = math.log10(min(max(ordinates, lowest), highest) / lowest)

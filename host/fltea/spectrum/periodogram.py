@@ -24,16 +24,19 @@ LONG, PARTS, AT_ONCE = 1 << 20, 16, 1 << 15
 """If there are more samples than LONG, the last few are left out, so that their number is a multiple of
 PARTS. The transform is then combined from PARTS smaller ones, for AT_ONCE ordinates at a time."""
 GROWTH = 0.03
-"""Width of a bin over its frequency: a spectrum proportional to λ^-4 changes by 12 % over a bin."""
+"""Ratio of the width of a bin to its frequency. A spectrum proportional to λ^-4 then changes by 12 % within a
+bin.
+"""
 WIDEST = math.pi / 120
 """Largest width of a bin [rad a sample], so that peaks of that width are resolved."""
 COARSER = 2.0
-"""Factor by which the bins of weighted lines are wider. It changes the null test's p-values by 2 % at
-most."""
+"""Factor by which bins are wider if the ordinates have weights. It changes the p-values of the null test by 2
+% at most.
+"""
 
 
 class Periodogram(NamedTuple):
-    """Ordinates in use, with rising frequency."""
+    """The ordinates in use, in the order of rising frequency."""
 
     lam: Array
     """Frequencies (m,) in rad a sample."""
@@ -44,7 +47,9 @@ class Periodogram(NamedTuple):
     n: int
     """Number of samples."""
     weight: Array | None = None
-    """Effective number of ordinates that each power stands for (m,); None if each stands for one."""
+    """Effective number of ordinates that each value of `power` stands for (m,); None if each stands for
+    one.
+    """
 
     @property
     def ordinates(self) -> float:
@@ -80,13 +85,15 @@ class Binned(NamedTuple):
     lam: Array
     """The mean frequency of each bin (bins,) [rad a sample]."""
     counts: Array
-    """The number of ordinates in each bin (bins,); it need not be whole if the ordinates were averages."""
+    """The number of ordinates in each bin (bins,). If the ordinates were averages, it may not be a whole
+    number.
+    """
     power: Array
     """The mean power of each bin, (series, bins)."""
 
     @property
     def ordinates(self) -> int:
-        """The number of ordinates in all bins, the sample size in BIC and in the null distribution."""
+        """The number of ordinates in all bins, which is the sample size for BIC and for the null test."""
         return round(float(self.counts.sum()))
 
 
@@ -117,7 +124,7 @@ def periodogram(
     if power is not None:
         power = power[LOWEST:] if len(use) == len(power) - LOWEST else power[use]
         lam: Array = np.multiply(2 * np.pi, use, dtype=np.float64)
-        lam /= n  # in place, since the array of a day takes 35 MB
+        lam /= n  # divided in place, since the array for a day's record takes 35 MB
         return Periodogram(lam, power, h, n)
     spectrum = np.fft.rfft(samples - samples.mean(axis=-1, keepdims=True))[..., use]
     return Periodogram(2 * np.pi * use / n, (spectrum.real**2 + spectrum.imag**2) / n, h, n)
@@ -127,8 +134,8 @@ def _power_in_parts(y: Array) -> Array:
     """Return ordinates 0 to the last one below π of `y` (n,), where n is a multiple of PARTS.
 
     Each set of every PARTS-th sample is transformed separately, and the transforms are combined for a few
-    ordinates at a time. A transform of the whole would need four times the memory of y in addition to its
-    result.
+    ordinates at a time. A transform of the whole record would need four times the memory of y in addition to
+    its result.
     """
     n, mean = len(y), y.mean()
     size = n // PARTS
@@ -176,7 +183,9 @@ def _kept(frequency_hz: Array, from_hz: float, notch: Sequence[tuple[float, floa
 
 
 def binned(p: Periodogram) -> Binned:
-    """Average ordinates over bins that widen with the frequency; the lowest ordinates stay single.
+    """Average ordinates over bins that become wider with the frequency.
+
+    The lowest ordinates are not averaged.
 
     If ordinates have weights, the bins are `COARSER` times as wide, for speed.
     """
@@ -191,7 +200,10 @@ def binned(p: Periodogram) -> Binned:
 
 
 def bin_starts(lam: Array, n: int, wider: float = 1.0) -> NDArray[np.intp]:
-    """Return where in `lam` each bin begins; the bin edges depend only on n, not on what is left out."""
+    """Return the index in `lam` at which each bin begins.
+
+    The edges of the bins depend only on n and `wider`, not on which ordinates are left out.
+    """
     starts = np.minimum(np.searchsorted(lam, _edges(n, wider)), len(lam) - 1)
     others = np.ones(len(starts), dtype=np.bool_)
     np.greater(starts[1:], starts[:-1], out=others[1:])

@@ -1,4 +1,4 @@
-"""What a model without an order says: relaxations, drift, a filter, a resonance, a rise.
+"""What a model without an order says about the noise: relaxations, drift, a filter, a resonance, a rise.
 
 A model describes a spectrum as well as it can. So one of its parts may be only the trace of something else:
 the skirt of a peak that was found, or the difference between the true filter and the fitted one. Such traces
@@ -30,38 +30,47 @@ from fltea.spectrum.high_pass import HighPassed, high_passed
 from fltea.spectrum.spectral_lines import Peak
 
 SLOW = 3.0
-"""A corner below this multiple of the lowest fitted frequency counts as no corner."""
+"""A relaxation counts as drift if its corner frequency is below this multiple of the lowest fitted
+frequency.
+"""
 LARGE_SHARE = 0.05
-"""A peak with at least this share of the power leaves a visible trace."""
+"""A peak with at least this share of the power leaves a visible trace in the model."""
 LINE_LEAKS, RESONANCE_LEAKS = 2.0, 6.0
-"""Ratio of frequencies up to which a line leaks (LINE_LEAKS), and a resonance's skirts reach
-(RESONANCE_LEAKS)."""
+"""LINE_LEAKS: a spectral line leaks into frequencies up to this factor away. RESONANCE_LEAKS: the skirts of a
+resonance reach up to this factor away.
+"""
 NO_WHITE = 0.03
-"""White noise counts as none if its share of the density at half the sample rate is below this one."""
+"""White noise counts as absent if it has less than this share of the density at half the sample rate."""
 LEAST_CORNER = 10.0
-"""A relaxation without white noise is a filter if its corner is above this multiple of the lowest
-frequency."""
+"""If there is no white noise, a relaxation whose corner frequency is above this multiple of the lowest
+frequency counts as a filter.
+"""
 NEAR_THE_FILTER = 0.1
-"""A relaxation may be only the filter's shape if its corner is above this share of the filter's corner."""
+"""A relaxation may be only an error of the fitted filter if its corner frequency is above this share of the
+filter's.
+"""
 AS_FILTERS_DIFFER = 1.6
-"""Ratio of densities in the pass band up to which a relaxation is taken for the filter's shape."""
+"""If the densities in the pass band differ by at most this ratio, a relaxation counts as an error of the
+fitted filter.
+"""
 RIPPLES = 0.4
-"""A hump above this share of a filter's corner belongs to the filter."""
+"""A hump belongs to the filter if its frequency is above this share of the filter's corner frequency."""
 STANDS_OUT, ASIDE = 1.2, 3.0
 """A resonance has to be STANDS_OUT times as high as the density at ASIDE times its frequency and at 1/ASIDE
 of it."""
 SMOOTHS = -0.15
-"""A short filter with s below this value is a low-pass."""
+"""A short filter whose parameter s is below this value is a low-pass."""
 RISES, HIGHEST = 1.05, 0.85
-"""The density rises if its mean above HIGHEST of half the sample rate is RISES times that at the lowest
-frequency."""
+"""The density counts as rising if its mean above the share HIGHEST of half the sample rate is at least RISES
+times the density at the lowest frequency.
+"""
 
 
 class Reading(NamedTuple):
     """What a model says in addition to white noise."""
 
     relaxations: tuple[Relaxation, ...]
-    """The relaxations whose corner is in the band, the slowest first."""
+    """The relaxations whose corner frequency is in the fitted band, the slowest first."""
     drifts: bool
     """Whether there is a random walk, or a relaxation too slow to be distinguished from one."""
     low_pass: LowPass | None
@@ -73,7 +82,7 @@ class Reading(NamedTuple):
     coloured: bool
     """Whether there is a filter or a rise of any kind."""
     high_pass: HighPassed | None = None
-    """The filter that removed everything slow, and the parts that remain."""
+    """The high-pass filter that removed all slow noise, and the parts that remain."""
 
 
 def corner_hz(part: Relaxation) -> float:
@@ -82,7 +91,7 @@ def corner_hz(part: Relaxation) -> float:
 
 
 def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: float = math.inf) -> Reading:
-    """Return what remains of the best model without an order after the traces of `peaks` are removed.
+    """Return what the best model without an order says, after the traces of `peaks` are removed from it.
 
     `from_hz`: lowest fitted frequency. `apart`: difference in 2 log L by which a slow relaxation has to beat
     a random walk, and a model with a high-pass has to beat white noise.
@@ -121,7 +130,8 @@ def read(f: CandidateModels, from_hz: float, peaks: Sequence[Peak] = (), apart: 
     coloured = low_pass is not None or any(part.row().says == "colour" for part in parts)
     resonances = [part for part in parts if isinstance(part, Resonance)]
     if inside or drifts or coloured or notch is not None or behind is not None:
-        # With other parts a resonance may only correct their shape; a resonance alone is real.
+        # Beside other parts, a resonance may only correct their shape. A resonance without other parts is
+        # real.
         ripples = math.inf if low_pass is None else RIPPLES * low_pass.corner_hz
         resonances = [p for p in resonances if p.frequency_hz < ripples and _stands_out(model, p, h)]
     elif not resonances:
@@ -150,7 +160,10 @@ def _filter(parts: Sequence[Part], h: float) -> LowPass | None:
 
 
 def _flat(model: FittedModel, low_pass: LowPass, h: float, from_hz: float) -> bool:
-    """Return whether the pass band is flat, within the difference of the true filter and the fitted one."""
+    """Return whether the pass band is flat.
+
+    Deviations that an error of the fitted filter can cause do not count.
+    """
     inside = max(from_hz, 1e-3 * low_pass.corner_hz)
     hz = np.array([inside, max(0.2 * low_pass.corner_hz, inside)])
     low, high = model.spectrum(np.minimum(2 * np.pi * hz * h, np.pi), h).tolist()
@@ -201,7 +214,7 @@ def _highest(part: Relaxation, h: float) -> float:
 
 
 def _is_left_out(part: Part, f: CandidateModels) -> bool:
-    """Return whether a resonance lies where the data are left out, as in the band of a peak."""
+    """Return whether a resonance lies in a band whose data are left out, such as that of a peak."""
     if not isinstance(part, Resonance):
         return False
     hz = f.data.lam / (2 * math.pi * f.h)
@@ -209,7 +222,7 @@ def _is_left_out(part: Part, f: CandidateModels) -> bool:
 
 
 def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
-    """Return whether a part is the remainder of a strong resonance, or the leakage of a line."""
+    """Return whether a part only describes the skirts of a resonance, or the leakage of a spectral line."""
     strong = [peak for peak in peaks if peak.power_share > LARGE_SHARE]
     match part:
         case Relaxation():
@@ -219,7 +232,7 @@ def _is_skirt(part: Part, peaks: Sequence[Peak]) -> bool:
         case HighPass():
             hz = part.corner_hz
         case _:
-            # A part without free parameters cannot bend to fit the remainder of a peak.
+            # A part without free parameters cannot adapt to the skirts of a peak.
             shaped = part.row().says == "colour" and part.row().coordinates
             return bool(shaped) and any(peak.kind == "resonance" for peak in strong)
     return any(

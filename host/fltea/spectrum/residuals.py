@@ -9,14 +9,17 @@ from fltea.spectrum.periodogram import AT_ONCE
 
 
 def farthest(ratio: Array, weight: Array | None = None) -> float:
-    """Return √m times the largest distance of the cumulative sum of I/S, scaled to 1, from a straight line.
+    """Return √m times the largest distance of the cumulative sum of I/S from a straight line.
+
+    The sum is scaled to end at 1.
 
     For a correct model all ratios I/S have the same exponential distribution, and the sum is a Brownian
     bridge (Bartlett 1955). `ratio`: I/S, (m,), which is overwritten. `weight`: effective number of ordinates
     of each line; m is then the sum of the weights.
     """
     if weight is not None:
-        # A line of weight w contributes w I/S with the variance w: the sum W of all weights replaces m.
+        # An ordinate of weight w contributes w I/S, whose variance is w. So the sum W of all weights replaces
+        # m.
         sums, line = np.cumsum(ratio * weight), weight.cumsum()
         return float(np.abs(sums / sums[-1] - line / line[-1]).max()) * math.sqrt(line[-1])
     sums = np.cumsum(ratio, out=ratio)
@@ -30,5 +33,5 @@ def farthest(ratio: Array, weight: Array | None = None) -> float:
 
 
 def kolmogorov(p: float) -> float:
-    """Return what the Kolmogorov–Smirnov statistic exceeds with the small probability `p`."""
+    """Return the value that the Kolmogorov–Smirnov statistic exceeds with the small probability `p`."""
     return math.sqrt(-math.log(p / 2) / 2)

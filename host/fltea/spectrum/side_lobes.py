@@ -1,8 +1,9 @@
 """Side lobes of a filter that averages over a window: humps that are no resonances.
 
-Between a hump and the higher parts of the spectrum at lower frequencies lies a notch of the filter, which is
-not much wider than the hump. Next to a resonance lies the noise floor, which is much wider. The filter's stop
-band begins at the first notch. It contains lobes and notches, and any lines in it are far above all lobes.
+A side lobe is separated from the pass band, at lower frequencies, by a notch of the filter that is not much
+wider than the lobe. Next to a resonance, instead, lies the noise floor, which is much wider. The stop band of
+the filter begins at the first notch. It contains lobes and notches. A spectral line in it stands far above
+all lobes.
 """
 
 import numpy as np
@@ -10,29 +11,37 @@ import numpy as np
 from fltea.records.arrays import Array
 
 DEPTH, BEYOND = 0.2, 0.6
-"""Levels over that of the hump: a notch is below DEPTH, and the spectrum beyond it is above BEYOND."""
+"""Levels relative to that of the hump: a notch is below DEPTH, and the spectrum on the other side of the
+notch is above BEYOND.
+"""
 NOTCH_WIDTH = 1.5
-"""Largest width of a notch over that of the hump."""
+"""Largest ratio of the width of a notch to that of the hump."""
 TELLING = 30.0
-"""Something is a line if its power is this multiple of the highest lobe's, since single ordinates scatter."""
+"""A value in the stop band belongs to a spectral line if its power exceeds this multiple of the highest
+lobe's power. The multiple is large since single ordinates scatter.
+"""
 TELLING_AVERAGED = 5.0
 AVERAGED = 8.0
-"""Averages over at least this effective number of ordinates need a smaller ratio to be a line."""
+"""For averages over at least this effective number of ordinates, the smaller multiple TELLING_AVERAGED is
+enough.
+"""
 
 
 def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> float | None:
-    """Return where the notch begins that makes the hump from `start` to `stop` a side lobe; else None.
+    """Return the frequency at which the notch next to a hump begins; None if the hump is no side lobe.
 
-    `lam`, `power`: (m,), with rising frequency. `least`: smallest number of lines in an average.
+    `start`, `stop`: range of the hump.
+
+    `lam`, `power`: (m,), with rising frequency. `least`: smallest number of values in an average.
     """
-    # The higher part of the spectrum is at least as wide as the hump; the notch may be narrower.
+    # The part of the spectrum beyond the notch is at least as wide as the hump; the notch may be narrower.
     wide, fine = smoothed(power, max(least, stop - start)), smoothed(power, max(least, (stop - start) // 2))
     top, height = start + int(fine[start:stop].argmax()), float(power[start:stop].mean())
     low = np.flatnonzero(fine[:top] < DEPTH * height)
     if not low.size:
         return None
     bottom = int(low[-1])
-    # An average over the higher part must not include any of the hump.
+    # An average beyond the notch must not include any part of the hump.
     higher = np.flatnonzero(wide[: max(min(bottom, start - (stop - start) // 2), 0)] >= BEYOND * height)
     if not higher.size:
         return None
@@ -45,7 +54,7 @@ def notch_below(lam: Array, power: Array, start: int, stop: int, least: int) -> 
 
 
 def smoothed(power: Array, lines: int) -> Array:
-    """Return running means over `lines` neighbours; near the ends, over fewer."""
+    """Return running means over `lines` neighbouring values, or over fewer near the ends."""
     # Cumulative sums are used, since a hump of a long record can be a million lines wide.
     lines, places = min(lines, len(power)), np.arange(len(power))
     sums = np.concatenate([[0.0], np.cumsum(power)])
@@ -56,8 +65,8 @@ def smoothed(power: Array, lines: int) -> Array:
 def lines_among_lobes(power: Array, lines: int, weight: float = 1.0) -> list[tuple[int, int, float]]:
     """Return begin, end and surrounding level of each peak above all lobes of a stop band, `power` (m,).
 
-    `lines`: number of lines that holds a whole lobe or notch; a narrow line takes only a few. `weight`:
-    ordinates in each line.
+    `lines`: number of values that a whole lobe or notch takes; a narrow spectral line takes only a few.
+    `weight`: ordinates that each value averages.
     """
     if not len(power):
         return []

@@ -1,8 +1,8 @@
 """What the spectrum of one axis says: null tests, peaks, stationarity, drift, and the candidate models.
 
-There are three sets of ordinates. The first has all ordinates that the user left in. The second lacks the
-lines and resonances of the first. The third, the clean ordinates, has those of the second above the drift.
-The models are fitted to the clean ordinates.
+There are three sets of ordinates. The first has all ordinates that the user did not exclude. The second is
+the first without spectral lines and resonances. The third, the clean ordinates, is the second without the low
+frequencies of the drift. The models are fitted to the clean ordinates.
 
 A recording and a live sensor are examined in the same way; only the significance level of the tests differs.
 """
@@ -35,23 +35,27 @@ Bands = tuple[tuple[float, float], ...]
 T = TypeVar("T")
 
 FALSE_PEAK = 0.01
-"""Probability, at `LEVEL`, of finding a peak where there is none. The bins of octaves show lines less
-clearly, so that a smaller probability would miss lines of real sensors."""
+"""Probability, at `LEVEL`, of finding a peak where there is none. The octave spectrum shows spectral lines
+less clearly, so that with a smaller probability lines of real sensors would be missed.
+"""
 FALSE_COMB = 1e-3
 """Probability, at `LEVEL`, of finding a comb where there is none."""
 FALSE_CHANGE = 1e-3
 """Probability, at `LEVEL`, of finding a change during the record where there is none."""
 LEAKS = 3.0
-"""Distance over which a line leaks, over the width of its notch."""
+"""Ratio of the distance over which a spectral line leaks to the width of the band that is left out because of
+it.
+"""
 SLOW_LINES = 4.0
-"""Lines below this multiple of the lowest frequency are slow lines."""
+"""Spectral lines below this multiple of the lowest frequency are called slow lines."""
 LARGEST_SHARE = 0.15
-"""Largest share of peaks in a band's power for which the band is tested for changes. Two lines with that
-share together beat, but by less than a change that matters."""
+"""A band is tested for changes only if peaks have at most this share of its power. Two spectral lines with
+that share beat, but by less than a change that matters.
+"""
 EXPLAINED = 1.5
 """A peak is discarded if its power is below this multiple of the power that the other parts explain."""
 GROWN = 1.1
-"""Growth of the record after which models, peaks and changes are searched for again."""
+"""Models, peaks and changes are searched for again when the record has grown by this factor."""
 
 
 class Band(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -78,7 +82,7 @@ class Spectral(msgspec.Struct, frozen=True):
 class LastRefit:
     """Results of the last refit of one axis.
 
-    The next refit begins there, until the record has grown by a tenth.
+    The next refit begins at these results, until the record has grown by a tenth.
     """
 
     def __init__(self) -> None:
@@ -96,7 +100,10 @@ class LastRefit:
         return cast(T, found)
 
     def candidates(self, name: str, p: Periodogram, samples: int) -> CandidateModels:
-        """Return the candidate models of these ordinates: the last ones fitted again, or a new search."""
+        """Return the candidate models of these ordinates.
+
+        They are the previous ones fitted again, or those of a new search.
+        """
         data = binned(p)
         last, then = self._found.get(name, (None, 0.0))
         if last is None or data.ordinates > GROWN * then:
@@ -138,12 +145,12 @@ def examine(
 ) -> Spectral:
     """Examine one axis.
 
-    `whole`: all ordinates that the user left in, which are those above `from_hz` and outside the bands (low,
-    high) of `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for
-    the test of stationarity; empty: no test. `drift`: the drift that was subtracted from `whole`. `peaks`:
-    peaks found elsewhere with a finer resolution; None: search for them in `whole`. `before`: the ordinates
-    before a comb among these peaks was removed; None: no comb was removed. `median`: the median filter
-    detected in the samples. `level`: significance level of each test. `last_refit`: earlier refits' results.
+    `whole`: all ordinates that the user did not exclude: those above `from_hz` and outside the bands (low,
+    high) `notch` [Hz]. `duration_s`, `samples`: length of the record. `cells`: band powers over time for the
+    test of stationarity; empty: no test. `drift`: the drift that was subtracted from `whole`. `peaks`: peaks
+    found elsewhere with a finer resolution; None: search for them in `whole`. `before`: the ordinates before
+    a comb among these peaks was removed; None: no comb was removed. `median`: the median filter detected in
+    the samples. `level`: significance level of each test. `last_refit`: earlier refits' results.
 
     Raises:
         ValueError: too few ordinates are left, or all ordinates are zero.
@@ -183,7 +190,7 @@ def examine(
 
 
 def null_ratio(p: Periodogram) -> float:
-    """Return the null test's likelihood ratio on these ordinates, searched for from all starting points."""
+    """Return the null test's likelihood ratio on these ordinates, with fits from all starting points."""
     return LastRefit().null_ratio("", p)
 
 
@@ -250,9 +257,10 @@ def _peaks(whole: Periodogram, false_alarm: float) -> tuple[tuple[Peak, ...], Ba
 
 
 def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels) -> tuple[Peak, ...]:
-    """Return the peaks without the humps that are the band between a high-pass and a faster limit.
+    """Return the peaks that the other parts of the noise do not explain.
 
-    If the model of the ordinates outside a hump also explains the ordinates inside it, the hump is no peak.
+    A hump may be only the band between a high-pass and a filter at higher frequencies. If the model of the
+    ordinates outside a hump also explains the ordinates inside it, the hump is no peak.
     """
     if HighPass not in f.plain.kinds:
         return peaks
@@ -270,7 +278,7 @@ def _unexplained(peaks: tuple[Peak, ...], whole: Periodogram, f: CandidateModels
 
 
 def _above_slow_lines(peaks: tuple[Peak, ...], lowest_hz: float) -> float:
-    """Return the frequency [Hz] at which the clean ordinates begin, above the leakage of slow lines."""
+    """Return the lowest frequency [Hz] of the clean ordinates, which is above the leakage of slow lines."""
     ends = [
         high + LEAKS * (high - low)
         for low, high in (peak.notch_hz for peak in peaks if peak.kind != "resonance")

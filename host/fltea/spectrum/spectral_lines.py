@@ -1,7 +1,7 @@
 """Find narrow lines and broad resonances in a spectrum, with a known rate of false alarms.
 
 A peak is a range of frequencies whose mean is too far above the means of the flanks on both sides of it.
-Where the spectrum slopes, one of the flanks is higher.
+Where the spectrum slopes, the ratio to the higher flank decides.
 
 The search is the same for the ordinates of a file's periodogram and for the values of the running spectrum,
 which average different numbers of ordinates (`Ordinates` holds both). Only the strongest peak of all is found
@@ -23,7 +23,7 @@ from fltea.spectrum.side_lobes import TELLING, lines_among_lobes, notch_below
 FALSE_ALARM = 3e-3
 """Probability of finding any peak in noise without peaks, in a record that is tested once."""
 MOST = 12
-"""The search ends after this many peaks: a record with more has other problems."""
+"""The search ends after this many peaks: a record with more peaks has other problems."""
 SMOOTHEST = 9
 """Fewest ordinates that are averaged to test whether a hump is a side lobe."""
 LINE_SKIRT = 3
@@ -35,9 +35,11 @@ SKIRT = 0.05
 NARROW = 3
 """A peak up to this many averaged ordinates wide may be a line or a resonance."""
 LINE_ORDINATES = 6
-"""A peak with nearly all its power in this many ordinates is a line: its phase is stable over the record."""
+"""A peak with nearly all its power in this many ordinates is a spectral line: its phase is stable over the
+record.
+"""
 IN_A_LINE = 0.7
-"""Share of a peak's power that counts as nearly all: the rest is noise around the line."""
+"""Share of a peak's power that counts as nearly all. The rest is noise around the spectral line."""
 
 
 class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -47,19 +49,22 @@ class Repeats(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     harmonics: int
     """Approximate number of lines of the event in the spectrum."""
     shape: Literal["glitch", "wave", "unknown"] = "unknown"
-    """A glitch is much shorter than the period. Live sums do not show the shape: it is "unknown"."""
+    """A glitch is much shorter than the period. In live data the shape is "unknown", since sums do not show
+    it.
+    """
     duration_s: float | None = None
-    """The length of a glitch."""
+    """The duration of a glitch, in seconds."""
     deviations: float | None = None
-    """The largest deviation over the standard deviation of the noise."""
+    """The largest value of the event, as a multiple of the standard deviation of the noise."""
 
 
 class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A line, a resonance, or a comb of lines."""
 
     kind: str
-    """Line or resonance; peak, where the resolution cannot distinguish the two; comb, for lines at all
-    multiples of one frequency, which is `frequency_hz`."""
+    """"line", "resonance", "peak" where the resolution cannot distinguish the two, or "comb" for spectral
+    lines at all multiples of `frequency_hz`.
+    """
     frequency_hz: float
     """Frequency of the maximum; for a resonance, after smoothing."""
     width_hz: float
@@ -67,7 +72,7 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     power_share: float
     """The peak's share of all power in the ordinates in use."""
     height: float
-    """The peak's mean power over the level around it."""
+    """Ratio of the peak's mean power to the level around the peak."""
     notch_hz: tuple[float, float]
     """The band to leave out in order to remove the peak; for a comb, the band of its lowest line."""
     repeats: Repeats | None = None
@@ -75,7 +80,10 @@ class Peak(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def find_peaks(p: Periodogram, false_alarm: float = FALSE_ALARM) -> tuple[Peak, ...]:
-    """Find the peaks of one series, strongest first; each peak is removed before the next search."""
+    """Find the peaks of one series, the strongest first.
+
+    Each peak is removed before the next is searched for.
+    """
     ordinates = Ordinates.of(p)
     return _search(ordinates, ordinates.total(), false_alarm)
 
@@ -111,7 +119,7 @@ def _notch_below(lines: Ordinates, found: Found) -> float | None:
 
 
 def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: float) -> tuple[Peak, ...]:
-    """Return the peaks of a filter's pass band, and the lines of its stop band, which begins at `edge`."""
+    """Return the peaks of a filter's pass band, and the spectral lines of its stop band, from `edge` on."""
     begin = int(np.searchsorted(lines.lam, edge))
     peaks = _search(lines.part(0, begin), total, false_alarm)
     above = lines.part(begin, len(lines.lam))
@@ -131,7 +139,7 @@ def _with_stop_band(lines: Ordinates, total: float, false_alarm: float, edge: fl
 def _extent(lines: Ordinates, found: Found) -> tuple[int, int]:
     """Return the range of the peak with its skirts.
 
-    A skirt ends where a piece of half the peak's width is no longer above the level.
+    A skirt ends where the mean over half the peak's width is no longer above the level.
     """
     piece = max(LOBE if lines.is_averaged(found.start) else 3, (found.stop - found.start) // 2)
     least = 0.0 if lines.weight is None else SKIRT
@@ -192,5 +200,8 @@ def _in_few_ordinates(excess: Array, top: int) -> bool:
 
 
 def height_over(power: float, level: float) -> float:
-    """Return the peak's power over the noise level; infinite without noise, as in exactly periodic counts."""
+    """Return the ratio of the peak's power to the noise level.
+
+    It is infinite without noise, as for exactly periodic samples.
+    """
     return power / level if level > 0 else math.inf

@@ -3,8 +3,9 @@
 Each octave keeps the mean and the variance of the logarithm of its blocks' power in a few cells (intervals of
 time). If the noise is stationary, the means of cells differ no more than the blocks within a cell explain
 (analysis of variance). The logarithm makes the test robust against heavy tails, and the variance comes from
-the data themselves. The cells of a long record are long. Changes up and down within a cell are found at their
-own time scale (`swings`), so that a longer record never shows less.
+the data themselves. The cells of a long record are long. Changes up and down within a cell are found by
+another test, at the time scale of these changes (`swings`). So a long record shows all that a short one
+shows.
 """
 
 import math
@@ -34,18 +35,21 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     low_hz: float
     high_hz: float
     p: float
-    """The p-value of the test that found it, times the number of tests."""
+    """The p-value of the test that found the change, multiplied by the number of tests."""
     size: float
-    """Two standard deviations of the true levels, as a ratio of powers. For a single step in the middle of
-    the record it is the size of the step."""
+    """Two standard deviations of the true level over time, as a ratio of powers. For a single step in the
+    middle of the record, this is the size of the step.
+    """
     ratio: float = 1.0
     """Mean power after `at_s` over that before; 1 if the power went up and down."""
     at_s: float = 0.0
-    """Time at which a division of the record in two parts explains most of the differences."""
+    """The time that divides the record into the two parts that differ most."""
     share: float = 0.0
-    """Share of the differences that this division explains; the rest is up and down."""
+    """Share of all differences that this division explains. The rest are changes up and down."""
     half_s: float | None = None
-    """Time between ups and downs, to a factor of two; None if only parts of the record were compared."""
+    """Time from a high to a low power, known to a factor of two; None if the change was found by a comparison
+    of cells.
+    """
     period_s: float | None = None
     """Period of the changes, if the samples show that the power goes up and down regularly."""
 
@@ -56,7 +60,10 @@ class Change(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class _Parted(NamedTuple):
-    """How the cells of an octave differ; `variance`: that of the logarithm of power, beyond chance."""
+    """How the cells of an octave differ.
+
+    `variance`: variance of the logarithm of power between the cells, beyond chance.
+    """
 
     deviate: float
     variance: float
@@ -92,7 +99,7 @@ def find_change(
     cells_of = [(band, joined) for band in looked if (joined := _joined(band)) is not None]
     parted = [(band, one) for band, its in cells_of if (one := _compared(*its, h)) is not None]
     swinging, compared = find_swings(looked, h)
-    # Each of the two tests gets half of the level.
+    # Each of the two tests (cells, time scales) gets half of the significance level.
     tests, comparing = 2 * len(cells_of), 2 * compared
     step, worst = _worst(parted, tests, level), _worst(swinging, comparing, level)
     if step is not None:
@@ -130,12 +137,15 @@ def _size(variance: float) -> float:
 def _compared(
     counts: Array, means: Array, first: Array, within: float, degrees: float, h: float
 ) -> _Parted | None:
-    """Compare the cells; arguments as `_joined` returns them. None if they differ too little to matter."""
+    """Compare the cells; None if they differ too little to matter.
+
+    The arguments are what `_joined` returns.
+    """
     total = float(counts.sum())
     around = means - counts @ means / total
     between = float(counts @ around**2)
     free = len(counts) - 1
-    variance = max(between - free * within, 0.0) / total  # difference of the cells beyond chance
+    variance = max(between - free * within, 0.0) / total  # variance between the cells beyond chance
     if _size(variance) < LEAST_SIZE:
         return None
     deviate = float(f_deviate(between / free / within, max(free, 2), degrees))
@@ -175,7 +185,7 @@ def _joined(band: BandCells) -> tuple[Array, Array, Array, float, float] | None:
         return None
     n = np.add.reduceat(counts, starts)
     mean = np.add.reduceat(counts * means, starts) / n
-    # Sum of squares about the mean of the joined cell.
+    # The sum of squares about the mean of the joined cell.
     total = np.add.reduceat(squares + counts * means**2, starts) - n * mean**2
     degrees = float(n.sum()) - len(n)
     within = float(total.sum()) / degrees

@@ -1,10 +1,10 @@
 """Test whether the power of an octave goes up and down, at any time scale.
 
 Consider the means of the logarithm of power in neighbouring runs of 2^s blocks. If blocks are independent,
-these means differ by a variance that falls as 1 / 2^s and is otherwise the same for every scale s
-(`octaves.BandCells`). Power that goes up and down increases the variance at scales near its own time and at
-few others. So each scale is compared by an F test with the shorter scales and with the longer ones. A longer
-record has more pairs at each scale: what a short record shows, a longer one shows too.
+the variance of the difference of these means falls as 1 / 2^s: multiplied by 2^s, it is the same at every
+scale s (`octaves.BandCells`). Power that goes up and down increases the variance at scales near the time of
+its swings, and hardly at others. So each scale is compared by an F test with the shorter scales and with the
+longer ones. A longer record has more pairs at each scale, so that it shows all that a short record shows.
 """
 
 import functools
@@ -21,27 +21,30 @@ from fltea.spectrum.octaves import BandCells
 OVERLAP = 1 / 36
 """Correlation of the power of blocks that overlap by half, under Hann's window."""
 MOST_ALIKE = 0.1
-"""Largest correlation of neighbouring blocks that counts as no change: two blocks share an outlier, and a
-resonance continues from one block to the next."""
+"""Largest correlation of neighbouring blocks that does not count as a change. An outlier may lie in two
+overlapping blocks, and a resonance continues from one block to the next.
+"""
 FEWEST_PAIRS = 3
 """Fewest pairs with which a scale is compared."""
 EVERYDAY = 3.0
-"""A deviate up to this value is not significant at any level in use."""
+"""A normal deviate up to this value is not significant at any level in use."""
 
 
 class Swing(NamedTuple):
     """The time scale at which the power of an octave differs most from what chance allows."""
 
     deviate: float
-    """Normal deviate that is as unlikely as the ratio of variances found."""
+    """Normal deviate that is as unlikely as the ratio of variances that was found."""
     variance: float
     """Variance of the logarithm of power beyond chance, summed over all scales."""
     half_s: float
-    """Time between ups and downs, to a factor of two, by the scale with most of the variance."""
+    """Time from a high to a low power, known to a factor of two. It comes from the scale with most of the
+    variance.
+    """
 
 
 class _Compared(NamedTuple):
-    """Variances of the scales of an octave over their expected values; all (k,)."""
+    """Ratios of the variance of one scale to that expected from other scales; all (k,)."""
 
     ratio: Array
     pairs: Array
@@ -75,7 +78,7 @@ def find_swings(bands: Sequence[BandCells], h: float) -> tuple[list[tuple[BandCe
 
 
 class _Scales(NamedTuple):
-    """The scales (k,) of a band that have enough pairs; `runs`: blocks in a run of each scale."""
+    """The scales (k,) of a band that have enough pairs; `runs`: number of blocks in a run, at each scale."""
 
     runs: Array
     pairs: Array
@@ -96,13 +99,13 @@ class _Scales(NamedTuple):
         return _against((self.variance / _expected(self.runs, OVERLAP))[::-1], self.pairs[::-1])
 
     def swing(self, deviate: float, usual: float, alike: float, hop_s: float) -> Swing:
-        """Return the variance beyond the usual one; `hop_s`: time [s] from a block to the next."""
+        """Return the swing with the variance beyond `usual`; `hop_s`: time [s] from one block to the next."""
         excess = np.maximum(self.variance - usual * _expected(self.runs, alike), 0.0) / (2 * self.runs)
         return Swing(deviate, float(excess.sum()), float(self.runs[excess.argmax()]) * hop_s)
 
 
 def _against(variance: Array, pairs: Array) -> _Compared:
-    """Compare each variance (k,) with the mean of the first 1, 2, … variances before it."""
+    """Compare each variance (k,) with the means of the first 1, 2, … of the variances before it."""
     total = pairs.cumsum()
     usual = (variance * pairs).cumsum() / total
     one, before = _below(len(pairs))
@@ -115,5 +118,8 @@ def _below(scales: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _expected(runs: Array, alike: float) -> Array:
-    """Return the expected variance of scales over that of blocks; `alike`: correlation of neighbours."""
+    """Return the expected ratio of each scale's variance to that of blocks.
+
+    `alike`: correlation of neighbouring blocks.
+    """
     return 1 + 2 * alike - 3 * alike / runs

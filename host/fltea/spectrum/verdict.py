@@ -1,10 +1,10 @@
-"""The verdict on one axis: which models stand, and what they say.
+"""The verdict on one axis: which models describe the noise, and what they say about it.
 
 Two sets of models compete: models with an order and models without one. Each set has the best model that a
 search found, and a set wins if its best model leads by `APART` in 2 log L after BIC's price. An order also
-has to be ahead of richer models without one. A model without an order wins only if no order in place of its
-relaxations comes near. If neither wins, both are reported. Each question is stored with the figure that
-answered it, so that a reader can follow the verdict.
+has to be ahead of richer models without one. A model without an order wins only if a model with an order in
+place of its relaxations does not come near. If neither wins, both are reported. Each question is stored with
+the figure that answered it, so that a reader can follow the verdict.
 """
 
 import msgspec
@@ -21,10 +21,11 @@ from fltea.spectrum.reading import SLOW, Reading
 from fltea.spectrum.residuals import kolmogorov
 
 CLAIMED, LEAST_OVER_RICH = 12.0, 4.0
-"""The noise is called fractional if the odds of an order are at least CLAIMED and the order's 2 log L leads
-the richest model without an order by LEAST_OVER_RICH. Then at most one in a hundred noises of each kind
-without an order is called so. This includes sums of regular relaxations, which look like an order
-(host/docs/evaluation/odds.md)."""
+"""The noise is called fractional if the odds of an order are at least CLAIMED, and if 2 log L of the best
+model with an order exceeds that of the richest model without one by LEAST_OVER_RICH. Of each kind of noise
+without an order, then at most one in a hundred is called fractional. This includes sums of regularly spaced
+relaxations, which look like an order (host/docs/evaluation/odds.md).
+"""
 LEAST_RESIDUAL_LEVEL = 0.01
 """Level of the test of residuals. The test can only contradict a claim, not support one."""
 SHORT_S = 580.0
@@ -35,9 +36,9 @@ PEAKS: dict[str, VerdictKind] = {
     "peak": "line or resonance",
     "comb": "comb",
 }
-"""Name of each kind of peak; in live data, narrow peaks cannot be distinguished."""
+"""The kind of verdict for each kind of peak. In live data, a narrow peak may be a line or a resonance."""
 RISING = tuple(kind for kind in CODES if kind.has("rising"))
-"""Parts whose power rises with the frequency; in a model with one of them, no order explains the rise."""
+"""Kinds of parts whose power rises with the frequency. An order does not explain such a rise."""
 NEXT_EITHER = "Record longer, or use the model without an order."
 NEXT_LIKELY = "Record longer to be sure; a navigation filter takes the model without an order."
 NEXT_FILTER = (
@@ -63,7 +64,7 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     kind: VerdictKind
     text: str
-    """The texts `what`, `why` and `next` in a row."""
+    """The texts `what`, `why` and `next`, one after the other."""
     what: str
     """What the noise is."""
     why: str
@@ -76,12 +77,12 @@ class Verdict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The odds that coloured noise has an order (`spectrum.order_odds`). Null if the noise is as good as
     white or not stationary, or if no fitted model has an order."""
     has_order: bool = False
-    """Whether a model with an order is among the models that stand."""
+    """Whether a model with an order is among the models that the verdict names."""
     order: OrderFit = OrderFit()
     """The order with its intervals; all null if there is no order or the data do not determine it."""
 
     def saying(self, **words: str) -> "Verdict":
-        """Return the verdict with other `what`, `why` or `next`, and the text composed from them."""
+        """Return the verdict with another `what`, `why` or `next`, and with `text` composed of them again."""
         found = msgspec.structs.replace(self, **words)
         return msgspec.structs.replace(found, text=f"{found.what} {found.why} {found.next}")
 
@@ -226,7 +227,7 @@ def _fractional(e: Evidence, q: _Questions) -> Verdict:
 
 
 def _without_order(e: Evidence, q: _Questions) -> Verdict:
-    """Return the verdict where no order is claimed, by what the best model without an order says."""
+    """Return the verdict where no order is claimed. It follows from the best model without an order."""
     f = e.candidates
     found = e.reading
     said = wording.sentence(f.plain.parts(f.h) if found.high_pass is None else found.high_pass.told, e)

@@ -15,9 +15,9 @@ from fltea.spectrum.spectral_lines import Peak
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 LIKELY = 10.0
-"""Odds, for or against an order, from which on the text says what the noise most likely is."""
+"""From these odds on, for or against an order, the text says what the noise most likely is."""
 REGULAR = 3.0
-"""Odds from which on the text says that regular relaxations look like an order."""
+"""From these odds of an order on, the text says that regularly spaced relaxations look like an order."""
 UNDEFINED = "α and f are undefined"
 TAKEN_OUT = (
     "AC coupling or an auto-zero: slow noise and the bias have been taken out, so nothing can be said of "
@@ -44,7 +44,7 @@ def capital(text: str) -> str:
 
 
 def peaks(found: tuple[Peak, ...]) -> str:
-    """Return words for the strongest few peaks."""
+    """Return words for the few strongest peaks."""
     parts = [_peak(peak) for peak in found[:3]]
     if len(found) > 3:
         parts.append(f"{len(found) - 3} more")
@@ -64,14 +64,17 @@ def _peak(peak: Peak) -> str:
 
 
 def peak_hz(frequency_hz: float) -> str:
-    """Return words for a peak's frequency; a slow peak also gets its period, since 0.00 Hz says nothing."""
+    """Return words for a peak's frequency.
+
+    For a slow peak they include its period, since 0.00 Hz says nothing.
+    """
     if frequency_hz < 0.1:
         return f"{frequency_hz:.2g} Hz (a period of {duration(1 / frequency_hz)})"
     return f"{frequency_hz:.{2 if frequency_hz < 10 else 1}f} Hz"
 
 
 def sentence(parts: Sequence[Part], e: Evidence, order: OrderFit | None = None) -> str:
-    """Return the parts of a noise and its filters in words; `order`: the order with its interval."""
+    """Return words for the parts of a noise and its filters; `order`: the order with its interval."""
     told = [
         (part, _order(order or OrderFit()) if part.has("ordered") else part.words(e.rate_hz))
         for part in parts
@@ -105,7 +108,7 @@ def relaxations(found: Sequence[Relaxation]) -> str:
 
 
 def corners(found: Sequence[Relaxation], e: Evidence) -> str:
-    """Return words for the corners of relaxations, with figures for corners in the band of the data."""
+    """Return words for the corner frequencies of relaxations, with figures if they are in the fitted band."""
     values = sorted(corner_hz(part) for part in found)
     inside = [f"{value:.3g}" for value in values if e.from_hz <= value <= e.to_hz]
     parts = []
@@ -131,7 +134,7 @@ def drift(e: Evidence) -> str:
 def also_found(
     e: Evidence, *, with_peaks: bool = True, with_drift: bool = True, with_median: bool = True
 ) -> str:
-    """Return sentences on everything else that was found, which the verdict does not name."""
+    """Return sentences on what was found in addition to the noise that the verdict names."""
     parts = []
     if e.reading.high_pass is not None:
         parts.append(f" {TAKEN_OUT}")
@@ -163,13 +166,16 @@ def change(e: Evidence) -> str:
 
 
 def band(e: Evidence) -> str:
-    """Return words for the band of the data."""
+    """Return words for the fitted frequency band."""
     decades = math.log10(e.to_hz / e.from_hz)
     return f"{in_hz(e.from_hz)} to {in_hz(e.to_hz)}, {decades:.1f} decades"
 
 
 def either(ordered: str, said: str, value: float | None) -> str:
-    """Return a sentence on an order and its look-alike `said`; `value`: odds of the order, if known."""
+    """Return a sentence that the noise is either `ordered` or `said`.
+
+    `value`: odds of the order, if known.
+    """
     if value is None or 1 / LIKELY < value < LIKELY:
         return f"This record cannot separate {ordered} from {said}"
     likely, other = (ordered, said) if value > 1 else (said, ordered)
@@ -194,7 +200,7 @@ def null_test(e: Evidence) -> str:
 
 
 def rejected_by(e: Evidence) -> str:
-    """Return words for what rejects white noise if power is missing; otherwise an empty text."""
+    """Return words on missing power, if that is why white noise was rejected; otherwise an empty text."""
     if e.candidates.missing.nll >= e.candidates.null.nll:
         return ""
     return ": low frequencies have less power than the others, as behind AC coupling or an auto-zero"

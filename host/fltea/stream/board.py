@@ -1,7 +1,7 @@
-"""Follow the estimates that a board makes: find the sample of each one, and compare it with the host's.
+"""Follow the estimates that a board makes: find the sample of each estimate, and compare it with the host's.
 
-An estimate arrives later than its sample, by the board's delay. Only the newest samples since the last
-restart (of this epoch) are remembered. An estimate for any other sample is dropped and counted.
+An estimate arrives later than its sample, since the board needs time for it. Only the newest samples since
+the last restart of the filters are remembered. An estimate for any other sample is dropped and counted.
 """
 
 from collections.abc import Iterator
@@ -37,10 +37,10 @@ AS_STATED = "begun", "every", "queue", "skipped", "longest_axis_us", "fit_every"
 class BoardEstimates:
     """Follows the board's own estimates.
 
-    Where only the board estimates, its estimates become `Estimate` records. Otherwise `DeviceEstimates`
-    records compare them with this computer's estimates, made with the board's settings as soon as the board
-    has stated them. The state of a board's estimator is never saved, since the board begins a new start-up
-    window with each boot.
+    If only the board estimates, its estimates become `Estimate` records. Otherwise `DeviceEstimates` records
+    compare them with this computer's estimates, made with the board's settings as soon as the board has
+    stated them. The state of a board's estimator is never saved, since the board begins a new start-up window
+    with each boot.
 
     `fits`: the live fits, whose verdict on white noise the records state.
     """
@@ -63,9 +63,9 @@ class BoardEstimates:
         self._estimates = self._lost = self._unplaced = 0
 
     def host_settings(self) -> EstimatorConfig | None:
-        """Return the settings for this computer's filters, which are the board's once these are known.
+        """Return the settings for this computer's filters: those of the board, once they are known.
 
-        None if only the board estimates.
+        The result is None if only the board estimates.
         """
         if self.alone:
             return None
@@ -90,7 +90,7 @@ class BoardEstimates:
         self._sequence = None
 
     def on_block(self, block: Block, host_ns: Ints) -> Iterator[Item]:
-        """Remember samples, since their estimates come later; `host_ns` (n,): arrival times [ns]."""
+        """Remember samples, since their estimates arrive later; `host_ns` (n,): arrival times [ns]."""
         yield from self._notices.unused(int(host_ns[0]))
         self._samples.add(block)
         late = self._notices.silent_from(host_ns) if self.stated is None else None
@@ -139,7 +139,10 @@ class BoardEstimates:
         yield from self._notices.on_estimator(stated)
 
     def _on_axis(self, e: DeviceAxis) -> Iterator[Item]:
-        """Process the board's estimate of one axis; yield a sample's record once all its axes have come."""
+        """Process the board's estimate of one axis.
+
+        Yield a record when the estimates of all axes have arrived.
+        """
         self._estimates += 1
         if self._sequence is not None:
             self._lost += (e.sequence - self._sequence - 1) % SEQUENCE_WRAP

@@ -29,7 +29,8 @@ def compare(
     host = None if known is None or host_age is None else known.fltea
     why_not: WhyNot | None = None
     alpha = f = state = None
-    if not valid:  # give the first reason that applies, in the order of `records.why_not.WHY_NOT`
+    # several reasons may apply: the first one in the order of `records.why_not.WHY_NOT` is given
+    if not valid:
         why_not = "device_not_valid"
     elif host is None:
         why_not = "other_start"
@@ -65,7 +66,10 @@ _Six = tuple[float | None, float | None, float | None, float | None, float | Non
 
 
 def _numbers(e: DeviceAxis) -> tuple[bool, _Six]:
-    """Return whether the board's estimate is valid, and its numbers; None for a number not finite."""
+    """Return whether the board's estimate is valid, and its numbers.
+
+    A number that is not finite becomes None.
+    """
     if not (e.valid and all(map(math.isfinite, (e.alpha, e.alpha_std, e.f, e.f_std, e.state_dps)))):
         return False, (None, None, None, None, None, None)
     innovation = None if e.missing else finite(e.innovation_dps)

@@ -1,8 +1,8 @@
-"""Make records of a board's own maximum-likelihood fits, with their difference from this computer's fit.
+"""Make records of the maximum-likelihood fits that a board makes, with their difference from this computer's.
 
-The board needs up to a minute for a fit. So the record states the time of the newest sample when the fit
-arrives, and its fields `age` and `samples` state which samples were fitted. The spectral bins of the fit
-arrive later, in several messages.
+The board needs up to a minute for a fit. So the record states the time of the newest sample at the arrival of
+the fit. Its fields `age` and `samples` state which samples were fitted. The spectral bins of the fit arrive
+later, in several messages.
 """
 
 import math
@@ -32,8 +32,8 @@ MOST_DPS2 = 1e8
 """Largest variance that a fit can have [(deg/s)²]: no gyroscope turns at 10,000 deg/s."""
 
 CHECK_EVERY_NS = 1_000_000_000
-"""Shortest time between two checks of an axis's bins on this computer [ns]; a working device sends its bins
-every half minute.
+"""Shortest time between two fits by which this computer checks an axis's bins [ns]. A working device sends
+its bins every half minute.
 """
 
 AS_STATED = (
@@ -48,7 +48,7 @@ VERDICTS: tuple[DeviceVerdict, ...] = get_args(DeviceVerdict)
 class BoardFits:
     """Makes records of a board's fits.
 
-    `came`: number of fits that arrived. `refused`: how many of these came before any sample, or had
+    `came`: number of fits that arrived. `refused`: number of them that arrived before any sample, or had
     impossible numbers or bins.
     """
 
@@ -61,16 +61,16 @@ class BoardFits:
         self.came = self.refused = 0
 
     def begin(self, rate_hz: float) -> None:
-        """Note the sampling rate [Hz] of the samples that begin now."""
+        """Note the sampling rate [Hz] of the epoch that begins."""
         self._rate_hz = rate_hz
 
     def forget(self) -> None:
-        """Forget the last fit, since the filters restart: bins that still arrive are not used."""
+        """Forget the last fit, since the filters restart. Its bins that still arrive are not used."""
         self._newest.clear()
         self._bins.clear()
 
     def on_fit(self, fit: DeviceFit, axes: Collection[str], moment: Moment | None) -> Iterator[DeviceFits]:
-        """Yield the record of a fit that has arrived; `moment`: number and times of the newest sample."""
+        """Yield the record of a fit that arrived; `moment`: number and times of the newest sample."""
         self.came += 1
         found = _axis_fit(fit, self._accepted(fit.axis).fit) if fit.axis in axes else None
         if moment is None or found is None:
@@ -80,7 +80,10 @@ class BoardFits:
         yield DeviceFits(*moment, {fit.axis: found}, device=self._device)
 
     def on_bins(self, bins: DeviceBins, moment: Moment | None) -> Iterator[DeviceFits]:
-        """Store some spectral bins of the newest fit; yield the fit again once all its bins have arrived."""
+        """Store some spectral bins of the newest fit.
+
+        When all its bins have arrived, yield the fit again with them.
+        """
         fit, parts = self._newest.get(bins.axis), self._bins.get(bins.axis)
         if fit is None or parts is None or moment is None or bins.number != fit.number:
             return
@@ -101,7 +104,7 @@ class BoardFits:
         yield DeviceFits(*moment, {bins.axis: found}, device=self._device)
 
     def _spectrum(self, parts: Sequence[DeviceBins]) -> DeviceSpectrum | None:
-        """Return the spectrum of all bins; None if a bin is impossible."""
+        """Return the spectrum of all bins; None if the numbers of a bin are impossible."""
         hz = [one for part in parts for one in part.hz]
         density = [one for part in parts for one in part.density_dps2_per_hz]
         ordinates = [one for part in parts for one in part.ordinates]
@@ -114,7 +117,7 @@ class BoardFits:
         return DeviceSpectrum(*(list(column) for column in zip(*rising, strict=True)))
 
     def _check(self, spectrum: DeviceSpectrum, axis: str, moment: Moment) -> float | None:
-        """Return the order α by this computer's fit of the bins; None if no fit is due or possible."""
+        """Fit the bins on this computer, and return the order α; None if no fit is due or possible."""
         before_ns = self._checked_ns.get(axis)
         if not self._rate_hz > 0 or (before_ns is not None and moment.host_ns - before_ns < CHECK_EVERY_NS):
             return None
@@ -159,11 +162,11 @@ def _axis_fit(fit: DeviceFit, host: AxisFit | None) -> DeviceAxisFit | None:
 
 
 def order_of_bins(spectrum: DeviceSpectrum, rate_hz: float) -> float | None:
-    """Return this computer's order for the bins that a board fitted: a check of the board's arithmetic.
+    """Fit, on this computer, the bins that a board fitted, as a check of the board's arithmetic.
 
     The result is the order α with the highest likelihood, for a fractional noise plus white noise. It is None
-    for bins that cannot be fitted. Such are bins of several pieces of a record, where two bins may have the
-    same frequency.
+    if the bins cannot be fitted. That is so for bins of several pieces of a record, where two bins may have
+    the same frequency.
     """
     lam = np.array(spectrum.hz) * (2 * math.pi / rate_hz)
     power = np.square(spectrum.density) * (rate_hz / 2)

@@ -1,4 +1,7 @@
-"""Report what a user has to know about a board that estimates; each message once, or once a minute."""
+"""Report what a user has to know about a board that estimates.
+
+Each message is given once, or once a minute.
+"""
 
 from collections.abc import Iterator
 
@@ -11,7 +14,7 @@ from fltea.stream.board_settings import unused_settings
 from fltea.stream.epoch import Notice
 
 PATIENCE_NS = 5 * 10**9
-"""Time after which a board that sends samples, and has not stated its estimator, is reported [ns]."""
+"""A board that sends samples but has not described its estimator is reported after this time [ns]."""
 
 
 class BoardNotices:
@@ -24,10 +27,12 @@ class BoardNotices:
         self._constant: set[str] = set()
         self._invalid = OnceAMinute()
         self._skipped: tuple[int, int | None] = (0, None)
-        """Number of samples reported as skipped, and time of that report; None before the first one."""
+        """Number of samples that were reported as skipped, and time of that report; None before the first
+        report.
+        """
 
     def begin(self) -> None:
-        """Expect the board's statements anew, since the filters restart."""
+        """Expect the board to describe its estimator again, since the filters restart."""
         self._constant.clear()
 
     def on_link_down(self) -> None:
@@ -50,7 +55,10 @@ class BoardNotices:
             yield Notice("settings_unused", text, now_ns)
 
     def silent_from(self, host_ns: Ints) -> int | None:
-        """Return the index of the first sample at which the board has been silent for too long, or None."""
+        """Return the index of the first sample at which the board has been silent for too long, or None.
+
+        Silent means that it sends samples, but does not describe its estimator.
+        """
         if self._silence_reported:
             return None
         if self._waits_since_ns is None:
@@ -59,7 +67,7 @@ class BoardNotices:
         return int(late[0]) if len(late) else None
 
     def silence(self, now_ns: int) -> Notice:
-        """Report that the board makes no estimates."""
+        """Report that the board sends samples but no estimates."""
         self._silence_reported = True
         return Notice(
             "no_device_estimates",

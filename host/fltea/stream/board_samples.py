@@ -8,11 +8,16 @@ from fltea.records.records import GYRO_UNIT, AxisEstimate
 from fltea.stream.epoch import Moment
 
 REMEMBERED = 256
-"""Number of newest samples that are remembered; a board whose estimates are later than that skips samples."""
+"""Number of newest samples that are remembered. A board skips samples rather than send estimates that are
+later.
+"""
 
 
 class RecentSample(NamedTuple):
-    """The sample in row `row` of `block`. `age`: number of the host's estimates since the start-up window."""
+    """The sample in row `row` of `block`.
+
+    `age`: number of estimates that the host has made since the start-up window.
+    """
 
     seq: int
     block: Block
@@ -20,16 +25,19 @@ class RecentSample(NamedTuple):
     age: int
 
     def moment(self) -> Moment:
-        """Return the sample's number, epoch, device time and host time."""
+        """Return number, epoch, device time and host time of the sample."""
         block, row = self.block, self.row
         return Moment(self.seq, block.epoch, int(block.device_us[row]), int(block.host_ns[row]))
 
     def estimates(self) -> dict[str, AxisEstimate]:
-        """Return this computer's estimates after the sample, including its filters' if these estimate."""
+        """Return this computer's estimates after the sample.
+
+        They include those of FLTEA's filters if these run.
+        """
         return self.block.estimates_at(self.row, GYRO_UNIT)
 
     def has_filters(self) -> bool:
-        """Return whether this computer's filters estimate, which they do not in their start-up window."""
+        """Return whether this computer's filters gave estimates. In their start-up window they do not."""
         return any(columns.unit == GYRO_UNIT for columns in self.block.estimates)
 
 

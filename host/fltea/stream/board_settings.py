@@ -1,4 +1,4 @@
-"""Convert the settings that a device estimates with into settings of the host's own filters."""
+"""Convert the settings with which a device estimates into settings of the host's own filters."""
 
 import msgspec
 
@@ -8,9 +8,9 @@ from fltea.settings.estimator import EstimatorConfig
 
 
 def host_settings(stated: DeviceEstimator) -> EstimatorConfig:
-    """Return settings with which the host computes what the device computes, in double precision.
+    """Return settings with which the host computes, in double precision, what the device computes.
 
-    The values of these settings are the single-precision numbers that the device uses.
+    Their values are the single-precision numbers that the device uses.
 
     Raises:
         ValueError: no filter of this host works with these settings.

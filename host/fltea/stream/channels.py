@@ -18,8 +18,8 @@ from fltea.stream.live import NO_FIT, AcceptedFit
 from fltea.stream.tuning import HandedOver, handed_over
 
 LONGEST_BRIDGE = 30_000
-"""Largest number of missing samples that an estimator of unlimited memory bridges by prediction, which takes
-half a second.
+"""Largest number of missing samples that an estimator with unlimited memory bridges by prediction. This many
+take half a second.
 """
 
 
@@ -47,12 +47,12 @@ class Channels:
         self._names, self._unit = tuple(axes), unit
         self._fits: tuple[AcceptedFit, ...] = (NO_FIT,) * len(self._names)
         self.words: tuple[Any, ...] = self._words()
-        """For each axis, null_p and whiteness, which stay the same in all records until the next fit."""
+        """For each axis, `null_p` and whiteness. They stay the same in all records until the next fit."""
         self._known: dict[str, AcceptedFit] = {}
         self.bank = Bank(self._names, config, h, resolution, state)
 
     def columns(self, found: Sequence[Array | Bools]) -> AxisColumns:
-        """Return the filters' results for samples as columns; `found`: the arrays of the native bank."""
+        """Return the filters' results as columns of a block; `found`: the arrays of the native bank."""
         return AxisColumns._make((self._names, self._unit, *self.words, *found))
 
     def losses(self, lost: Iterable[tuple[int, int, Reason]]) -> list[tuple[str, Reason]]:
@@ -103,11 +103,14 @@ class Channels:
         return self.bank.baseline is None or axis in self.bank.baseline.constant_axes
 
     def bridge(self, count: int) -> None:
-        """Predict over `count` samples in which the program did not run, at most the memory's length."""
+        """Predict over `count` samples that came while the program did not run.
+
+        No more samples are predicted than the memory of the filters holds.
+        """
         self.bank.on_missing(min(count, self.config.window_samples or LONGEST_BRIDGE))
 
     def notices(self, host_ns: int) -> Iterator[Notice]:
-        """Yield reports about the axes' start-up window, which is full."""
+        """Yield reports about the start-up window of the axes, after it is full."""
         baseline = self.bank.baseline
         for axis in baseline.constant_axes if baseline else ():
             remedy = "--set accel.R=9e-4" if axis in ACCEL_AXES else "--r 0.02"
@@ -123,7 +126,7 @@ class Channels:
 
     @cached_property
     def info(self) -> EstimatorInfo:
-        """Settings with which the axes are estimated."""
+        """Settings with which the filters of the axes run."""
         c = self.config
         return EstimatorInfo(
             c.variant,

@@ -1,8 +1,8 @@
-"""Turn the events of a source into samples in physical units, with their numbers and times.
+"""Convert the events of a source into samples in physical units, with their numbers and times.
 
 The native device (host/native/device.hpp) makes the conversion. It also runs the estimators that
-`fltea.stream.pipeline` gives it. Exports of recordings use the native device without estimators. An epoch is
-a stretch of samples without a restart of the estimators; samples are numbered within an epoch.
+`fltea.stream.pipeline` gives it. An export of a recording runs the native device without estimators. An epoch
+is a stretch of samples without a restart of the estimators; samples are numbered within an epoch.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,17 +23,17 @@ from fltea.wire.sample_scaling import Scales
 
 
 class Stop(IntEnum):
-    """Reason why the native device stops (see host/native/device.hpp), and which details it gives then."""
+    """Reason why the native device stops, and the details that it gives then (host/native/device.hpp)."""
 
     END = 0
     """All samples are processed."""
     MORE = 1
     """Nothing has happened, and there are more samples to process."""
     STATS_DUE = 2
-    """Before a sample that arrives when statistics are due."""
+    """Before a sample, since statistics are due when it arrives."""
     GAP = 3
-    """Before a sample, since samples are missing before it. Details: number of missing samples, number and
-    time of the sample, and the axes that became invalid.
+    """Before a sample that follows a gap. Details: number of missing samples, number and time of the sample,
+    and the axes that became invalid.
     """
     EPOCH = 4
     """Before a sample that begins an epoch. Details: the fields of `FirstSample`."""
@@ -44,7 +44,7 @@ class Stop(IntEnum):
     WINDOW_FULL = 6
     """After a sample: the start-up window of a sensor is full."""
     FIT_COUNTS = 7
-    """After a sample: a fit takes effect at the next one."""
+    """After a sample: a refit takes effect at the next sample."""
     FIT_DUE = 8
     """After a sample: a refit is to begin."""
     RATE_DIFFERS = 9
@@ -54,8 +54,8 @@ class Stop(IntEnum):
 
 
 OfSensors = list[tuple[list[Any], list[Any] | None] | None]
-"""For each sensor, the columns of its tracker and the columns of its filters, if there are any; None for a
-sensor without samples.
+"""For each sensor, the columns of its tracker, and those of its filters if it has filters; None for a sensor
+without samples.
 """
 
 Rows = tuple[int, tuple[Any, ...], OfSensors]
@@ -83,7 +83,10 @@ class FirstSample(NamedTuple):
 
 
 class Decoded(NamedTuple):
-    """Samples without a gap, in physical units and in counts. `missing`: number lost just before them."""
+    """Samples without a gap, in physical units and in counts.
+
+    `missing`: number of samples lost just before them.
+    """
 
     block: Block
     raw: RawBlock
@@ -93,11 +96,11 @@ class Decoded(NamedTuple):
 
 
 class Decoder:
-    """Turns the events of a source into samples.
+    """Converts the events of a source into samples.
 
-    `unix_offset_ns`: returns the offset from the source's clock to Unix time [ns]. `max_gap`: longest gap
-    within an epoch, in samples or as a time. `device`, `output`: as in `Block`. `epoch`: number of the
-    present epoch, from 1; 0 before the first epoch.
+    `unix_offset_ns`: a function that returns the offset from the source's clock to Unix time [ns]. `max_gap`:
+    longest gap within an epoch, in samples or as a time. `device`, `output`: as in `Block`. `epoch`: number
+    of the present epoch, from 1; 0 before the first epoch.
     """
 
     def __init__(
@@ -112,7 +115,7 @@ class Decoder:
         self._unix_offset_ns, self._max_gap = unix_offset_ns, max_gap
         self._hello: Hello | None = None
         self.contradiction: str | None = None
-        """Message to the user if the device's clock contradicts its HELLO; only `feed` sets it."""
+        """Message to the user if the device's clock contradicts its HELLO, else None. Only `feed` sets it."""
         self._template = _empty(device, output or OutputConfig())
 
     @property
@@ -127,7 +130,7 @@ class Decoder:
 
     @property
     def counts(self) -> SampleStats:
-        """Numbers of samples that were used, lost or dropped until now."""
+        """The number of samples that were used, lost and dropped until now."""
         return SampleStats(*self.native.counts)
 
     def on_hello(self, hello: Hello) -> bool:
@@ -144,12 +147,15 @@ class Decoder:
     def on_other(self, event: Event) -> None:
         """Note an event that is neither a HELLO nor samples."""
         if isinstance(event, LinkDown):
-            self.native.forget_hello()  # later samples may come from another device
+            self.native.forget_hello()  # the next samples may come from another device
         elif isinstance(event, Break):
             self.native.on_break(event.reason)
 
     def feed(self, event: Event) -> Iterator[Decoded | Hello]:
-        """Process one event; yield the usable samples, and each HELLO that differs from the one before."""
+        """Process one event.
+
+        Yield the usable samples, and each HELLO that differs from the previous HELLO.
+        """
         if isinstance(event, RawBlock):
             yield from self._decoded(event)
         elif not isinstance(event, Hello):
@@ -158,7 +164,9 @@ class Decoder:
             yield event
 
     def advance(self, raw: RawBlock) -> Iterator[tuple[Stop, int, Rows | None, Any]]:
-        """Yield each stop: its reason, the next sample's index, the processed samples, and the details.
+        """Process samples, and yield each stop.
+
+        A stop is given by its reason, the index of the next sample, the processed samples, and the details.
 
         The caller handles a stop before it asks for the next one; for `EPOCH` it calls `begin`.
         """
@@ -190,7 +198,7 @@ class Decoder:
         missing, reason = 0, None
         for stop, _, rows, details in self.advance(raw):
             if stop == Stop.EPOCH:
-                reason, missing, *_ = details  # the fields of FirstSample
+                reason, missing, *_ = details  # these are the fields of FirstSample
                 self.begin([])
             elif stop == Stop.GAP:
                 missing, *_ = details

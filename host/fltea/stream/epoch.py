@@ -1,4 +1,4 @@
-"""Define what an epoch of a device begins with, what it yields, and the state of its estimators.
+"""Define what is known when an epoch of a device begins, what it yields, and the state of its estimators.
 
 An epoch is a stretch of samples without a restart of the estimators.
 """
@@ -16,7 +16,7 @@ from fltea.records.sensor_kind import ACCELEROMETER, GYROSCOPE, SensorKind
 from fltea.records.stats import AxisStats, DeviceEstimatorStats, TrackerStats
 
 NEVER = 2**62
-"""A number that no sample has, and a time at which no sample comes; as in host/native/device.hpp."""
+"""A number that no sample has, and a time at which no sample arrives, as in host/native/device.hpp."""
 
 
 class Moment(NamedTuple):
@@ -37,7 +37,7 @@ class Notice(NamedTuple):
 
 
 Item = AnyRecord | Block | Notice
-"""What the outputs receive, except that a notice becomes an `error` record first."""
+"""What the outputs receive. A notice is first converted into an `error` record."""
 
 
 class Beginning(NamedTuple):
@@ -110,7 +110,7 @@ class Saved(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
 @dataclass
 class Standing:
-    """State of a device's estimators, for `Stats` and `Epoch`."""
+    """State of a device's estimators, for the records `Stats` and `Epoch`."""
 
     startup_remaining: int = 0
     axes: dict[str, AxisStats] = field(default_factory=dict)

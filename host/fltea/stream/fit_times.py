@@ -1,7 +1,6 @@
 """Decide when refits begin and take effect, counted in samples, so that replays give the same results.
 
-Samples that lengthen a record by little change its fit by little, so the time between refits grows with the
-record.
+A few more samples hardly change the fit of a long record, so the time between refits grows with the record.
 """
 
 import math
@@ -11,27 +10,34 @@ from fltea.settings.config import Config
 from fltea.stream.fit_worker import FitWorker
 
 DEVICES_A_SECOND = 12
-"""Number of three-axis devices that can all be refitted once a second: the model search of a young record
-takes 25 ms per device."""
+"""Largest number of three-axis devices that are refitted once a second each: the model search for a short
+record takes 25 ms per device.
+"""
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Golden ratio. The fractional parts of its multiples are evenly spread for any number of devices."""
+"""Golden ratio. The fractional parts of its multiples are spread evenly over 0 to 1, for any number of
+devices.
+"""
 LONGEST_PERIOD_S = 3600.0
 SEARCH_GROWTH, REFIT_GROWTH = 10, 100
 """Growth of the record between two model searches (1/`SEARCH_GROWTH`) and two refits (1/`REFIT_GROWTH`)."""
 LONGEST_S = 60.0
 """Longest time between two refits while an output shows them [s]."""
 CURVES_S, CURVES_PERIODS = 10.0, 4
-"""Shortest time between two fits whose records hold curves, in seconds and in periods. Curves are most of a
-record's bytes, and a third of the work with many devices.
+"""Shortest time between two published fits with curves: in seconds (CURVES_S), and in the shortest times
+between refits (CURVES_PERIODS). Curves are most of a record's bytes, and a third of the work with many
+devices.
 """
 SEARCH_LAG = 50
-"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. Meanwhile
-samples are processed, also when a file is read at full speed or many devices began together.
+"""A model search takes effect when the epoch has grown by 1/`SEARCH_LAG` since the search began. Samples are
+processed in the meantime, also when a file is read at full speed or many devices began together.
 """
 
 
 def period_s(config: Config, fit_worker: FitWorker) -> float:
-    """Return the shortest time between two refits [s], by the samples' clock; many devices lengthen it."""
+    """Return the shortest time between two refits [s], by the samples' clock.
+
+    It is longer with many devices.
+    """
     given = config.live.period_s
     usual_s = max(1.0, fit_worker.devices / DEVICES_A_SECOND) if given is None else given
     return (
@@ -44,8 +50,9 @@ def period_s(config: Config, fit_worker: FitWorker) -> float:
 def turn(fit_worker: FitWorker, number: int, period: int) -> int:
     """Return the time within a period at which device `number` does its periodic work.
 
-    Many devices begin together; without different times all device streams would wait for each other.
-    `number`: index of the device. `period`: length of the period, in the unit of the result: samples or ns.
+    Many devices begin together. If they also did this work at the same time, all device streams would wait
+    for each other. `number`: index of the device. `period`: length of the period, in the unit of the result:
+    samples or ns.
     """
     return int(number * GOLDEN % 1 * period) if fit_worker.devices > DEVICES_A_SECOND else 0
 
@@ -104,7 +111,7 @@ class RefitTimes:
         step = min(math.ceil(samples / REFIT_GROWTH), round(LONGEST_S * self._rate_hz)) if self._grows else 1
         self.due = min(self._search, self._next(number, step, period)) if self._every else self._search
         drawn = self._drawn
-        if not self._every:  # no output shows refits in between
+        if not self._every:  # no output shows the refits between model searches
             self.check = self._search
         apart = max(CURVES_S * self._rate_hz, CURVES_PERIODS * period)
         curves = self._every and settles and (drawn is None or number - drawn >= apart)

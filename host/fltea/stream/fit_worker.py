@@ -1,4 +1,4 @@
-"""Make the refits of all axes of all devices of a program in one thread, while samples are taken."""
+"""Make the refits of all axes of all devices of a program in one thread, while samples are processed."""
 
 import threading
 from collections.abc import Callable
@@ -9,7 +9,9 @@ T = TypeVar("T")
 
 
 class FitWorker:
-    """Makes the refits of all devices of a program: here, in the thread that asks for the result.
+    """Makes the refits of all devices of a program.
+
+    This class does so in the thread that asks for the result; `FitThread` uses another thread.
 
     `devices`: number of devices. `slower`: factor by which the time between refits is longer than usual,
     since the processor does not keep up. The code that runs many devices changes both.
@@ -19,7 +21,10 @@ class FitWorker:
         self.devices, self.slower = devices, slower
 
     def begin(self, work: Callable[[], T]) -> Callable[[], T]:
-        """Begin `work`; the returned function gives its result, or raises the exception that it raised."""
+        """Begin `work`.
+
+        The returned function returns the result of `work`, or raises the exception of `work`.
+        """
         return _Work(work).result
 
 
@@ -51,7 +56,8 @@ class _Work:
 class FitThread(FitWorker):
     """Does all tasks in one separate thread, in the order in which they were queued, until `close`.
 
-    A caller that waits for a task that has not started does the task itself, so a replay uses two cores.
+    A caller that needs the result of a task that has not started does the task itself, so a replay uses two
+    cores.
     """
 
     def __init__(self, devices: int = 1) -> None:
@@ -71,7 +77,7 @@ class FitThread(FitWorker):
         return part.result
 
     def close(self, timeout_s: float | None) -> bool:
-        """Start no more work; return False if the work being done does not end within `timeout_s`."""
+        """Start no more work; return False if the task that is running does not end within `timeout_s`."""
         with self._lock:
             self._closed = True
             if self._thread.ident is None:

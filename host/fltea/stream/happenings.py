@@ -1,6 +1,6 @@
 """Make records of steps of the bias and of motion.
 
-A step or a motion is detected some samples after it has begun. Its record follows the sample at which it is
+A step or a motion is detected some samples after it began. Its record follows the sample at which it is
 detected, and states the time at which it began.
 """
 
@@ -13,7 +13,7 @@ from fltea.records.records import Motion, Step
 from fltea.stream.epoch import Moment
 
 BY = {BY_ACCEL: "accel", BY_CALLER: "caller"}
-"""Names of what detected motion, for a detector that is no axis of the sensor itself."""
+"""What a record calls the detector of motion, if the detector is not an axis of the sensor itself."""
 
 
 def record_of(
@@ -21,8 +21,8 @@ def record_of(
 ) -> Step | Motion:
     """Return the record of an event. `moment`: sample that shows the event. `h`: sampling period [s].
 
-    The time of an earlier sample is computed from the sampling rate, so it does not depend on the blocks in
-    which samples arrive.
+    The time at which the event began is computed from the sampling rate, so it does not depend on the blocks
+    in which samples arrive.
     """
     before = max(event.ago - 1, 0)
     place = (
@@ -50,7 +50,7 @@ def record_of(
 def left_out(moving: Mask, events: Sequence[TrackerEvent]) -> Mask:
     """Return the mask (n, axes) of samples that the noise spectrum leaves out: in motion, or at a step.
 
-    A sample that is left out divides the record into two pieces, so no piece of the spectrum contains a step.
+    A sample that is left out divides the record into two pieces, so that no piece contains a step.
     """
     steps = [event for event in events if event.kind == EventKind.STEP]
     if not steps:

@@ -1,9 +1,9 @@
-"""Fit a noise model to each sensor's axes while samples come, and publish each fit as a record `fit`.
+"""Fit a noise model to each sensor's axes while samples arrive, and publish each fit as a record `fit`.
 
 The spectrum is kept as sums over pieces of the record, as long as the sensor stays the same. A gap of any
-length, a restart of the board or of its sensor, and the time between two runs (`--state`) end a piece. They
-do not lose the sums. Another device, scale, filter, rate or set of axes begins new sums. So the samples of
-one fit may span several epochs, while FLTEA's filters begin anew with each epoch.
+length, a restart of the board or of its sensor, and the time between two runs (`--state`) end a piece, but
+the sums are kept. Another device, scale, filter, rate or set of axes begins new sums. So the samples of one
+fit may span several epochs, while FLTEA's filters begin anew with each epoch.
 
 A refit takes milliseconds, and no sample waits for it: it works on a copy of the sums, in the fit worker's
 thread, and takes effect at a sample that is chosen when the refit begins. If the refit is not done by then,
@@ -33,12 +33,12 @@ from fltea.stream.tracked_models import TrackedModel, TrackedModelMaker
 NO_VERDICT = ("too few samples",)
 """Verdicts of a fit that say nothing about the noise, so no estimate uses such a fit."""
 REFILTERED = 32
-"""Number of samples before a refit takes effect at which the fit worker filters all remembered samples with
-the new noise model. The device stream then has to filter only these last samples (about 5 µs per axis), and
-the test for steps covers as many past samples as without a refit.
+"""This many samples before a refit takes effect, the fit worker filters all remembered samples with the new
+noise model. The device stream then has to filter only this many samples itself (about 5 µs per axis), and the
+test for steps covers as many past samples as without a refit.
 """
 BREAK = 9
-"""Smallest number of lost samples that is counted at a break, since the true number may be unknown."""
+"""At a break, at least this many samples count as lost, since the true number may be unknown."""
 
 
 class AcceptedFit(NamedTuple):
@@ -71,7 +71,7 @@ class Tracks(Protocol):
     """A tracker of the biases of one sensor's axes."""
 
     def maker(self, axis: str) -> TrackedModelMaker:
-        """Return the learner that makes a tracker model from an axis's samples until now."""
+        """Return an object that makes a tracker model from an axis's samples until now."""
 
     def remembered(self, axis: str) -> Remembered:
         """Return the samples of an axis that the tracker remembers."""
@@ -84,7 +84,9 @@ class _Begun(NamedTuple):
     samples: int
     refit: Refit
     refits: dict[str, Callable[[], tuple[AxisFit, AcceptedFit]]]
-    """For each axis, a function that returns the axis's fit, and the accepted fit after this refit."""
+    """For each axis, a function that returns the fit of the axis, and the accepted fit that follows from
+    it.
+    """
     refilters: int
     """Number of the sample after which the fit worker filters the remembered samples with the new models."""
     refiltered: tuple[Callable[[], None], ...] = ()
@@ -94,12 +96,11 @@ class _Begun(NamedTuple):
 class LiveFits:
     """Fits the axes of both sensors, whether this computer or the board estimates.
 
-    The next HELLO decides whether the spectral sums are kept: they are kept for the same sensor.
+    The spectral sums are kept as long as each HELLO describes the same sensor.
 
-    `prompt`: the samples come at their own pace, as from a device, not as fast as a file can be read.
-    `watched`: an output shows the fits, so fits that no estimate uses are made as well.
-    `fit_worker`: makes the refits of all devices of this program.
-    `number`: index of this device among the devices of the program, from 0.
+    `prompt`: samples arrive at the pace of a device, not as fast as a file can be read. `watched`: an output
+    shows the fits, so that fits that no estimate uses are made as well. `fit_worker`: makes the refits of all
+    devices of this program. `number`: index of this device among the devices of the program, from 0.
     """
 
     def __init__(
@@ -156,7 +157,8 @@ class LiveFits:
         period = self._period()
         self._times.begin(period)
         self._before_first = seq - 1 + turn(self._fit_worker, self._number, period)
-        if self._begun is not None:  # a refit of the previous epoch takes effect at the first sample
+        # a refit that began in the previous epoch takes effect at the first sample of this one
+        if self._begun is not None:
             self._begun = self._begun._replace(refit=self._begun.refit._replace(counts=1))
 
     def bridge(self, count: int) -> None:
@@ -207,7 +209,7 @@ class LiveFits:
             self._drawn_samples = samples
 
     def _refilter(self, number: int, tracks: Callable[[str], Tracks]) -> None:
-        """Let the fit worker filter the remembered samples, if `number` is the sample for that."""
+        """Let the fit worker filter the remembered samples, if this is due at sample `number`."""
         if self._begun is None or number < self._begun.refilters:
             return
         begun, to_come = self._begun, self._begun.refit.counts - number
@@ -224,7 +226,8 @@ class LiveFits:
         begun, self._begun = self._begun, None
         if begun is None:
             return
-        # Ask for the last axis's fit first, since the worker's thread begins with the first axis.
+        # The fit of the last axis is asked for first, since the thread of the fit worker begins with the
+        # first axis.
         refitted = {axis: begun.refits[axis]() for axis in reversed(begun.refits)}
         for wait in reversed(begun.refiltered):
             wait()
@@ -235,8 +238,8 @@ class LiveFits:
     def last(self, moment: Moment | None) -> Iterator[Fit]:
         """Yield a fit of all samples with its curves at the end, unless that fit has just been published.
 
-        For a recording it is the only fit that is used, so it agrees with the fit by `fltea identify`.
-        `moment`: number and times of the last sample; None if there was no sample.
+        For a recording only this fit counts, and it agrees with that of `fltea identify`. `moment`: number
+        and times of the last sample; None if there was no sample.
         """
         yield from self.counted()
         if not self._sums or moment in (None, self._last):
@@ -300,7 +303,7 @@ def _refiltered(
 
 
 def accepted_by(fits: LiveFits | None) -> Callable[[str], AcceptedFit]:
-    """Return the function that gives the accepted fit of an axis; without `fits` it gives `NO_FIT`."""
+    """Return a function that returns the accepted fit of an axis; without `fits` it returns `NO_FIT`."""
     return (lambda axis: NO_FIT) if fits is None else fits.accepted
 
 

@@ -1,8 +1,9 @@
-"""Turn the events of one device's source into records and blocks: the device stream.
+"""Convert the events of one device's source into records and blocks: the device stream.
 
-A source gives events. The native device (`fltea.stream.decode`) processes the samples. It stops where more
-than an estimate is needed; `HANDLERS` holds the method for each kind of stop. All results go to the outputs,
-in order. The results do not depend on how samples were grouped into blocks, nor on how the bytes were read.
+A source yields events. The native device (`fltea.stream.decode`) processes the samples. It stops where Python
+has to act, such as at a gap; `HANDLERS` names the method for each kind of stop. All results go to the
+outputs, in order. The results do not depend on how samples were grouped into blocks, nor on how the bytes
+were read.
 
 Statistics are published at the first event of each new second, and count the events before it. With many
 devices, the second of each device begins at another time (`fit_times.turn`), so that no sample waits for the
@@ -49,15 +50,16 @@ Output = AnyRecord | Block
 
 
 class Pipeline:
-    """Turns the events of one source into records and blocks, in order.
+    """Converts the events of one source into records and blocks, in order.
 
-    `outputs`: returns the counts of the outputs, for the record `stats`. These counts are published only for
-    live sources: for a file they would only show how fast this machine is. `state`: a snapshot of an earlier
-    run. `refuse`: called if the snapshot is not valid. `fit_worker`: makes the live fits of all devices of
-    this program. `number`: index of this device among the devices of the program, from 0. `stats_s`:
-    seconds between two statistics; the devices publish them at different times. `watched`: an output takes
-    every result. Without such an output, only the last statistics and the records on which other results
-    depend are made.
+    `outputs`: a function that returns the counts of the outputs, for the record `stats`. These counts are
+    published only for live sources: for a file they would only show how fast this machine is. `state`: a
+    snapshot of an earlier run. `refuse`: a function that is called if the snapshot is not valid.
+    `fit_worker`: makes the live fits of all devices of this program. `number`: index of this device among the
+    devices of the program, from
+    0. `stats_s`: seconds between two statistics; the devices publish them at different times. `watched`: an
+    output receives every result. Otherwise only the last statistics, and the records on which other results
+    depend, are made.
     """
 
     def __init__(
@@ -97,7 +99,9 @@ class Pipeline:
         self._offset_ns = self._source_offset_ns = source.unix_offset_ns
 
     def feed(self, event: Event) -> Iterator[Output]:
-        """Yield the results of one event. The caller takes all of them before it feeds the next event.
+        """Yield the results of one event.
+
+        The caller has to consume all of them before it feeds the next event.
 
         Raises:
             UsageError: a fixed bias or R does not fit the axes.
@@ -123,7 +127,7 @@ class Pipeline:
             if stop in HANDLERS:
                 now_ns = int(raw.host_ns[row]) if stop in BEFORE_SAMPLE else self._now_ns
                 yield from self.stopped(stop, now_ns, details)
-        self._now_ns = int(raw.host_ns[-1])  # also if the last samples are not used
+        self._now_ns = int(raw.host_ns[-1])  # this is noted even if the last samples are not used
 
     def took(self, rows: Rows, host_ns: Ints) -> Iterator[Output]:
         """Yield the samples that the native device has processed, with the results.
@@ -152,7 +156,7 @@ class Pipeline:
         return self._on_time(self._now_ns)
 
     def _on_gap(self, details: Any) -> Iterator[Output]:
-        """Report that samples are missing before the next sample, and which axes became invalid meanwhile."""
+        """Report that samples are missing before the next one, and which axes became invalid by that."""
         missing, seq, unix_ns, lost = details
         yield Gap(seq - missing, missing, self._decoder.epoch, unix_ns, device=self._config.name)
         for number, losses in enumerate(lost):
@@ -204,7 +208,8 @@ class Pipeline:
         found = list(self._fits.counted())
         self._sensors.go_by_fits(self._device)
         self._set_fit_times()
-        yield from found  # last, since an output that prints needs the values of the next samples
+        # these come last, since an output that prints them needs the values of the next samples
+        yield from found
 
     def _on_fit_due(self, details: None) -> Iterator[Output]:
         """Begin a refit with the samples until now, in the fit worker."""
@@ -229,7 +234,7 @@ class Pipeline:
                 yield self._error(*explain_lost(axis, why))
 
     def _on_time(self, host_ns: int | None) -> Iterator[Output]:
-        """Publish the statistics of a second before the first event of the next second."""
+        """Publish the statistics of a second before the first event of the next second is processed."""
         if host_ns is not None:
             self._now_ns = host_ns
         self._note_offset()
@@ -275,7 +280,8 @@ class Pipeline:
         if hello is None or not saved or self._device.moment is None:
             return None
         sequence, device_us, host_ns, *_ = self._device.newest
-        unix_ns = host_ns + self._source.unix_offset_ns  # not the epoch's offset: the date may be set later
+        # not the offset at the begin of the epoch, since the date may have been set later
+        unix_ns = host_ns + self._source.unix_offset_ns
         last = None if self._boot_id is None else LastSample(self._boot_id, sequence, device_us)
         return DeviceState(sensor=sensor_of(hello, self._config), unix_ns=unix_ns, last=last, **saved)
 
@@ -291,7 +297,7 @@ class Pipeline:
 
     @property
     def has_board(self) -> bool:
-        """Whether the samples come from a board that estimates: then Python handles each sample."""
+        """Whether the samples come from a board that estimates. If so, Python handles each sample."""
         return self._board is not None
 
     @property
@@ -401,7 +407,10 @@ class Pipeline:
         self._decoder.begin(sensors)
 
     def _forget(self) -> None:
-        """Ignore what the board still states about earlier samples: the board or sensor may differ now."""
+        """Ignore estimates and fits of the board for earlier samples.
+
+        Another board or sensor may be connected now.
+        """
         if self._board is not None:
             self._board.forget()
 
@@ -422,7 +431,7 @@ HANDLERS: dict[Stop, Callable[[Pipeline, Any], Iterator[Output]]] = {
     Stop.FIT_DUE: Pipeline._on_fit_due,
     Stop.RATE_DIFFERS: Pipeline._on_rate_differs,
 }
-"""Method that handles each kind of stop of the native device; `END` and `MORE` need none."""
+"""The method that handles each kind of stop of the native device. `END` and `MORE` need no method."""
 
 BEFORE_SAMPLE = {stop for stop in Stop if stands_before_sample(stop)}
-"""Stops before the next sample; all other stops come after the last sample."""
+"""Kinds of stops that come before the next sample. All other stops come after the last sample."""

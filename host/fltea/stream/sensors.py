@@ -21,7 +21,10 @@ from fltea.stream.tracking import SensorTracks
 
 
 class Sensor(NamedTuple):
-    """One sensor. `sums`: spectral sums, None if nothing is fitted. `channels`: filters, None if unused."""
+    """One sensor of a device.
+
+    `sums`: spectral sums; None if nothing is fitted. `channels`: FLTEA's filters; None if they do not run.
+    """
 
     kind: SensorKind
     tracks: SensorTracks
@@ -138,7 +141,10 @@ class Sensors:
         return [] if channels is None else channels.losses(losses)
 
     def happened(self, number: int, event: Any, moment: Moment) -> Step | Motion:
-        """Return the record of a sensor's event at the sample `moment`. `event`: an item for `events_of`."""
+        """Return the record of a step or motion of a sensor, shown by the sample `moment`.
+
+        `event`: an item for `events_of`.
+        """
         tracks = self._all[number].tracks
         (found,) = events_of([event])
         return record_of(found, moment, tracks.names, tracks.unit, tracks.h, self._config.name)

@@ -3,8 +3,9 @@
 A snapshot is used for the same device with the same sensor and settings, if it is not older than `max_age_s`.
 Then bias, R, and the filters with their memory continue. The time since the snapshot is bridged like a gap,
 by prediction alone, for at most the length of the memory. The spectral sums of the live fit continue as well,
-with a break for that time. The first epoch has the reason `resumed`. A reset of the board since the snapshot
-does not matter, since the sensor's noise stays the same. (Opening the port of a Due resets it.)
+with a break for that time. The record of the first epoch gives `resumed` as the reason. A reset of the board
+since the snapshot does not matter, since the sensor's noise stays the same. (Opening the port of a Due resets
+it.)
 """
 
 import msgspec
@@ -17,7 +18,7 @@ from fltea.settings.config import Config
 from fltea.stream.epoch import Saved
 
 LONGEST_WRAP_S = 30 * 60.0
-"""Longest time over which wraps of the device's time (every 71.6 minutes) can be counted [s]."""
+"""Longest time over which wraps of the device's clock (every 71.6 minutes) can be counted [s]."""
 
 
 class LastSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,8 +45,8 @@ class DeviceState(Saved, frozen=True, forbid_unknown_fields=True, kw_only=True):
 def missing_since(state: DeviceState, hello: Hello, sequence: int, device_us: int, age_s: float) -> int:
     """Return the number of samples between a snapshot and the device's present sample, `age_s` later.
 
-    The number of missing samples is the difference of the samples' numbers, if the device has not booted
-    since and its clock agrees. Otherwise it is computed from `age_s`, the age of the snapshot [s].
+    It is the difference of the samples' numbers, if the device has not booted since the snapshot and its
+    clock agrees. Otherwise it is computed from `age_s`, the age of the snapshot [s].
     """
     known = missing_by_number(state, hello, sequence, device_us, age_s)
     return max(0, round(age_s * hello.rate_hz) - 1) if known is None else known

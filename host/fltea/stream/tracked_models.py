@@ -1,7 +1,7 @@
-"""Make the model that an axis's tracker uses, from a live fit, in the thread that makes the fit.
+"""Make the model for the tracker of an axis from a live fit, in the thread that makes the fit.
 
-The model is made with the samples that the tracker remembered when the refit began. So samples that come
-while it is made do not wait, and the result does not depend on the time that this takes.
+The model is made with the samples that the tracker remembered when the refit began. So later samples do not
+wait for it, and the result does not depend on the time that this takes.
 """
 
 from typing import NamedTuple
@@ -21,8 +21,8 @@ from fltea.spectrum.live_axes import Noise
 from fltea.spectrum.wording import names
 
 ENOUGH = 3000
-"""Least number of samples of a fit that replaces the bank of random walks: a shorter fit shows too little of
-slow noise.
+"""Least number of samples of a fit that replaces the tracker's bank of random walks. A fit of fewer samples
+shows too little of slow noise.
 """
 FEWEST, LIKELIER = 300, 30.0
 """A fit of at least `FEWEST` samples replaces the bank of random walks early if its 2 log L is higher than
@@ -30,12 +30,12 @@ the bank's by `LIKELIER`.
 """
 AHEAD_S = 1, 10, 60, 600, 3600
 GROWTH, APART = 1.5, 0.5
-"""A filter is made again if the record has grown by the factor `GROWTH`, or if the log likelihood of the new
-noise model is higher by `APART`.
+"""A new filter replaces the present one if the record has grown by the factor `GROWTH`, or if the new noise
+model fits better by `APART` in log likelihood.
 """
 EVERY = 2
-"""Only one in `EVERY` values of the variance of the offset's walk is tried. The bias is as accurate as with
-all values, in a fifth of the time.
+"""Only one in `EVERY` of the step variances of the offset's walk is tried. The bias is as accurate as if all
+were tried, in a fifth of the time.
 """
 DIGITS = 3
 """Number of significant digits of a fit's figures that are used, since the last digits may differ between a
@@ -56,7 +56,7 @@ class TrackedModel(NamedTuple):
     K: Interval
     """Rate random walk K of the offset, as `OffsetWalk.K` gives it."""
     at_rest: Array
-    """Covariance (n, n) of the system's state x after a rest of the fitted record's length."""
+    """Covariance (n, n) of the state x of `system` after a rest as long as the fitted record."""
     h: float
     headings: dict[int, float]
     """Standard deviation of the heading error for each number of seconds since the rest; empty for a sensor
@@ -64,7 +64,7 @@ class TrackedModel(NamedTuple):
     """
 
     def heading_std(self, t_s: float) -> float:
-        """Return the standard deviation of the sensor's integral, `t_s` seconds after the rest."""
+        """Return the standard deviation of the integral of the samples, `t_s` seconds after the rest."""
         return heading_std(self.system, self.at_rest, self.h, t_s)
 
 
@@ -102,7 +102,8 @@ class TrackedModelMaker(NamedTuple):
             tracker_model = TrackerModel(self.rules, *rivals)
             P = rested(found, n)
             stds = heading_stds(found, P, self.h, AHEAD_S) if self.unit == GYRO_UNIT else ()
-        except (ValueError, ArithmeticError):  # at the edge of stationarity, the previous model stays in use
+        # the new model is at the edge of stationarity: the previous one stays in use
+        except (ValueError, ArithmeticError):
             return before
         model = names(map(type, noise.parts))
         headings = dict(zip(AHEAD_S, stds, strict=False))
@@ -111,7 +112,7 @@ class TrackedModelMaker(NamedTuple):
 
 
 def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
-    """Return whether `noise` is so near to `before` that the filter is not made again."""
+    """Return whether `noise` is so similar to `before` that the filter can stay."""
     if noise.samples > GROWTH * before.samples or noise.drifts != before.drifts:
         return False
     if [type(part) for part in noise.parts] != [type(part) for part in before.parts]:
@@ -121,6 +122,6 @@ def _says_the_same(noise: Noise, before: Noise, h: float) -> bool:
 
 def _rounded(part: Part) -> Part:
     figures = ((name, getattr(part, name)) for name in part.__struct_fields__)
-    # A figure that is a number of samples is an int, and stays one.
+    # A figure that is a number of samples is an integer and is not rounded.
     rounded = {name: x if isinstance(x, int) else float(f"{x:.{DIGITS}g}") for name, x in figures}
     return with_fields(part, **rounded)

@@ -39,7 +39,7 @@ def rules_of(live: LiveConfig, h: float, unit: str) -> TrackerRules:
         largest_gravity_step=live.largest_step_ms2,
         still=max(round(STILL_S / h), 1),
         patience=max(round(LONGEST_MOTION_S / h), 1),
-        settles=not is_gyro,  # an accelerometer that was turned is at rest afterwards
+        settles=not is_gyro,  # an accelerometer that was tilted has another value at rest
     )
 
 
@@ -58,11 +58,13 @@ class SensorTracks:
         self._bias_s = live.bias_s
         self.tracker = Tracker(self._offsets, rules_of(live, h, unit))
         self.words = self._words()
-        """For each axis, verdict, alpha and f, which stay the same in all records until the next fit."""
+        """For each axis, verdict, alpha and f. They stay the same in all records until the next fit."""
         self._tracked_models: dict[str, TrackedModel] = {}
 
     def run(self, values: Array, accel: Array | None = None, rest: Rest = Rest.UNKNOWN) -> TrackedColumns:
-        """Track samples (n, columns), and return the results; `events` then holds the steps and motions.
+        """Track samples (n, columns), and return the results.
+
+        Then `events` has the steps and motions among them.
 
         `accel`: simultaneous samples of the accelerometer, (n, 1 to 3) [m/s²].
         """
@@ -71,7 +73,7 @@ class SensorTracks:
 
     @property
     def events(self) -> list[TrackerEvent]:
-        """Steps and motions during the samples of the last call of `run`."""
+        """Steps and motions among the samples of the last call of `run`."""
         return self.tracker.events
 
     def columns(self, found: Sequence[Array | Mask]) -> TrackedColumns:
@@ -91,11 +93,14 @@ class SensorTracks:
         return accepted is self._known.get(axis)
 
     def skip(self, count: int) -> None:
-        """Predict over lost samples."""
+        """Predict over `count` lost samples."""
         self.tracker.skip(count)
 
     def maker(self, axis: str) -> TrackedModelMaker:
-        """Return the learner with the axis's samples until now, for `AcceptedFit.followed_by`."""
+        """Return an object that makes a tracker model from the axis's samples until now.
+
+        `AcceptedFit.followed_by` uses it.
+        """
         given = self._offsets[self.names.index(axis)] is not None
         return TrackedModelMaker(self.remembered(axis), self.tracker.rules, self.h, self.unit, given)
 
@@ -112,7 +117,8 @@ class SensorTracks:
         tracked_model = accepted.tracked_model
         if tracked_model is None or tracked_model is self._tracked_models.get(axis):
             return
-        with contextlib.suppress(ValueError):  # if no filter works with this model, the previous model stays
+        # if no filter works with this model, the previous model stays in use
+        with contextlib.suppress(ValueError):
             self.tracker.use_model(self.names.index(axis), tracked_model.tracker_model)
             self._tracked_models[axis] = tracked_model
 
@@ -160,7 +166,7 @@ class SensorTracks:
 
 
 def _checks(checked: Sequence[Checked]) -> dict[int, BiasCheck]:
-    """Return for each time of `CHECKED_S` how well the bias was predicted, if enough samples came."""
+    """Return, for each time in `CHECKED_S`, how well the bias was predicted, if there are enough samples."""
     found = zip(CHECKED_S, checked, strict=True)
     return {t_s: BiasCheck(one.pieces, one.rms) for t_s, one in found if one.rms is not None}
 

@@ -1,4 +1,4 @@
-"""Decide which results of the live fit the FLTEA filter of an axis uses, and when."""
+"""Decide which results of the live fit the FLTEA filter of an axis uses, and when it takes them over."""
 
 from typing import NamedTuple
 
@@ -10,13 +10,13 @@ from fltea.settings.estimator import LARGEST
 from fltea.settings.live import TUNED_WITHIN
 
 STEP = 0.1
-"""A figure that has changed by less than this fraction of its confidence interval counts as unchanged."""
+"""A figure counts as unchanged if it has changed by less than this share of its confidence interval."""
 LEAST_R = 1e-3
-"""Smallest R as a fraction of s2: data cannot distinguish a smaller R from 0, and a filter needs R > 0."""
+"""Smallest R, as a share of s2. The data cannot distinguish a smaller R from 0, and a filter needs R > 0."""
 
 
 class HandedOver(NamedTuple):
-    """Results of one fit that a filter takes together, since each is true only with the others."""
+    """Results of one fit that a filter has to use together, since each is right only with the others."""
 
     variances: Variances
     filter_model: FilterModel
@@ -26,10 +26,10 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
     """Return s2, R and the order of a fit, rounded to three digits; None if the order is not known.
 
     s2 and R may each be uncertain by a factor of ten although α is known, since more white noise with a
-    smaller state has nearly the same spectrum. So α and f are used only with s2 and R of the same fit. None
-    is also returned if the noise passed a low-pass or high-pass filter, since Q and R do not describe that,
-    and if the filters do not accept the order. `in_use`: the variances handed over before, if any; None is
-    returned if both are unchanged.
+    smaller state has nearly the same spectrum. So α and f are used only with s2 and R of the same fit. The
+    result is also None in three other cases: if the noise passed a low-pass or high-pass filter, which Q and
+    R do not describe; if the filters do not accept the order; and if both variances are unchanged. `in_use`:
+    the variances that the filter got before, if any.
     """
     s2, R = fit.s2.value, fit.R.value
     filter_model = _filter_model(fit)
@@ -45,7 +45,8 @@ def handed_over(fit: AxisFit, in_use: Variances | None) -> HandedOver | None:
 def _filter_model(fit: AxisFit) -> FilterModel | None:
     alpha, F, f = _with_std(fit.alpha), _with_std(fit.F), _with_std(fit.f)
     if fit.low_pass is not None or fit.high_pass is not None or alpha is None or F is None or f is None:
-        return None  # a filter precedes the samples: the figures describe its input, not the samples
+        # the samples passed a filter: the figures describe the input of that filter, not the samples
+        return None
     filter_model = FilterModel(*alpha, *F, *f)
     return (
         filter_model if filter_model.is_sound and NORMAL_95 * filter_model.alpha_std <= TUNED_WITHIN else None
@@ -53,7 +54,10 @@ def _filter_model(fit: AxisFit) -> FilterModel | None:
 
 
 def _with_std(p: Interval) -> tuple[float, float] | None:
-    """Return a figure and its standard deviation, from its interval's wider side; None if an end is open."""
+    """Return a figure and its standard deviation, from the wider side of its interval.
+
+    None if an end is missing.
+    """
     if p.value is None or p.low is None or p.high is None:
         return None
     return _rounded(p.value), _rounded(max(p.high - p.value, p.value - p.low) / NORMAL_95)

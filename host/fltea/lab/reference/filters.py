@@ -1,10 +1,8 @@
 """Estimate state, order and parameters of a fractional system sample by sample: reference FLTEA in numpy.
 
-The equations are those of Macias & Sierociuk 2023, section 5, with one function for each filter. The code
-prefers
-plainness to speed, and faster implementations are compared with it. There are N states, d inputs, p outputs
-and
-n_w parameters:
+The equations are those of Macias & Sierociuk 2023, section 5, with one function for each filter. The code is
+plain rather than fast, and faster implementations are compared with it. There are N states, d inputs, p
+outputs and n_w parameters:
 
     x_{k+1} = h^α_{k+1} (A(w) x_k + B u_k) - sum_{j=1}^{L(k+1)} c_j(α_{k+1}) x_{k+1-j} + noise of variance Q
     y_k     = C x_k + noise of variance R
@@ -14,10 +12,8 @@ s
 and A in s^-α; a stable scalar system has A < 0. With y in deg/s, x is in deg/s as well.
 
 One step runs KFo (order), KFw (parameters) and KFx (state), in this order. KFw uses the new order; KFx uses
-the
-new order and the *old* parameters. Where the printed indices contradict each other, this is the reading
-chosen
-here. The covariance sums of KFo and KFw start at i = 0, as is usual (printed: i = 1).
+the new order and the *old* parameters. Where the printed indices contradict each other, this is the
+interpretation chosen here. The covariance sums of KFo and KFw start at i = 0, as is usual (printed: i = 1).
 
 The printed algorithm can diverge. Then results are not finite and `Step.finite` is False; nothing is raised.
 """
@@ -36,15 +32,18 @@ from fltea.records.arrays import Array
 
 __all__ = ["Array", "Fltea", "OrderSettings", "ParameterSettings", "StateSettings", "Step", "System"]
 
-# Constants of the unscented transformation (section 5.1): SPREAD is the width of the points, and GAUSSIAN the
-# prior knowledge of the distribution (2 for Gaussian). kappa = 3 - n makes n + lambda = 3 for every dimension
-# n.
+# Constants of the unscented transformation (section 5.1): SPREAD is the width of the sigma points, and
+# GAUSSIAN the prior knowledge of the distribution (2 for a Gaussian one). kappa = 3 - n makes n + lambda = 3
+# for every dimension n.
 SPREAD = 1.0
 GAUSSIAN = 2.0
 
 
 class FilterModel(NamedTuple):
-    """Estimate of a quantity that walks randomly: KFo's order (n = 1) or KFw's parameters (n = n_w)."""
+    """Estimate of a quantity that is modelled as a random walk.
+
+    It is the order in KFo (n = 1), or the parameters in KFw (n = n_w).
+    """
 
     mean: Array
     """Estimate, (n,)."""
@@ -55,7 +54,7 @@ class FilterModel(NamedTuple):
 
 
 class Step(NamedTuple):
-    """All estimates after one sample; arrays are new at every step."""
+    """All estimates after one sample. The arrays are not changed by later steps."""
 
     x: Array
     """Posterior state, (N,)."""
@@ -88,7 +87,10 @@ class Difference(NamedTuple):
 
 
 def difference(order: np.float64, h: float, states: Array) -> Difference:
-    """Weight past states (L(k), N), the newest first, by `order`; `h`: sampling period [s] (section 4)."""
+    """Weight past states (L(k), N), the newest first, for the order `order` (section 4).
+
+    `h`: sampling period [s].
+    """
     c = weights(order, len(states))
     return Difference(order, np.power(h, order), c, c[1:] @ states)
 
@@ -138,7 +140,7 @@ def predict_state(A: Array, rate: Array, at: Difference, covariances: Array, Q: 
     L, N, _ = covariances.shape
     x = at.gain * rate - at.past
     F = at.gain * A + at.order * np.eye(N)
-    # F contains j = 1 of the history together with A; the rest of the past adds sum_{j=2}^{L(k)} c_j²
+    # F contains A and the term j = 1 of the history. The terms from j = 2 on add sum_{j=2}^{L(k)} c_j²
     # P_{k-j}.
     V = ((at.c[2:] * at.c[2:]) @ covariances[1:].reshape(L - 1, N * N)).reshape(N, N)
     P = F @ covariances[0] @ F.T + Q + V
@@ -176,7 +178,7 @@ def unscented_update(
     Pyy = dy.T @ weighted + R
     K = kalman_gain(dx.T @ weighted, Pyy)
     correction = K @ (y - y_mean)
-    # This equals the printed P̃ - K Pyy K', since the weighted dx dx' add up to P̃, but rounding cannot make
+    # This equals the printed P̃ - K Pyy K', since the weighted sum of dx dx' is P̃. But rounding cannot make
     # it negative.
     left = dx - dy @ K.T
     return FilterModel(
@@ -210,7 +212,7 @@ def kalman_gain(Pxy: Array, Pyy: Array) -> Array:
     if Pyy.shape == (1, 1):
         return Pxy / Pyy
     try:
-        # The transposed equation, since Pyy is symmetric: Pyy K' = Pxy'.
+        # The transposed equation is solved, since Pyy is symmetric: Pyy K' = Pxy'.
         return np.asarray(np.linalg.solve(Pyy, Pxy.T).T, dtype=np.float64)
     except np.linalg.LinAlgError:
         return np.full_like(Pxy, np.nan)
@@ -219,7 +221,7 @@ def kalman_gain(Pxy: Array, Pyy: Array) -> Array:
 def cholesky(P: Array) -> Array:
     """Return the lower triangular root of P (n, n); NaN if P is indefinite or not finite.
 
-    Unlike LAPACK's routine, this one takes semidefinite matrices, since P = 0 holds a parameter fixed.
+    Unlike LAPACK's routine, this one accepts semidefinite matrices, since P = 0 holds a parameter fixed.
     """
     n = len(P)
     root = np.zeros_like(P)
@@ -236,7 +238,10 @@ def cholesky(P: Array) -> Array:
 
 
 def symmetric(P: Array) -> Array:
-    """Return the symmetric part of P; otherwise rounding destroys the symmetry over thousands of steps."""
+    """Return the symmetric part of P.
+
+    Without this, rounding would destroy the symmetry over thousands of steps.
+    """
     return P if P.shape == (1, 1) else (P + P.T) / 2
 
 
@@ -279,7 +284,7 @@ class Fltea:
         self._remember(x0, covariance("state P0", state.P0, len(x0)))
 
     def step(self, y: ArrayLike | None, u: ArrayLike | None = None) -> Step:
-        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it; None is a zero input.
+        """Process the measurement y_k (p,) and the input u_{k-1} (d,) before it; `u` = None is an input of 0.
 
         Without a measurement (y is None) this is `predict`. Wrong shapes and numbers that are not finite
         raise ValueError
@@ -312,7 +317,7 @@ class Fltea:
             return self._finish(*state_filter(*predicted, measured, self.system.C, self._R))
 
     def retune(self, Q: ArrayLike, R: ArrayLike) -> None:
-        """Change the variances of state noise and measurement in all three filters; the memory stays."""
+        """Change the variances of state noise and measurement in all three filters; the memory is kept."""
         p = len(self.system.C)
         self._Q = covariance("state Q", Q, len(self._Q))
         self._R = self._order_R = self._parameter_R = covariance("R", R, p, definite=True)
@@ -321,14 +326,11 @@ class Fltea:
         """Advance by a sample whose measurement is missing; `u` as in `step`.
 
         The state moves on by the model alone and enters the memory with its predicted covariance, so that the
-        history
-        keeps one entry for each sample time. This is the fractional Kalman filter over a lossy link (the
-        paper's
-        references 18 and 20). The filters of order and parameters stand still, since their Q is adapted to
-        the corrections
-        by measurements: it is the step of a walk for each measurement, not for each sample time. (If their
-        covariances
-        grew in a gap, a loss of 20 % of the samples would move α on white noise from 0.39 to 0.60.)
+        history keeps one entry for each sample time. This is the fractional Kalman filter over a lossy link
+        (the paper's references 18 and 20). The filters of order and parameters do not advance, since their Q
+        is adapted to the corrections by measurements: it is the step variance for each measurement, not for
+        each sample time. (If their covariances grew in a gap, a loss of 20 % of the samples would move α on
+        white noise from 0.39 to 0.60.)
         """
         drive = self._drive(u)
         with np.errstate(all="ignore"):

@@ -1,8 +1,7 @@
 """Configure the reference estimator: the system, and the settings of its three filters.
 
-Macias & Sierociuk 2023 gives their meaning in section 5, and values in 6.1 and 7.1. A covariance may be given
-as
-a number, which stands for that number times the identity.
+Macias & Sierociuk 2023 gives the meaning of the settings in section 5, and their values in 6.1 and 7.1. A
+covariance may be given as a number, which stands for that number times the identity.
 """
 
 import math
@@ -20,7 +19,9 @@ class System:
     """The system D^α x_{k+1} = A(w) x_k + B u_k, y_k = C x_k, with sampling period h."""
 
     A: Callable[[Array], Array]
-    """Map parameters (n_w,) to the matrix (N, N) in s^-α; must not raise, even for infinite parameters."""
+    """A function that maps parameters (n_w,) to the matrix (N, N) in s^-α. It must not raise, even for
+    infinite parameters.
+    """
     B: Array | None
     """Input matrix, (N, d); None without input."""
     C: Array
@@ -52,8 +53,8 @@ class System:
 class OrderSettings:
     """Settings of KFo, section 5.1: initial order and variance, process noise, forgetting, measurement noise.
 
-    All except R (p, p) are plain numbers; R is in the square of y's unit. P0 = Q0 = 0 holds the order at
-    alpha0.
+    All except R (p, p) are plain numbers. R is in the square of the unit of y. P0 = Q0 = 0 keeps the order
+    fixed at alpha0.
     """
 
     P0: float

@@ -20,20 +20,20 @@ from fltea.records.arrays import Array
 
 AS_PRINTED = {3: 2, 4: 3}
 EXCHANGED = {3: 3, 4: 2}
-"""For each table, the example that its numbers would belong to."""
+"""For each table, the example to which its numbers belong if the tables are exchanged."""
 
 SHORT = 2000
 JUDGED = ("state", "parameter")
 FEWEST_SEEDS = 400
-"""Least number of seeds; with fewer, a percentile of 0 or 100 is no evidence.
+"""Least number of seeds. With fewer seeds, a percentile of 0 or 100 is no evidence.
 
-The 95 % limit for such a share is 3 divided by the number of seeds.
+If no seed reaches a number, the 95 % limit for the share of such seeds is 3 divided by the number of seeds.
 """
 TAIL_PERCENT = 0.5
-"""A number does not fit if fewer per cent of the seeds than this lie beyond it on its side."""
+"""A printed number does not fit an example if less than this percentage of the seeds lies beyond it."""
 
 Results = Mapping[int, Mapping[int, Outcome]]
-"""For each example and length L, the outcome over the seeds; both lengths of the tables have to be there."""
+"""For each example and length L, the outcome over the seeds. The lengths 4,000 and 2,000 are needed."""
 
 
 class Place(NamedTuple):
@@ -47,7 +47,7 @@ class Place(NamedTuple):
 
     @property
     def tail(self) -> float:
-        """Per cent of the seeds that lie beyond the number on its own side."""
+        """Percentage of the seeds beyond the number: those below it or those above it, whichever is less."""
         return min(self.percentile, 100 - self.percentile)
 
 
@@ -138,7 +138,7 @@ def _order_text(found: Row) -> str:
 
 
 def zero_order_error() -> float:
-    """Return the order's squared error in examples 2 and 3 for an estimate of 0 throughout."""
+    """Return the squared error of the order in examples 2 and 3 if the estimate were 0 all the time."""
     return float(np.sum((0.2 + 0.1 * paper.H * np.arange(1, paper.SAMPLES + 1)) ** 2))
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 QUANTITIES = ("state", "order", "parameter")
-"""Sequence of the paper's figures for each example and axis."""
+"""The quantities of the paper's figures for each example and axis, in their order."""
 
 # Wide pale lines are drawn first and narrow dark lines on top, so that all stay visible where lengths agree.
 # The longest length takes the first style, the shortest the last.
@@ -152,9 +152,10 @@ def _panel(
     """Draw a whole run with a legend, or a part of the run without."""
     styles = [*STYLES[: len(curves) - 1], STYLES[-1]]
     shown = part or slice(None)
-    if original is not None and measured:  # noise is drawn below the estimates, which it would hide
+    if original is not None and measured:  # noise is drawn first, since it would hide the estimates
         axes.plot(t[shown], original[shown], label="measured", color="#999999", linewidth=0.6)
-    slender = 0.4 if measured and part is None else 1.0  # thinner, as a whole run of noise is dense
+    # lines are thinner, since a whole run of noise is dense
+    slender = 0.4 if measured and part is None else 1.0
     for style, (name, values) in zip(styles, curves.items(), strict=True):
         width = slender * style["linewidth"]
         axes.plot(t[shown], _drawable(values[shown]), label=name, **{**style, "linewidth": width})
@@ -171,7 +172,10 @@ def _panel(
 
 
 def _limits(original: Array | None, curves: Mapping[str, Array]) -> tuple[float, float]:
-    """Return the range without the wildest 0.2 % at either end: a first jump must not flatten the rest."""
+    """Return the range of the values without the most extreme 0.2 % at either end.
+
+    Otherwise the jump at the beginning of a run would make the rest look flat.
+    """
     known = [] if original is None else [original]
     values = np.concatenate([*known, *(v[np.isfinite(v) & (np.abs(v) < 1e6)] for v in curves.values())])
     if not len(values):

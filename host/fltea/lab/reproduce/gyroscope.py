@@ -22,13 +22,13 @@ from fltea.sources.replay import ReplaySource
 from fltea.stream.decode import Decoded, Decoder
 
 ANY_GAP = 10**9
-"""Gap in samples that is accepted: the paper's filters know no gaps, so samples count as unbroken."""
+"""Longest gap, in samples, that is ignored: the paper's filters know no gaps."""
 
 Make = Callable[[Sequence[int]], Data]
 
 
 def white_noise() -> dict[str, Scenario]:
-    """Return the experiment of each axis on white noise with the paper's R; axes are independent."""
+    """Return the experiment of each axis on white noise with the paper's R. The axes are independent."""
     return {axis: _white_axis(number, axis, R) for number, (axis, R) in enumerate(paper.GYRO_R.items())}
 
 

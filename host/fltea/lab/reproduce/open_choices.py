@@ -19,19 +19,21 @@ from fltea.lab.reproduce.runs import Curves, Options, Outcome, estimate, outcome
 from fltea.lab.reproduce.scenarios import Data, SawTooth, Scenario, example
 
 NEAR = 1.5
-"""Factor within which an error of the order counts as near the printed error."""
+"""An error of the order counts as near the printed error if it differs by at most this factor."""
 WIDTH = 16
-"""Number of runs that a reading processes at once; few, so that the weights of their orders fit the cache."""
+"""Number of runs that are processed together in another interpretation. It is small, so that the weights of
+their orders fit the cache.
+"""
 
 
 AS_BUILT = Reading()
-"""The engine's reading of the algorithm."""
+"""The engine's interpretation of the printed algorithm."""
 CHOSEN_SAWTOOTH = SawTooth()
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One choice that the paper leaves open; all other choices are those of this project."""
+    """One way to make a choice that the paper leaves open. All other choices are those of this project."""
 
     name: str
     reading: Reading = AS_BUILT
@@ -51,7 +53,7 @@ class Choice:
         return replace(made, filters=replace(made.filters, config=config))
 
     def run(self, scenario: Scenario, data: Data, length: int, options: Options) -> Curves:
-        """Return the estimates of every run: by the engine, unless the reading differs from the engine's."""
+        """Return the estimates of every run. The engine makes them if its interpretation is asked for."""
         if self.reading == AS_BUILT:
             return estimate(scenario, data, length, options)
         return readings.run(scenario.filters, self.reading, data)
@@ -92,15 +94,15 @@ def compare(
 ) -> list[Row]:
     """Return one row for each choice.
 
-    `advance` receives the name of the choice and the number of runs that were just done.
+    `advance` is called with the name of the choice and the number of runs that were just finished.
 
     Keys:
         examples: result of `outcome_row` by example.
         percentiles: percentiles of the printed numbers at L = 4,000, for each table and each example it is
             compared
             with.
-        near_order: number of seeds whose error of the order is within a factor of NEAR of the printed one,
-            likewise.
+        near_order: number of seeds whose error of the order differs from the printed one by at most the
+        factor NEAR, for the same tables and examples.
     """
     return [_row(choice, seeds, samples, advance) for choice in choices]
 

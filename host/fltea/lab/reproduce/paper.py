@@ -1,8 +1,7 @@
 """Numbers printed in Macias & Sierociuk 2023 (Acta Mechanica et Automatica 17(2)).
 
-All errors are sums of squared errors (SSE) over a whole run: the state's in the square of its unit, the
-order's
-without unit, the parameter's in s^-2α.
+All errors are sums of squared errors (SSE) over a whole run. That of the state is in the square of its unit,
+that of the order has no unit, and that of the parameter is in s^-2α.
 """
 
 from typing import NamedTuple
@@ -47,7 +46,7 @@ TABLE_5 = {
 """For each axis, the SSE between the estimates at L = 3000 and at L = 1500."""
 
 GYRO_SETTLED = {"x": (0.3, -1.6), "y": (0.3, -1.5), "z": (0.3, -2.0)}
-"""For each axis, the final order and parameter of the estimates (section 7.2, from the text)."""
+"""For each axis, order and parameter at the end of the run, as the text of section 7.2 states them."""
 
 SAMPLES_PER_SECOND = SAMPLES / TABLE_1[4000]
 """The paper's speed at L = 4000: 17.3 samples per second."""

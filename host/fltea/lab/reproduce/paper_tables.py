@@ -1,9 +1,8 @@
 """Arrange tables 1–5 and section 6.2 as rows for JSON and as Markdown, with the numbers of the paper.
 
 Every number is a median over the seeds whose runs are finite, with its 5–95 % range. A printed number has its
-percentile: the per cent of these seeds with a smaller number. Tables 3 and 4 are compared with examples 2 and
-    3
-both, since they are most likely exchanged in print (`exchange`).
+percentile: the per cent of these seeds with a smaller number. Tables 3 and 4 are each compared with both
+examples 2 and 3, since they are most likely exchanged in print (`exchange`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +20,9 @@ Row = dict[str, Any]
 
 PAPER = {2: paper.TABLE_2, 3: paper.TABLE_3, 4: paper.TABLE_4}
 EXAMPLES = {2: (1,), 3: (2, 3), 4: (3, 2)}
-"""For each table, the examples that its numbers are compared with; the one the paper names comes first."""
+"""For each table, the examples with which its numbers are compared. The example that the paper names comes
+first.
+"""
 
 
 def spread(values: Array, printed: float | None = None) -> Row:
@@ -36,7 +37,10 @@ def spread(values: Array, printed: float | None = None) -> Row:
 
 
 def percentile(values: Array, printed: float | None) -> float | None:
-    """Return the per cent of `values` below `printed`, ties by half; None if either is missing."""
+    """Return the percentage of `values` below `printed`; None if either is missing.
+
+    An equal value counts half.
+    """
     if printed is None or not len(values):
         return None
     return float(100 * (np.mean(values < printed) + np.mean(values == printed) / 2))
@@ -109,7 +113,10 @@ def gyroscope_rows(
 
 
 def unknown_rows(scenario: Scenario, results: Mapping[int, Outcome], options: Options) -> list[Row]:
-    """Return the rows of section 6.2: errors, and final order and parameter; the paper prints no numbers."""
+    """Return the rows of section 6.2: errors, and final order and parameter.
+
+    The paper prints no numbers for it.
+    """
     return [
         {"L": L, **outcome_row(outcome, None), **accepted(outcome), **labels(scenario, options)}
         for L, outcome in results.items()
@@ -122,7 +129,7 @@ def time_rows(times: Mapping[int, Times]) -> list[Row]:
 
 
 def accepted(outcome: Outcome, printed: tuple[float | None, float | None] = (None, None)) -> Row:
-    """Return the spread of the means of order and parameter over the last third of each run."""
+    """Return median and range, over the runs, of the mean order and parameter in the last third of a run."""
     good = ~outcome.not_finite
     return {
         "settled_order": spread(outcome.settled_order[good], printed[0]),
@@ -131,7 +138,7 @@ def accepted(outcome: Outcome, printed: tuple[float | None, float | None] = (Non
 
 
 def labels(scenario: Scenario, options: Options) -> Row:
-    """Return labels for data and settings, so that every row states them."""
+    """Return the description of data and settings that every row of a table contains."""
     return {"data": scenario.source, "R": scenario.R, "variant": options.variant, "guard": options.guard}
 
 
@@ -212,7 +219,7 @@ def _printed(value: Row, sign: str = "") -> str:
 
 
 def percent_text(share: float) -> str:
-    """Format a percentile with three digits; 0 and 100 only stand for none and all."""
+    """Format a percentile with three digits. It reads 0 only for no seed, and 100 only for all seeds."""
     return f"{share:.3g}" if share in {0.0, 100.0} else f"{np.clip(share, 0.01, 99.9):.3g}"
 
 

@@ -1,10 +1,9 @@
-"""Run the printed algorithm in other readings, many runs at once, to see the effect of open choices.
+"""Run other interpretations of the printed algorithm, many runs at once, to see the effect of open choices.
 
 The equations are those of `fltea.lab.reference`, for one state and one parameter with the full memory. The
-fields
-of `Reading` name what a reading changes; with the defaults the estimates equal the engine's (variant
-"triple", guard
-"off"). The code is plain numpy, and a hundred times slower than the engine, which knows one reading only.
+fields of `Reading` say what an interpretation changes. With their defaults, the estimates equal those of the
+engine (variant "triple", guard "off"). The code is plain numpy, and a hundred times slower than the engine,
+which has only one interpretation.
 """
 
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from fltea.records.arrays import Array
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read section 5; the defaults are those of this project."""
+    """One interpretation of section 5 of the paper. The defaults are those of this project."""
 
     kappa: float = 2.0
     """Scaling κ of the sigma points in KFo and KFw; section 5.1 calls it "usually chosen as 3 - L"."""
@@ -29,7 +28,9 @@ class Reading:
     parameter_first: bool = False
     """Whether KFw runs before KFo, so that KFw uses the previous order, and KFo the new parameter."""
     state_variance: bool = False
-    """Whether P_yy of KFo and KFw includes the predicted state's variance, which the printed one lacks."""
+    """Whether P_yy of KFo and KFw includes the predicted variance of the state, which the printed equations
+    lack.
+    """
 
 
 class Estimated(NamedTuple):
@@ -41,7 +42,10 @@ class Estimated(NamedTuple):
 
 
 class Walk(NamedTuple):
-    """Estimate of a quantity that walks randomly: mean, variance, and variance of a step; each (runs,)."""
+    """Estimate of a quantity that is modelled as a random walk: mean, variance, and step variance.
+
+    Each (runs,).
+    """
 
     mean: Array
     P: Array
@@ -56,7 +60,7 @@ class Past(NamedTuple):
 
 
 class Weighed(NamedTuple):
-    """The weighted past at the order of each run; each (runs,)."""
+    """The past states, weighted for the order of each run; all fields are (runs,)."""
 
     order: Array
     gain: Array
@@ -97,7 +101,7 @@ class _Step:
         self.order = Walk(order.alpha0 * ones, order.P0 * ones, order.Q0 * ones)
         self.parameter = Walk(parameter.f0 * ones, parameter.P0 * ones, parameter.Q0 * ones)
         self.V = 0 * ones
-        """Variance that the past contributed to the state's variance at the previous sample."""
+        """What past states contributed to the variance of the state at the previous sample."""
 
     def __call__(self, y: Array, u: Array, past: Past) -> tuple[Array, Array]:
         """Process y_k and u_{k-1}, each (runs,), and return the posterior state and its variance."""
@@ -118,7 +122,7 @@ class _Step:
         return x + K * (y - x), (1 - K) ** 2 * P + K**2 * self.R
 
     def _weigh(self, past: Past) -> Weighed:
-        """Weight the past with the present estimate of the order."""
+        """Weight the past states for the present estimate of the order."""
         order = self.order.mean
         c = weights(order, past.x.shape[1])[:, 1:]
         V = np.einsum("rj,rj,rj->r", c[:, 1:], c[:, 1:], past.P[:, 1:])
@@ -129,7 +133,7 @@ class _Step:
         return np.asarray(F**2 * past.P[:, 0] + self.settings.state.Q + at.P)
 
     def _move_order(self, y: Array, u: Array, past: Past) -> None:
-        """Run KFo, section 5.1."""
+        """Run KFo, section 5.1: estimate the order."""
         f, before = self.parameter.mean, self.order
         points = self._sigma_points(before)
         c = weights(points.ravel(), past.x.shape[1]).reshape(*points.shape, -1)[:, :, 1:]
@@ -141,7 +145,7 @@ class _Step:
         self.order = self._updated(before, points, Y, y, R, self.settings.order.delta)
 
     def _move_parameter(self, y: Array, u: Array, past: Past, at: Weighed) -> None:
-        """Run KFw, section 5.3, at the order of `at`."""
+        """Run KFw, section 5.3: estimate the parameter. `at`: the past, weighted for the order."""
         before = self.parameter
         points = self._sigma_points(before)
         Y = at.gain * (points * past.x[:, 0] + u) - at.x

@@ -15,7 +15,7 @@ from fltea.records.whole_file import prepare_folder, whole_file
 from fltea.settings.extras import need_matplotlib
 
 Progress = Callable[[str, int], None]
-"""Receives what is being done, and the number of steps that were just finished."""
+"""A function that is called with what is being done, and the number of steps that were just finished."""
 
 UNKNOWN = {"white": "white source noise", "fractional": "fractional source noise"}
 
@@ -127,7 +127,7 @@ class Report:
         return rows
 
     def _write_seeds(self, path: Path, name: str, results: Mapping[int, Outcome]) -> None:
-        """Write one row for each seed and length; the first scenario of a table starts the file."""
+        """Write one row for each seed and length. With the first scenario of a table, the file is created."""
         try:
             with path.open("a" if path in self.files else "w", newline="", encoding="utf-8") as file:
                 lines = csv.writer(file)
@@ -179,7 +179,10 @@ def _of_table(table: str) -> tuple[str, ...]:
 
 
 def _of_figure(figure: str) -> tuple[str, str]:
-    """Return scenario and quantity of a figure; each example, then each axis, has three figures in a row."""
+    """Return scenario and quantity of a figure.
+
+    Each example, and then each axis, has three consecutive figures.
+    """
     number = int(figure)
     first, names = (2, ("1", "2", "3")) if number <= 10 else (12, tuple(paper.GYRO_R))
     return names[(number - first) // 3], figures.QUANTITIES[(number - first) % 3]

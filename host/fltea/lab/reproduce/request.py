@@ -37,7 +37,9 @@ class Request:
     None: DEFAULT_OUT if there are figures.
     """
     everything: bool = False
-    """Whether no table or figure was named; then those of axes that a recording lacks are left out."""
+    """Whether the user named no table or figure. Tables and figures of axes that the recording lacks are then
+    left out.
+    """
 
     @property
     def folder(self) -> Path | None:
@@ -46,7 +48,7 @@ class Request:
 
 
 def select(tables: Sequence[str], figures: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...], bool]:
-    """Return the tables and figures to make, in the paper's order and each once, and whether that is all.
+    """Return the tables and figures to make, in the paper's order, and whether these are all that there are.
 
     Raises:
         UsageError: a number that the paper does not have, or that cannot be computed.

@@ -1,14 +1,10 @@
-"""Run the engine over every seed and length L of a scenario: squared errors, and runs that diverged.
+"""Run the engine for every seed and length L of a scenario: squared errors, and runs that diverged.
 
-A run is not finite if any estimate is infinite or NaN. It has no squared error, so it is in no statistic. A
-run is
-far off if it is finite, but |α̂| > 10 at any sample, or the state is ever further than 10 sqrt(R) from the
-truth
-(from the measurement, if the truth is not known). Such runs are counted, and they are in every statistic,
-since the
-paper's own run may be one. Where lengths are compared with each other, both runs of a seed have to be finite,
-and
-the seed is far off if either run is.
+A run is not finite if any estimate is infinite or NaN. It has no squared error, so that no statistic includes
+it. A run is far off if it is finite, but |α̂| > 10 at any sample, or the state is ever further than 10
+sqrt(R) from the truth (from the measurement, if the truth is not known). Runs that are far off are counted,
+and every statistic includes them, since the paper's own run may be one of them. Where lengths are compared
+with each other, both runs of a seed have to be finite, and the seed is far off if either run is.
 """
 
 import os
@@ -29,7 +25,7 @@ from fltea.records.arrays import Array
 
 ORDER_LIMIT = 10.0
 STATE_LIMIT = 10.0
-"""Limit in standard deviations sqrt(R)."""
+"""Largest error of the state, in standard deviations sqrt(R), of a run that is not far off."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,7 @@ class Outcome(NamedTuple):
     not_finite: NDArray[np.bool_]
     """Whether an estimate is infinite or NaN, so that the run has no errors."""
     far_off: NDArray[np.bool_]
-    """Whether the run is finite, but an order or the state exceeds the limits above."""
+    """Whether the run is far off: finite, but with an order or a state beyond the limits above."""
     settled_order: Array
     """Mean of α̂ over the last third of the run."""
     settled_parameter: Array
@@ -60,7 +56,7 @@ class Outcome(NamedTuple):
 
 
 class Curves(Protocol):
-    """Estimates of several runs, each array (n, runs), by the engine or another implementation."""
+    """Estimates of several runs, by the engine or another implementation. Each array is (n, runs)."""
 
     @property
     def x(self) -> Array:
@@ -93,7 +89,7 @@ def lane_settings(filters: LaneSettings, length: int, options: Options) -> LaneS
 
 
 Run = Callable[[Scenario, Data, int, Options], Curves]
-"""Estimates every run of some data with a length L, as `estimate` does."""
+"""A function like `estimate`: it estimates every run of some data with a length L."""
 
 
 def outcomes(
@@ -104,11 +100,11 @@ def outcomes(
     run: Run = estimate,
     width: int = WIDTH,
 ) -> dict[int, Outcome]:
-    """Return the outcome over `seeds` for each length L; `advance` receives the number of runs just done.
+    """Return the outcome over `seeds` for each length L.
 
-    Without a truth, the other lengths are compared with the first, which has no entry of its own. `run` makes
-    the
-    estimates of `width` seeds at once.
+    `advance` is called with the number of runs that were just finished. If the truth is not known, the other
+    lengths are compared with the first, which then has no entry. `run` makes the estimates of `width` seeds
+    at once.
     """
     seeds = seeds[:1] if scenario.single else seeds
     groups = [seeds[i : i + width] for i in range(0, len(seeds), width)]
@@ -165,7 +161,7 @@ def against_truth(scenario: Scenario, data: Data, got: Curves) -> Outcome:
 
 
 def _against(scenario: Scenario, data: Data, got: Curves, first: Curves) -> Outcome:
-    """Compare the runs of two lengths by squared differences."""
+    """Compare the runs with two lengths L by their squared differences."""
     lost = not_finite(got) | not_finite(first)
     far = [far_off(one, data.y, scenario.R**0.5) for one in (got, first)]
     return _outcome(got, (first.x, first.f, first.alpha), lost, (far[0] | far[1]) & ~lost)

@@ -34,7 +34,7 @@ EXAMPLE_FILTERS = LaneSettings(
     h=paper.H,
     R=paper.NOISE_R,
 )
-"""Filters of section 6.1; R is that of all three filters."""
+"""Settings of the filters in section 6.1. All three filters have the same R."""
 
 STEP_VARIANCE = 0.15
 GYROSCOPE_FILTERS = LaneSettings(
@@ -48,7 +48,7 @@ GYROSCOPE_FILTERS = LaneSettings(
     h=paper.GYRO_H,
     R=paper.GYRO_R["x"],
 )
-"""Filters of section 7.1, with R of the x axis."""
+"""Settings of the filters in section 7.1, with the R of the x axis."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,8 @@ class SawTooth:
     def samples(self, n: int, h: float) -> Array:
         """Return u_0 .. u_{n-1} at the times 0, h, 2h, ..., shape (n,)."""
         phase = np.arange(n, dtype=np.float64) * h / self.period_s
-        phase -= np.floor(phase + 1e-9)  # rounding must not hide the end of a period
+        # the small number keeps a rounding error from hiding the end of a period
+        phase -= np.floor(phase + 1e-9)
         return self.amplitude * (phase if self.unipolar else 2 * phase - 1)
 
 
@@ -98,7 +99,7 @@ class Scenario:
     source: str
     """Description of the data for every output."""
     lengths: tuple[int, ...]
-    """Lengths L, the longest first."""
+    """The lengths L to run, the longest first."""
     filters: LaneSettings
     R: float
     """Measurement variance that the filters assume."""
@@ -111,7 +112,7 @@ class Scenario:
     unit: str = ""
     """Unit of y and x."""
     single: bool = False
-    """Whether there is a single run, whatever the seeds."""
+    """Whether there is only one run, however many seeds are asked for."""
 
 
 def example(
@@ -126,7 +127,7 @@ def example(
     def make(seeds: Sequence[int]) -> Data:
         drawn = [noises(seed, samples, paper.NOISE_Q, paper.NOISE_R) for seed in seeds]
         omega, v = (np.column_stack(noise) for noise in zip(*drawn, strict=True))
-        if number == 3:  # the input has a random generator of its own, apart from the noises
+        if number == 3:  # the input has its own random generator, independent of the noises
             u = np.column_stack(
                 [np.random.default_rng((seed, 3)).normal(0, math.sqrt(0.1), samples) for seed in seeds]
             )
@@ -149,12 +150,13 @@ def example(
     )
 
 
-# Numbers of section 6.2, chosen here: x has the order α₁, and its source ω' is itself fractional noise of
-# order α₂. Step, number of samples and filters are the gyroscope's, where the paper has no known input.
+# Values for section 6.2, which the paper does not print: x has the order α₁, and its source ω' is itself
+# fractional noise of order α₂. Step, number of samples and filters are the gyroscope's, where the paper has
+# no known input.
 UNKNOWN_ALPHA, UNKNOWN_F = 0.4, -1.0
 SOURCE_ALPHA, SOURCE_F = 0.3, -1.0
 UNKNOWN_R, UNKNOWN_FILTER_R = 0.05, 0.3
-"""Variance of v, and the filters' R: about the variance of y, as in section 7.
+"""Variance of the measurement noise v, and R of the filters. It is about the variance of y, as in section 7.
 
 One step adds to x the variance STEP_VARIANCE = h^2(α₁+α₂) E[ωω'], as the filters assume. With R = 0.05 in the
 filters, the printed algorithm diverges for every seed, since it ignores the state's own variance.

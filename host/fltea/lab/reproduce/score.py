@@ -1,10 +1,9 @@
-"""Score the guards: does any input make the estimates diverge, and what do guards cost where none does?
+"""Score the guards: do they prevent divergence, and how much accuracy do they cost otherwise?
 
-Driven cases are examples 1–3 with other inputs. Resting cases are the gyroscope of section 7 on white noise
-with a
-wrong R, on offsets that are not removed, and on inputs that are no noise at all. `runs` defines which runs
-are not
-finite and which are far off; at rest the state is compared with the measurement.
+There are two kinds of cases. Driven cases are examples 1–3 with other inputs. Resting cases are the gyroscope
+of section 7: with white noise and a wrong R, with offsets that are not removed, and with data that are no
+noise at all. `runs` defines which runs are not finite and which are far off; at rest the state is compared
+with the measurement.
 """
 
 import math
@@ -34,7 +33,10 @@ LSB_DPS = 1 / 16.4
 
 @dataclass(frozen=True)
 class Resting:
-    """A gyroscope at rest, or faulty data in its place: white noise of variance V, changed by `turn`."""
+    """A gyroscope at rest, or faulty data in its place.
+
+    The data are white noise of variance V, modified by the function `turn`.
+    """
 
     name: str
     turn: Callable[[Array], Array] = lambda noise: noise
@@ -81,7 +83,7 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
     """Return one row for each case and guard; `options.guard` is ignored.
 
     Keys:
-        not_finite, far_off: number of such runs.
+        not_finite, far_off: number of runs that are not finite, or far off.
         state, parameter, order: medians of the squared errors over the finite runs.
         kept: the same over the seeds whose run without a guard is finite and not far off.
         alpha, f: at rest, medians of the last estimates of finite runs.
@@ -90,7 +92,7 @@ def score(seeds: int, options: Options, advance: Callable[[str, int], None]) -> 
     """
     rows = []
     for simulated in driven():
-        case = replace(simulated, make=cache(simulated.make))  # compute the data once for all guards
+        case = replace(simulated, make=cache(simulated.make))  # the data are computed once, for all guards
         name = f"{case.title}, {case.source}"
         told = partial(advance, name)
         printed: Outcome | None = None

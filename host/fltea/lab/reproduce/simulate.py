@@ -17,7 +17,7 @@ from fltea.noise.weights import weights
 from fltea.records.arrays import Array
 
 BLOCK = 64
-"""Number of samples in a block, whose distant past is summed at once."""
+"""Number of samples in a block. The past before a block is summed for the whole block at once."""
 WIDTH = 64
 """Number of runs in one matrix product."""
 
@@ -52,6 +52,9 @@ def fractional_states(alpha: Array, f: float, drive: Array, h: float) -> Array:
 
 
 def noises(seed: int, n: int, Q: float, R: float) -> tuple[Array, Array]:
-    """Return ω_0 .. ω_{n-1} and v_1 .. v_n with variances Q and R, drawn alternately as in the simulation."""
+    """Return ω_0 .. ω_{n-1} and v_1 .. v_n with variances Q and R.
+
+    They are drawn alternately, as in `fltea.noise.simulation`.
+    """
     pairs = np.random.default_rng(seed).standard_normal((n, 2))
     return pairs[:, 0] * np.sqrt(Q), pairs[:, 1] * np.sqrt(R)

@@ -1,4 +1,4 @@
-"""Measure table 1 of Macias & Sierociuk 2023: times for the 4,000 samples of example 1, by length L."""
+"""Measure table 1 of Macias & Sierociuk 2023: times for 4,000 samples of example 1, for each length L."""
 
 import statistics
 import time
@@ -20,7 +20,7 @@ MEMORIES: tuple[Literal["direct", "compressed"], ...] = ("direct", "compressed")
 
 
 class Times(NamedTuple):
-    """Times for one run [s], medians of REPETITIONS (for the reference: one run)."""
+    """Times for one run [s]: medians of REPETITIONS runs, or of a single run for the reference."""
 
     direct_s: float
     compressed_s: float

@@ -41,7 +41,10 @@ def check_program() -> Iterator[Finding]:
 
 
 def check_packages(config: Config, system: System) -> Iterator[Finding]:
-    """Yield a finding on the packages that outputs need; a package is required if its output is on."""
+    """Yield a finding on the packages that outputs need.
+
+    A missing package is a problem if its output is on.
+    """
     asked = {output.extra for output in OUTPUTS if output.is_on(config)}
     missing = [extra for extra, module in PACKAGES.items() if not system.has_module(module)]
     needed = [extra for extra in missing if extra in asked]
@@ -61,7 +64,7 @@ def check_packages(config: Config, system: System) -> Iterator[Finding]:
 
 
 def check_clock(system: System) -> Iterator[Finding]:
-    """Yield a finding on the machine's clock: time stamps need one that is synchronised."""
+    """Yield a finding on the machine's clock, which has to be synchronised for correct time stamps."""
     match system.clock_is_kept():
         case True:
             yield ok("clock", "this machine's clock is synchronised")
@@ -112,7 +115,7 @@ def check_service(system: System) -> Iterator[Finding]:
     output = system.run("systemctl", "show", UNIT, f"--property={wanted}") or ""
     state = dict(line.split("=", 1) for line in output.splitlines() if "=" in line)
     if not state:
-        return  # no systemd
+        return  # this machine has no systemd
     if state.get("LoadState") != "loaded":
         yield ok("service", "not installed (sudo make install-service, in a clone)")
         return

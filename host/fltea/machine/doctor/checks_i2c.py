@@ -18,7 +18,7 @@ ENABLE = "sudo raspi-config nonint do_i2c 0, then reboot (elsewhere: dtparam=i2c
 
 
 def check_i2c(system: System, url: str | None) -> Iterator[Finding]:
-    """Yield findings on the I²C bus of an `i2c:` URL; with None, on the buses of a Raspberry Pi."""
+    """Yield findings on the I²C bus of an `i2c:` URL. If `url` is None, check the buses of a Raspberry Pi."""
     if url is None:
         if is_raspberry_pi(system):
             buses = ", ".join(bus.path for bus in find_buses(system))

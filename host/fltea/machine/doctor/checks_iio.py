@@ -19,7 +19,7 @@ MPU_DRIVER = "inv-mpu6050"
 
 
 def check_iio(system: System, rest: str) -> Iterator[Finding]:
-    """Yield findings on the device of an `iio:` URL. `rest`: the URL's part behind the colon."""
+    """Yield findings on the device of an `iio:` URL. `rest`: part of the URL after the colon."""
     try:
         place = parse_url(rest)
     except UsageError as error:

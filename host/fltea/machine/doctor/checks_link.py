@@ -13,20 +13,25 @@ from fltea.wire import layout as wire
 from fltea.wire.transport import ANY_BOARD
 
 RATE_TOLERANCE = 0.015
-"""Relative tolerance of the rate: 1 % for the sensor's oscillator, the rest since few samples are counted."""
+"""Relative tolerance of the measured sampling rate: 1 % for the sensor's oscillator, and the rest since only
+few samples are counted.
+"""
 
 DRIFT_PPM = 200.0
-"""Parts in a million by which two crystals may differ."""
+"""Largest plausible difference between the rates of two crystal clocks, in parts per million."""
 
 DAMAGED_AT_OPENING = 2
-"""Most damaged frames that opening the port can cause; more mean a bad cable or a wrong baud rate."""
+"""Largest number of damaged frames that opening the port can cause. More mean a bad cable or a wrong baud
+rate.
+"""
 
 FLASH = "make flash, in the clone that this fltea is from."
 
 
 def check_serial(system: System, url: str | None, baud: int, hear_s: float = HEAR_S) -> Iterator[Finding]:
-    """Yield findings on the device at a serial URL; None means the Due that is plugged in."""
-    if url is not None and not url.startswith("/") and url != ANY_BOARD:  # socket:// and the like
+    """Yield findings on the device at a serial URL. A `url` of None means the Due that is plugged in."""
+    # the URL is no path, such as socket://
+    if url is not None and not url.startswith("/") and url != ANY_BOARD:
         yield from judge(url, hear(url, baud, hear_s))
         return
     ports = find_ports(system)

@@ -1,4 +1,4 @@
-"""Checks of the outputs: space on the disk, the broker, ports of the page and of the metrics."""
+"""Checks of the outputs: disk space, the broker, and the network ports of the page and of the metrics."""
 
 import errno
 import itertools
@@ -16,13 +16,13 @@ from fltea.settings.outputs import OUTPUTS, listen_address
 CONNECT_S = 3.0
 DAYS_LEFT = 7.0
 TYPICAL_BYTES_PER_S = 32_000.0
-"""Data rate of one device at 100 Hz with all channels [bytes/s], measured in a recording of the service."""
+"""Rate at which a recording of one device at 100 Hz with all channels grows [bytes/s], as measured."""
 
 SERVICE_USER = "fltea"
 
 
 def check_outputs(configs: Sequence[Config], system: System) -> Iterator[Finding]:
-    """Yield findings on every output that the configuration switches on, and on the snapshot."""
+    """Yield findings on every output that the configuration switches on, and on the file of snapshots."""
     config = configs[0]  # outputs are the same for all devices
     for name in dict.fromkeys(output.name for output in OUTPUTS if output.is_on(config)):
         if name in LOOKS:
@@ -48,7 +48,7 @@ def _recordings(configs: Sequence[Config], system: System) -> Iterator[Finding]:
 
 
 def _recording_rate(folder: Path) -> float | None:
-    """Return the rate at which the last recordings grew [bytes/s]; None if there are too few."""
+    """Return the rate at which the last recordings grew [bytes/s]; None if there are too few recordings."""
     try:
         files = [path.stat() for path in folder.rglob("*.mcap")]
     except OSError:

@@ -29,10 +29,10 @@ def ok(check: str, message: str) -> Finding:
 
 
 def warning(check: str, message: str, remedy: str | None = None) -> Finding:
-    """Return a finding that the program works, but the user should take care of something."""
+    """Return a finding that says that the program works, but the user should take care of something."""
     return Finding(check=check, level="warning", message=message, remedy=remedy)
 
 
 def problem(check: str, message: str, remedy: str | None = None) -> Finding:
-    """Return a finding that the program cannot do what the user asks for."""
+    """Return a finding that says that the program cannot do what the user asks for."""
     return Finding(check=check, level="problem", message=message, remedy=remedy)

@@ -17,16 +17,20 @@ from fltea.wire import layout as wire
 
 HEAR_S = 4.0
 PATIENCE_S = SILENCE_S + 1.5
-"""How long to listen without a HELLO [s]: long enough to distinguish silence from noise."""
+"""Time after which listening ends without a HELLO [s], long enough to distinguish silence from unreadable
+bytes.
+"""
 
 BLOCK_S = 0.25
-"""Length of blocks of samples [s]. Of each block only the sample with the shortest delay is used."""
+"""Duration of blocks of samples [s]. Only the sample with the shortest delay in each block is used to compare
+clocks.
+"""
 
 BLOCKS_NEEDED = 6
 
 
 class Drift(NamedTuple):
-    """How much faster the device's clock runs than the host's, and its standard error [1e-6]."""
+    """By how much the device's clock is faster than the host's, and the standard error of this [1e-6]."""
 
     ppm: float
     std_ppm: float
@@ -36,11 +40,10 @@ class Drift(NamedTuple):
 class Heard:
     """Summary of what a device sent while `hear` listened.
 
-    `opened`: whether the port was opened.
-    `troubles`: all troubles in order, fatal or not.
-    `delivered`, `lost`: number of samples.
-    `seconds`: time from the first to the last sample, by the device's clock.
-    `drift`: difference of the clocks; None if there were too few samples.
+    `opened`: whether the port was opened. `troubles`: all troubles in order, fatal or not. `delivered`,
+    `lost`: numbers of samples that arrived, and that were lost. `seconds`: time from the first to the last
+    sample, by the device's clock. `drift`: difference between the rates of the clocks; None if there were too
+    few samples.
     """
 
     opened: bool = False
@@ -60,21 +63,21 @@ class Heard:
 
     @property
     def rate_hz(self) -> float | None:
-        """Samples per second of the device's clock, lost ones included; None before the second sample."""
+        """Samples per second of the device's clock, including lost ones. It is None without two samples."""
         return (self.delivered + self.lost - 1) / self.seconds if self.seconds else None
 
 
 def hear(url: str, baud: int = wire.BAUD, hear_s: float = HEAR_S) -> Heard:
-    """Open a serial URL, listen, and summarise what came. Opening resets a Due.
+    """Open a serial URL, listen, and summarise what the device sent. Opening the port resets a Due.
 
-    It listens until `hear_s` after the HELLO, until the first fatal trouble, or for `PATIENCE_S` without a
+    Listening ends `hear_s` after the HELLO, at the first fatal trouble, or after `PATIENCE_S` without a
     HELLO.
 
     Raises:
         UsageError: the kind of URL is unknown, or the speed is 1200 baud.
     """
     heard, source = Heard(), SerialSource(url, baud)
-    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)  # so large that no gap begins a new epoch
+    decoder = Decoder(lambda: 0, max_gap=wire.BAUD)  # this limit is so large that no gap begins a new epoch
     arrivals: list[tuple[int, int]] = []
     begin_ns = clock.host_ns()
     hello_ns: int | None = None

@@ -40,8 +40,9 @@ TYPES = {
     "a": "(32,)<i2",
 }
 SCALES = {**dict.fromkeys("cCeE", 0.01), "L": 1e-7}
-"""Factors by the format letter of a field:
-ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html."""
+"""Factor of a field's numbers for each letter of its format:
+ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html.
+"""
 
 OF_GYROSCOPE = 1
 """Value of the field `type` in an ISBH message that means a gyroscope."""
@@ -91,7 +92,7 @@ class _Log:
         self.names = sorted(name for name, key in self._log.name_to_id.items() if len(self._log.offsets[key]))
 
     def offsets(self, name: str) -> Any:
-        """Return the offsets in the log of all messages of a name."""
+        """Return the offsets in the log of all messages with a given name."""
         if name not in self._log.name_to_id:
             return np.empty(0, np.int64)
         key = self._log.name_to_id[name]
@@ -99,7 +100,7 @@ class _Log:
         return found[found + self._log.formats[key].len <= len(self._bytes)]
 
     def rows(self, name: str) -> Any:
-        """Return all messages of a name, with a column for each field."""
+        """Return all messages with a given name, with a column for each field."""
         offsets = self.offsets(name)
         if not len(offsets):
             return np.empty(0, [("TimeUS", "<u8")])
@@ -127,7 +128,7 @@ class _Log:
         return whole
 
     def sensors(self, message: str) -> dict[int, Any]:
-        """Return the messages of each sensor, by the sensor's number."""
+        """Return the messages with a given name for each sensor, by the sensor's number."""
         if message == "ISB":
             heads = self.rows("ISBH")
             heads = heads[heads["type"] == OF_GYROSCOPE] if len(heads) else heads
@@ -149,7 +150,10 @@ class _Log:
         return {k: found for k, name in enumerate(names) if len(found := self.rows(name))}
 
     def batches(self, heads: Any) -> Sheet:
-        """Return the samples of batches; the head of each batch gives its scale, rate and first time."""
+        """Return the samples of batches.
+
+        The message before each batch gives its scale, rate and first time.
+        """
         data, begins = self.rows("ISBD"), self.offsets("ISBH")
         every = self.rows("ISBH")
         head = np.searchsorted(begins, self.offsets("ISBD")) - 1

@@ -21,29 +21,33 @@ from fltea.recording.text_times import points_of_time
 from fltea.records.errors import UsageError
 
 MOST_WIDE = 64
-"""Most columns of one array. An array with more columns than rows is transposed, since MATLAB writes it
-so."""
+"""Most columns of one array. An array with more columns than rows is transposed, since MATLAB programs write
+one row for each axis.
+"""
 
 MOST_REASONS = 5
-"""Most reasons that an error message lists."""
+"""Largest number of reasons that an error message lists."""
 
 _NOT_ONE = "holds {}, not one number in each row"
 
 Column = Callable[[int, int], Any]
-"""Function that returns the values of a column between two row indices."""
+"""Function that returns the values of a column from one row index to another."""
 
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class NoNumbers(NamedTuple):
-    """Stands for an array that cannot be used. `reason`: predicate of a sentence about the array."""
+    """Stands for an array that cannot be used.
+
+    `reason`: the reason, as the end of a sentence about the array.
+    """
 
     reason: str
     rows: int = 0
 
 
 def is_of_matlab(kind: str) -> str:
-    """Return why an array of this MATLAB class is not read, and what to do."""
+    """Return why an array of the MATLAB class `kind` is not read, and what the user can do."""
     if kind == "cell":
         return "is a cell array; write it as numbers: cell2mat"
     what = f"is a {kind} of MATLAB's, which only MATLAB reads"
@@ -86,7 +90,7 @@ def _facts(arrays: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class _Columns:
-    """Collects the columns of arrays. `facts`: what the file states about the arrays."""
+    """Collects columns from arrays. `facts`: what the file states about the arrays."""
 
     def __init__(self, facts: Mapping[str, Any], doubts: Mapping[str, str]) -> None:
         self._facts, self._doubts, self._said = facts, doubts, file_facts.units_of(facts)
@@ -242,7 +246,7 @@ def _of_array(name: str, array: Any, facts: Mapping[str, Any]) -> Iterator[_Labe
 
 
 def _named(array: str, column: str) -> str:
-    """Return the full name of an array's column that the file calls `column`."""
+    """Return the full name, with the array's, of the column that the file calls `column`."""
     axis = "xyz".find(column.strip().lower()) if len(column.strip()) == 1 else -1
     return named_axis(array, axis) if axis >= 0 else f"{array}.{column}"
 

@@ -45,10 +45,11 @@ def read(path: Path, _: str) -> Sheet:
 
 
 class _Column(NamedTuple):
-    """A column. `source`: column of the file that contains it. `kind`: Arrow type of its values.
+    """A column of the table. `source`: column of the file that contains it. `kind`: Arrow type of its values.
 
-    `place`: index in a list of `of` values; None: the column is no list. `is_date`: whether the texts are
-    dates or times of day. `words`: the different texts, if there are few and they distinguish sensors.
+    `place`: index of the value in a list of `of` values; None: the column's values are no lists. `is_date`:
+    whether the texts are dates or times of day. `words`: the different texts, if there are few and they
+    distinguish sensors.
     """
 
     label: str
@@ -138,7 +139,7 @@ class _Reader:
                 self._begin = next((stamp.as_py() for stamp in values if stamp.is_valid), None)
             values = compute.subtract(
                 values, self._begin or 0
-            )  # since a float resolves Unix times only to 0.2 µs
+            )  # the first date is subtracted before, since a float resolves Unix times only to 0.2 µs
         return np.asarray(values.cast(pa.float64(), safe=False).to_numpy() * scale)
 
     def _seconds_of(self, texts: Sequence[str | None]) -> Floats:

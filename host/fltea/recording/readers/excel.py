@@ -14,7 +14,7 @@ from fltea.recording.text_fields import units_in
 from fltea.recording.wanted import is_number
 
 HEAD_ROWS, FEW_ROWS = 200, 10
-"""Number of first rows that are examined, and most rows of a sheet that holds facts and no recording."""
+"""Number of a sheet's first rows that are examined, and most rows of a sheet that holds only facts."""
 
 
 def read(path: Path, topic: str) -> Text:
@@ -24,7 +24,7 @@ def read(path: Path, topic: str) -> Text:
     """
     from openpyxl import load_workbook
 
-    # The workbook is opened as a file object, since openpyxl refuses paths with other endings.
+    # The workbook is opened as a file object, since openpyxl refuses paths with endings other than .xlsx.
     book = load_workbook(path.open("rb"), read_only=True, data_only=True, keep_links=False)
     parts = [_Part(sheet) for sheet in book.worksheets]
     said = [line for part in parts for line in part.says()]
@@ -39,7 +39,10 @@ def read(path: Path, topic: str) -> Text:
 
 
 class _Part:
-    """A sheet. `head`: first rows. `has_names`: whether the first rows name a gyroscope's columns."""
+    """A sheet of the workbook. `head`: its first rows.
+
+    `has_names`: whether these name a gyroscope's columns.
+    """
 
     def __init__(self, sheet: Any) -> None:
         self.title: str = sheet.title
@@ -60,12 +63,15 @@ class _Part:
         self._begin, self._width = begin, len(self.head[begin]) if self.head else 0
 
     def says(self) -> list[str]:
-        """Return the facts in a sheet that consists of names and values, such as `fs: 100`."""
+        """Return the lines of a sheet that consists only of names and values, such as `fs: 100`, else []."""
         is_said = len(self.head) < HEAD_ROWS and all(len(row) <= 2 for row in self.head)
         return [": ".join(row) for row in self.head if len(row) == 2] if is_said else []
 
     def lines(self) -> Iterator[bytes]:
-        """Yield all rows as text; rows of the table are padded to the length of its first row."""
+        """Yield all rows of the sheet as text.
+
+        Short rows of the table get empty cells, as many as its first row has.
+        """
         lines: list[str] = []
         for k, row in enumerate(chain(self.head, self._rows)):
             missing = self._width - len(row) if row and k >= self._begin else 0
@@ -77,7 +83,7 @@ class _Part:
 
 
 def _axis(group: str, name: str, unit: str) -> str:
-    """Return the name of a column; its unit or its sheet's name is added if that makes it an axis."""
+    """Return a column's name, with its unit or its sheet's name if only these show that it is an axis."""
     forms = name, f"{name} [{unit}]", f"{group} {name}"
     return next((form for form in forms if axis_of(form)), name) if name else name
 

@@ -22,11 +22,11 @@ from fltea.recording.wanted import NUMBER
 UNITS = "units?|unit_string|ni_unitdescription"
 COLUMNS = "columns?(?:_names?)?|labels?|channels?(?:_names?)?|axes"
 COUNTS = "(?:lsb|counts)_per_(?:dps|deg_s)"
-"""Matches the name of the number of counts in 1 deg/s; for other scales, the name does not tell the use."""
+"""Matches names for the number of counts in 1 deg/s. Names of other scales do not tell how to apply them."""
 
 SCALES = "scale(?:_?factor)?|scaling|gain|sensitivity|offset|multiplier|factor|lsb|slope|resolution"
 SCALES += rf"|conversion(?:_?factor)?|{COUNTS}"
-"""Matches names of facts that change numbers; they do not tell whether to multiply or to divide."""
+"""Matches names of scales and offsets. Such a name does not tell whether to multiply or to divide."""
 
 _RATE = re.compile(
     r"(?:imu_|gyro_)?(?:fs|rate|odr|sfreq|data_rate|sampl(?:e|ing)_?(?:rate|freq|frequency))(?:_?(k?hz))?"
@@ -58,7 +58,7 @@ def number_of(value: Any, other: float = math.nan) -> float:
 def rate_of(name: str, value: Any, unit: str = "") -> float | None:
     """Return the sampling rate [Hz] that a number, or a text such as `100 Hz`, states; else None.
 
-    `name`: name of the fact. `unit`: unit that another fact states for it.
+    `name`: name of the fact that holds the number or text. `unit`: unit that another fact states for it.
     """
     leaf = re.sub(r"[\s\-]+", "_", name.rpartition(".")[2].rpartition("@")[2].strip().lower())
     found, period = _RATE.fullmatch(leaf), _PERIOD.fullmatch(leaf)
@@ -106,7 +106,7 @@ def units_of(facts: Mapping[str, Any]) -> dict[str, list[str]]:
 
 
 def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, width: int) -> str:
-    """Return the unit of a column: its own, or else its array's, or else that of the nearest group.
+    """Return the unit that is stated for a column, or else for its array, or else for the nearest group.
 
     `label`: name of the column. `place`, `width`: index of the column in its array, and the array's number of
     columns.
@@ -121,7 +121,7 @@ def unit_of(units: Mapping[str, list[str]], label: str, array: str, place: int, 
 
 
 def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
-    """Yield the units that groups around a column state for its sensor: `gyro_units` apply to `gx`."""
+    """Yield the units that groups around a column state for its sensor: `gyro_units` applies to `gx`."""
     axis = axis_of if gyroscopes_in([label]) else accel_axis_of if is_of_accelerometer(label) else None
     is_clock = axis is None and is_time(label.rpartition(".")[2])
     for level in (*around(label), "") if axis or is_clock else ():
@@ -133,7 +133,7 @@ def _of_sensor(units: Mapping[str, list[str]], label: str) -> Iterator[str]:
 
 
 class Near:
-    """Facts of one kind, by the array or group that they describe."""
+    """Facts of one kind, such as names of columns, by the array or group that they describe."""
 
     def __init__(self, facts: Mapping[str, Any], words: str) -> None:
         self._found = defaultdict[str, dict[str, Any]](dict)
@@ -146,7 +146,7 @@ class Near:
 
 
 def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[str], str]:
-    """Return the names of an array's columns, and what is wrong with the names that the file states."""
+    """Return the names that the file states for an array's columns, and a text on what is wrong with them."""
     for name, owner in _owners(facts, COLUMNS):
         is_own = owner == array
         if width < 2 or not (is_own or owner == f"{array.rpartition('.')[0]}."):
@@ -158,13 +158,14 @@ def columns_of(facts: Mapping[str, Any], array: str, width: int) -> tuple[list[s
             return [], f"{name} names axes with signs ({listed(texts)}), which are not applied here."
         if len(texts) == width == len({*texts}) and all(text.strip() for text in texts):
             return texts, ""
-        if is_own and len(texts) > 1 and not name.endswith("axes"):  # NeXus names dimensions in `axes`
+        # in NeXus files, `axes` holds the names of dimensions
+        if is_own and len(texts) > 1 and not name.endswith("axes"):
             return [], f"{name} names {len(texts)} columns ({listed(texts)}), and there are {width}."
     return [], ""
 
 
 def is_of_columns(name: str) -> bool:
-    """Return whether a fact's name is for units, scales or column names, which may be one for each column."""
+    """Return whether a fact of this name may have a value for each column: units, scales or names."""
     return any(_owners({name: None}, f"{UNITS}|{COLUMNS}|{SCALES}"))
 
 
@@ -197,7 +198,7 @@ def scale_of(
 
 
 def _owners(facts: Mapping[str, Any], words: str) -> Iterator[tuple[str, str]]:
-    """Yield the facts of a kind, each with the name of its array, or of its group followed by a dot."""
+    """Yield the facts named by `words`, each with the name of its array, or with its group and a dot."""
     for name in facts:
         array, mark, key = name.rpartition("@")
         group, _, leaf = name.rpartition(".")

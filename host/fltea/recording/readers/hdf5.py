@@ -1,6 +1,6 @@
 """Reads HDF5 files: tables of pandas, and data sets with attributes, such as those of netCDF and NWB.
 
-The data of a data set may lie in other files, which are not read.
+The file may state that data of a data set lie in other files. These are not read.
 """
 
 import math
@@ -23,8 +23,10 @@ from fltea.records.errors import UsageError
 
 MISSING = "_fillvalue", "missing_value"
 NETCDF, NWB = ("scale_factor", "add_offset"), ("conversion", "offset")
-"""Attributes for the factor and the offset of numbers: https://cfconventions.org (8.1 Packed Data), and
-https://nwb-schema.readthedocs.io (TimeSeries), whose `resolution` changes no numbers."""
+"""Names of the attributes that hold factor and offset of a data set's numbers, in netCDF and in NWB:
+https://cfconventions.org (8.1 Packed Data), and https://nwb-schema.readthedocs.io (TimeSeries), whose
+`resolution` changes no numbers.
+"""
 
 NOT_READ = "copy it into this file: h5repack or h5py write it"
 """Advice for the user if a data set lies in another file."""
@@ -47,7 +49,7 @@ def read(path: Path, _: str) -> Sheet:
             found[name] = NoNumbers(elsewhere, max((1, *item.shape)))
             return
         attributes = _attributes_of(item)
-        # this attribute is the rate of a group in NWB
+        # in NWB, this attribute states the sampling rate of a whole group
         if path.endswith("/starting_time") and "rate" in attributes:
             facts[f"{name.rpartition('.')[0]}.rate"] = attributes["rate"]
         if isinstance(item, h5py.Group):
@@ -81,7 +83,10 @@ def read(path: Path, _: str) -> Sheet:
 
 
 def outside(item: Any) -> str:
-    """Return where a data set lies if it is outside the file, as the end of a sentence about it; else ""."""
+    """Return where a data set lies outside the file, as the end of a sentence about it.
+
+    "" if it lies inside.
+    """
     import h5py
 
     if not isinstance(item, h5py.Dataset):
@@ -129,8 +134,11 @@ def _parts_elsewhere(group: Any) -> str:
 
 
 def _attributes_of(item: Any) -> dict[str, Any]:
-    """Return the attributes by their names in small letters, without long ones, which describe no columns."""
-    sizes = {key: np.size(one) for key, one in item.attrs.items()}  # None for an empty attribute
+    """Return an item's attributes, by their names in small letters, without those of many values.
+
+    Attributes of many values do not describe columns.
+    """
+    sizes = {key: np.size(one) for key, one in item.attrs.items()}  # np.size is None for an empty attribute
     return {key.lower(): item.attrs[key] for key, size in sizes.items() if 0 < (size or 0) <= MOST_SENSORS}
 
 
@@ -151,7 +159,8 @@ def _parts_of(path: str, data: Any) -> Iterator[tuple[str, Any]]:
 def _read_as(data: Any, attributes: dict[str, Any], scaled_by: tuple[str, str]) -> tuple[Any, str]:
     """Return a data set converted as its attributes state, and a text on what is wrong with the attributes.
 
-    `scaled_by`: names of the attributes for factor and offset; attributes that were applied are removed.
+    `scaled_by`: names of the attributes for factor and offset. Attributes that were applied are removed from
+    `attributes`.
     """
     kind = next(iter(texts_of(attributes.get("matlab_class"))), "")
     if kind == "char":

@@ -19,18 +19,18 @@ from fltea.recording.wanted import is_missing
 from fltea.records.errors import UsageError
 
 PHONE_GYROSCOPES = "Gyroscope", "GyroscopeUncalibrated"
-"""Names of gyroscopes in files of the app Sensor Logger, whose rates are in rad/s."""
+"""Names of gyroscopes in files of the app Sensor Logger, which writes angular rates in rad/s."""
 
 ROWS = {"data", "samples", "rows", "records", "readings", "measurements", "values", "frames", "items"}
 NAMES = "name", "id", "sensor", "label"
 BESIDE = {"meta", "metadata", "info", "header", "head", "attrs", "attributes", "config", "settings"}
-"""Names of objects whose content belongs to the object around them."""
+"""Names of objects whose content is read as if it stood in the object around them."""
 
 NS = 10**6, 10**3, 1
 """Nanoseconds in a millisecond, a microsecond and a nanosecond."""
 
 FIRST_NS, LAST_NS = 10**17, 4 * 10**18
-"""Unix times from 1973 to 2096 [ns]; a number lies in this range in one time unit only."""
+"""Range of Unix times, from 1973 to 2096 [ns]. In only one time unit a number gives a time in this range."""
 
 
 def read(path: Path, _: str) -> Sheet:
@@ -50,7 +50,7 @@ def _decoded(data: bytes) -> Any:
     except msgspec.DecodeError:
         if b"NaN" not in data and b"Infinity" not in data:
             raise
-        return json.loads(data)  # this decoder accepts NaN and Infinity, which Python writes
+        return json.loads(data)  # this decoder accepts NaN and Infinity, which Python programs write
 
 
 def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
@@ -81,7 +81,7 @@ def _values(name: str, value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _is_part(value: Any) -> bool:
-    """Return whether a value is a long list, or a list of objects.
+    """Return whether a value in an object is a long list, or a list of objects.
 
     Such a value belongs to a sensor, not to a row.
     """
@@ -157,7 +157,7 @@ def _is_inner(value: Any) -> bool:
 
 
 def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
-    """Return the keys of rows in order, if all are numbers or times; else None."""
+    """Return the keys of rows in rising order if all are numbers or times; else None."""
     keys = list(rows)
     if len(keys) < 2 or not keys[0].removeprefix("-")[:1].isdigit():
         return None
@@ -169,7 +169,10 @@ def _in_order(rows: Mapping[str, Any]) -> list[str] | None:
 
 
 def _index(keys: Sequence[str]) -> dict[str, Any]:
-    """Return the keys of rows as a column, unless they only count the rows; Unix times become dates."""
+    """Return the keys of rows as a column, or nothing if they only count the rows.
+
+    Unix times become dates.
+    """
     if not all(key.removeprefix("-").isdecimal() for key in keys):
         return {"index": list(keys)}
     numbers = [int(key) for key in keys]

@@ -17,7 +17,7 @@ def read(path: Path, _: str) -> Sheet:
     found: dict[str, Any] = {}
 
     def take(name: str, value: Any) -> None:
-        if name.startswith("__"):  # scipy adds these facts on the file
+        if name.startswith("__"):  # scipy adds these items, which describe the file
             return
         if isinstance(value, dict):
             for key, inner in value.items():

@@ -1,4 +1,4 @@
-"""Reads measurements in vehicles (ASAM MDF): groups of channels, each group with its own clock."""
+"""Reads ASAM MDF files of measurements in vehicles: groups of channels, each group with its own clock."""
 
 import io
 from collections.abc import Iterator, Sequence

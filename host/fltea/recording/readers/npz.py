@@ -1,4 +1,4 @@
-"""Reads archives of arrays (.npz) that other programs than fltea wrote."""
+"""Reads archives of arrays (.npz) that were written by programs other than fltea."""
 
 from pathlib import Path
 
@@ -9,6 +9,6 @@ from fltea.recording.sheet import Sheet
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read all arrays."""
+    """Read all arrays in the archive."""
     with np.load(path, allow_pickle=False) as archive:
         return of_arrays({name: archive[name] for name in archive.files})

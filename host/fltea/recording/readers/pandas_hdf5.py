@@ -11,7 +11,10 @@ TABLES = "frame", "frame_table"
 
 
 class BlockColumn:
-    """A column of a block as an array of numbers or times. `field`: field in a table's rows, or None."""
+    """A column of a block as an array of numbers or times.
+
+    `field`: name of the column's field in the rows of a table; None: the block is an array.
+    """
 
     def __init__(self, data: Any, field: str | None, place: int | None, kind: str) -> None:
         self.shape = (data.shape[0],)
@@ -60,7 +63,7 @@ def _of_rows(group: Any, table: Any) -> Iterator[tuple[str, BlockColumn]]:
 
 
 def _of_index(data: Any, field: str | None, kind: str, name: str) -> Iterator[tuple[str, BlockColumn]]:
-    name = "" if name == "N." else name  # the text is the pickle of None
+    name = "" if name == "N." else name  # this text is the pickle of None
     if name or kind.startswith("datetime64"):
         yield name or "time", BlockColumn(data, field, None, kind)
 

@@ -26,7 +26,7 @@ EVEN = 0.2
 
 
 def read(path: Path, topic: str) -> Sheet:
-    """Read a topic; if several sensors publish it, `topic` names one of these: `sensor_gyro:1`."""
+    """Read a topic. If several sensors publish it, `topic` also names one of them, as in `sensor_gyro:1`."""
     name, _, instance = topic.partition(":")
     with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         whole = mended(content)
@@ -110,7 +110,7 @@ def _devices(data: Mapping[str, Any]) -> list[str]:
 
 
 def _unpacked(data: Mapping[str, Any]) -> Sheet:
-    """Return the samples in FIFO messages; a message holds several samples and the time of the last one."""
+    """Return the samples in FIFO messages. Each holds several samples and the time of the last of them."""
     axes = {
         axis: sorted((n for n in data if n.startswith(f"{axis}[")), key=lambda n: int(n[2:-1]))
         for axis in "xyz"
@@ -119,7 +119,8 @@ def _unpacked(data: Mapping[str, Any]) -> Sheet:
     last_us, dt_us = (np.asarray(data[name], np.float64) for name in ("timestamp_sample", "dt"))
     behind = count[:, np.newaxis] - 1 - np.arange(len(axes["x"]))
     there = behind >= 0
-    took = np.diff(last_us, prepend=np.nan) / np.maximum(count, 1)  # dt is the nominal sampling period
+    # the messages' own dt is only the nominal sampling period
+    took = np.diff(last_us, prepend=np.nan) / np.maximum(count, 1)
     step_us = np.where(np.abs(took / dt_us - 1) < EVEN, took, dt_us)
     columns = {"time_us": (last_us[:, np.newaxis] - behind * step_us[:, np.newaxis])[there]}
     scale = np.asarray(data["scale"], np.float64)[:, np.newaxis]

@@ -1,4 +1,7 @@
-"""Reads LabVIEW files (TDMS): groups of channels, whose properties state units and sampling periods."""
+"""Reads LabVIEW files (TDMS): groups of channels.
+
+Properties of a channel state its unit and sampling period.
+"""
 
 import struct
 from pathlib import Path
@@ -16,7 +19,7 @@ _STILL_WRITTEN = (1 << 64) - 1
 
 
 def read(path: Path, _: str) -> Sheet:
-    """Read all channels, by group and name, in blocks."""
+    """Return all channels as columns, named by group and channel; they are read in blocks."""
     from nptdms import TdmsFile
 
     found: dict[str, Any] = {}

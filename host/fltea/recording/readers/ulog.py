@@ -13,10 +13,10 @@ from mmap import mmap
 from typing import NamedTuple
 
 HEAD = struct.Struct("<HB")
-"""Header of a message: length of its body, and kind."""
+"""Binary format of a message's header: length of the body, and kind of the message."""
 
 FILE_HEAD_BYTES = 16
-"""Length of the log's header: magic bytes, version and time."""
+"""Length of the log's header, which holds magic bytes, version and time [bytes]."""
 
 SYNC = bytes.fromhex("2f731320250cbb12")
 """Content of a message of the kind S, which helps to find messages after damage."""
@@ -37,19 +37,21 @@ MOST_NESTED = 16
 FORMAT = re.compile(rb"([\w/-]+):((?:[\w/-]+(?:\[\d{1,5}\])? [\w/-]+;)+)")
 FIELD = re.compile(r"([\w/-]+)(?:\[(\d+)\])? ([\w/-]+);")
 KEY = re.compile(rb"(\w+)(?:\[(\d{1,5})\])? [!-~]+")
-"""Matches the type and the name in an information or parameter message."""
+"""Matches the type and the name of the value in an information or parameter message."""
 
 KINDS = re.compile(rb"[ACDFILMOPQRS]")
-"""Matches the letters of the message kinds that PX4 documents."""
+"""Matches a letter that is, by PX4's documentation, a kind of message."""
 
 SURE, ANY_LENGTH, TELLING = b"ADIMPQS", b"CL", b"AF"
-"""Message kinds that random bytes rarely resemble, kinds of any length, and kinds that describe others."""
+"""Three sets of message kinds: those that random bytes rarely resemble, those without a fixed length, and
+those that describe other messages.
+"""
 
 PADDING = "_padding"
 
 FLAGS_AT = FILE_HEAD_BYTES + HEAD.size
 APPENDED_AT, APPENDED = FLAGS_AT + 8, struct.Struct("<B7x3Q")
-"""Offset and layout of the flags and offsets for data that PX4 appended after a crash."""
+"""Offset in the log, and binary format, of the flags and offsets that tell of data appended after a crash."""
 
 
 class Mended(NamedTuple):
@@ -57,8 +59,8 @@ class Mended(NamedTuple):
 
     `data`: the log without its holes; b"" if the log is intact. `holes`: number of holes; `lost_bytes`: total
     length of the holes; `first`: offset of the first hole. `cut_bytes`: length of a truncated last message.
-    `odd`: number of messages whose kind or topic number the log does not declare. `counts`: number of
-    messages by topic and sensor.
+    `odd`: number of messages of an unknown kind, or with a topic number that the log does not declare.
+    `counts`: number of messages by topic and sensor.
     """
 
     data: bytes
@@ -76,7 +78,7 @@ class Mended(NamedTuple):
 
 
 def mended(content: bytes | mmap) -> Mended:
-    """Check all messages of a log."""
+    """Check all messages of a log, and return the log without its damaged parts."""
     scan = _LogScan(content)
     scan.run()
     return scan.found()
@@ -147,7 +149,8 @@ class _LogScan:
             return FILE_HEAD_BYTES, []
         flags, *begins = APPENDED.unpack(found)
         begins = sorted({one for one in begins if end < one < self._size}) if flags & 1 else []
-        if begins:  # the log is kept without holes, which would change the offsets of the parts
+        # no bytes are cut out of this log, since that would change the offsets of the appended parts
+        if begins:
             self._is_changed = True
             self._keep(FILE_HEAD_BYTES, APPENDED_AT)
             self._kept.append(bytes([flags & ~1]) + found[1:8] + bytes(APPENDED.size - 8))
@@ -206,7 +209,7 @@ class _LogScan:
             self._kept.append((begin, end))
 
     def _take(self, at: int, end: int, kind: int) -> None:
-        """Keep a message; if it describes later messages, remember the description."""
+        """Keep a message of the log; if it describes later messages, remember the description."""
         body, size = at + HEAD.size, end - at - HEAD.size
         if kind == ord("F"):
             form = self._form(body, size)
@@ -252,12 +255,12 @@ class _LogScan:
         return at
 
     def _next_kind(self, at: int) -> int | None:
-        """Return the next offset with the letter of a message kind two bytes later."""
+        """Return the next offset that is followed, two bytes later, by the letter of a message kind."""
         found = KINDS.search(self._content, at + 2)
         return None if found is None else found.start() - 2
 
     def _is_message(self, at: int) -> bool:
-        """Return whether a message of a valid kind and length begins here."""
+        """Return whether a message of a valid kind and length begins at the offset `at`."""
         if at + HEAD.size > self._size:
             return False
         size, kind = self._head(at)
@@ -292,9 +295,9 @@ class _LogScan:
         return found[1].decode(), [(kind, int(many or 1), name) for kind, many, name in fields]
 
     def _sizes(self, name: str) -> tuple[int, int]:
-        """Return the length of a format's messages with their topic number, and with padding.
+        """Return the length of a format's messages with their topic number, without and with padding.
 
-        0 if unknown.
+        A length is 0 if it is unknown.
         """
         fields = self._forms.get(name, [])
         sizes = [self._length(kind, MOST_NESTED) * many for kind, many, _ in fields]

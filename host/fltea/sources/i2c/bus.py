@@ -24,7 +24,7 @@ The kernel's default is one second, in which the sensor's FIFO would overflow. T
 
 
 class Bus(Protocol):
-    """The part of `smbus2.SMBus` that the driver needs."""
+    """The methods of `smbus2.SMBus` that the driver needs."""
 
     def i2c_rdwr(self, *messages: Any) -> None:
         """Run several `smbus2.i2c_msg` messages as one transaction; raise OSError if it fails."""

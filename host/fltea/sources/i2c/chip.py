@@ -1,6 +1,6 @@
 """Describes one kind of sensor for the driver as plain values; `chips.py` lists all kinds.
 
-A register is given by its number; for a chip with register banks, 256 times the bank's number is added.
+A register is given by its number. For a chip with banks of registers, 256 times the bank's number is added.
 """
 
 from collections.abc import Callable, Mapping
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Setting(NamedTuple):
-    """The value of a register. `meaning`: mask of the bits that matter; other bits may differ on a clone."""
+    """A register and its value. `meaning`: mask of the bits that matter; other bits may differ on a clone."""
 
     register: int
     value: int
@@ -24,22 +24,19 @@ class Setting(NamedTuple):
 class Chip(NamedTuple):
     """One kind of sensor.
 
-    `rate_hz`: sampling rate that `settings` give. `clock_error`: largest relative error of that rate.
-    `gyro_lsb_per_dps`, `accel_lsb_per_g`: sensitivities at the ranges that `settings` choose.
-    `reset`: register and value that reset the chip. `reset_s`: time after which the registers answer again
-    [s].
-    `settings`: registers in the order of writing; the first wakes the chip, and the last selects what fills
-    the FIFO.
-    `settle_s`: time that the gyroscope needs after the settings [s].
-    `checked`: first register and length of each block of registers that determines rate, scale and content.
-    `restart`: writes that empty the FIFO and start filling it. `running`: setting that the chip has
-    afterwards.
-    `sample`: layout of one sample in the FIFO: acceleration, temperature if the FIFO holds it, rate.
-    `fifo_bytes`: number of the FIFO's bytes that are used. `keeps_oldest`: whether a full FIFO keeps whole
-    samples; otherwise an overflow destroys a part of a sample. `overflow`: register and bits that report an
-    overflow.
-    `temperature`: register of the thermometer if the FIFO does not hold the temperature.
-    `bank_select`: register that selects the bank, if the chip has banks.
+    `rate_hz`: sampling rate that results from `settings` [Hz]. `clock_error`: largest relative error of that
+    rate. `gyro_lsb_per_dps`, `accel_lsb_per_g`: sensitivities at the ranges that `settings` choose. `reset`:
+    register and value that reset the chip. `reset_s`: time after which the registers answer again [s].
+    `settings`: registers and their values in the order in which they are written; the first wakes the chip,
+    and the last selects which data enter the FIFO. `settle_s`: time that the gyroscope needs after the
+    settings [s]. `checked`: first register and number of registers of each block that determines the samples'
+    rate, scale and content. `restart`: registers and values whose writing empties the FIFO and starts to fill
+    it. `running`: setting that the chip has afterwards. `sample`: binary layout of one sample in the FIFO:
+    acceleration, temperature if the FIFO holds it, angular rate. `fifo_bytes`: number of the FIFO's bytes
+    that are used. `keeps_oldest`: whether a full FIFO keeps whole samples; otherwise an overflow destroys a
+    part of a sample. `overflow`: register and bits that report an overflow. `temperature`: register of the
+    thermometer if the FIFO does not hold the temperature. `bank_select`: register that selects the bank, if
+    the chip has banks.
     """
 
     rate_hz: float
@@ -80,7 +77,7 @@ class Chip(NamedTuple):
 
 
 class Family(NamedTuple):
-    """Chips that are identified in the same way and wired in the same way.
+    """A family of chips that are identified and wired in the same way.
 
     `name`: name in `&chip=` and in `wire.sensors.SENSORS`. `who_am_i`: register with the chip's identity.
     `addresses`: each possible address of the chip on the bus, with the wiring that sets this address.

@@ -1,4 +1,6 @@
-"""Lists all chips that can be read on an I²C bus; driver, doctor, messages and pages use this table.
+"""Lists all chips that can be read on an I²C bus.
+
+The driver, `fltea doctor`, messages and pages use this table.
 
 A new chip needs a row in `wire.sensors.SENSORS`, a module in this folder with its registers and its `FAMILY`,
 and that module's name below. `tests/sources/test_chip_table.py` reports what is missing.
@@ -23,7 +25,7 @@ def chip_of(who_am_i: int) -> Chip:
 
 
 def is_of(who_am_i: int, family: Family) -> bool:
-    """Return whether a chip with this WHO_AM_I is known and has the registers of the family."""
+    """Return whether a chip with this WHO_AM_I is known and belongs to the family."""
     sensor = SENSORS.get(who_am_i)
     return sensor is not None and sensor.family == family.name
 
@@ -31,7 +33,7 @@ def is_of(who_am_i: int, family: Family) -> bool:
 def ask_identity(
     ask: Callable[[Family], int], families: Iterable[Family], tries: int = 1
 ) -> tuple[int, bool]:
-    """Return the WHO_AM_I of a chip, and whether it is known; if not, the first answer is returned.
+    """Return the WHO_AM_I of a chip, and whether it is known. If no answer is known, return the first one.
 
     `ask`: function that reads the identity from a family's register. `tries`: number of reads for each
     family.

@@ -22,17 +22,18 @@ BURST_BYTES = 252
 
 TRIES = 3
 NOT_ACKNOWLEDGED = frozenset({errno.EREMOTEIO, errno.ENXIO})
-"""Errors for an address or register number that was not acknowledged; nothing was read, so a retry is
-safe."""
+"""Errors that mean that the chip did not acknowledge its address or a register's number. Nothing was read, so
+a retry is safe.
+"""
 PASSING = NOT_ACKNOWLEDGED | {errno.EIO, errno.ETIMEDOUT, errno.EAGAIN, errno.EINTR}
 """Errors that concern a single transfer. Any other error concerns the bus itself and is raised unchanged."""
 
 Counts = tuple[tuple[int, ...], int, tuple[int, ...]]
-"""Counts of acceleration, of temperature, and of rate."""
+"""Counts of acceleration, of temperature, and of angular rate."""
 
 
 class SensorFault(Exception):
-    """The sensor answers, but wrongly. `detail`: as defined in protocol/README.md for FaultCode."""
+    """Raised if the sensor answers, but wrongly. `detail`: as defined in protocol/README.md for FaultCode."""
 
     def __init__(self, code: FaultCode, detail: int) -> None:
         super().__init__(code, detail)
@@ -41,7 +42,7 @@ class SensorFault(Exception):
 
 
 class TransferFailed(Exception):
-    """A transfer failed each time that it was tried."""
+    """Raised if a transfer failed each time that it was tried."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error)
@@ -51,7 +52,7 @@ class TransferFailed(Exception):
 
 
 class Level(NamedTuple):
-    """Number of bytes in the FIFO at some time between `before_ns` and `after_ns`."""
+    """Fill level of the FIFO in bytes, at some time between `before_ns` and `after_ns`."""
 
     bytes: int
     overflowed: bool
@@ -72,7 +73,7 @@ class Driver:
         self.bus: Bus | None = None
         self.address = address
         self._families = [CHIPS[family]] if family else list(CHIPS.values())
-        self._family = self._families[0]  # the family to which `chip` belongs
+        self._family = self._families[0]  # family to which `chip` belongs
         self.chip = self._family.chip(0)
         self.i2c_errors = 0
         self.retried = False
@@ -114,10 +115,10 @@ class Driver:
             self._confirm(setting.register, 1, [setting])
 
     def check_settings(self) -> None:
-        """Check that the settings for the samples' rate, scale and content are still in the registers.
+        """Check that the registers still hold the settings for the samples' rate, scale and content.
 
-        A chip whose supply failed for a moment answers as if nothing had happened, with other settings. So
-        samples that were read before this check are valid only after it.
+        A chip whose supply voltage failed for a moment answers as if nothing had happened, but with other
+        settings. So samples count as valid only if this check succeeds after they were read.
 
         Raises:
             SensorFault, TransferFailed: for the same reasons as in `configure`.
@@ -135,7 +136,7 @@ class Driver:
         self._overflowed = False
 
     def level(self) -> Level:
-        """Return the FIFO's fill level, and whether it overflowed since it was restarted."""
+        """Return the FIFO's fill level, with whether it overflowed since it was restarted."""
         chip = self.chip
         self._select(chip.fifo_count)
         before_ns = self._now_ns()
@@ -159,17 +160,17 @@ class Driver:
         return list(sample.iter_unpack(self._read(self.chip.fifo_data, n * sample.size, NOT_ACKNOWLEDGED)))
 
     def counts(self, row: tuple[int, ...]) -> Counts:
-        """Split a sample.
+        """Split a sample into the counts of acceleration, temperature and angular rate.
 
         If the FIFO does not hold the temperature, the last `level` has read it.
         """
         return row[:3], self._temperature if self.chip.temperature is not None else row[3], row[-3:]
 
     def _ask(self, family: Family) -> int:
-        """Read the chip's identity from the register that this family uses.
+        """Read the chip's identity (WHO_AM_I) from the register that this family uses.
 
-        The bank is selected only if the chip is known to have these banks, since another kind of chip might
-        give the written register another meaning.
+        The register's bank is selected only if the chip is known to have these banks, since the register that
+        selects it may do something else on another kind of chip.
         """
         if family is self._family and self.chip.bank_select is not None:
             self._bank = None
@@ -177,7 +178,10 @@ class Driver:
         return self._transfer_read(family.who_am_i & 0xFF, 1, PASSING)[0]
 
     def _confirm(self, first: int, n: int, settings: list[Setting]) -> None:
-        """Check `n` registers; read a wrong register again, since interference may have flipped a bit."""
+        """Check the settings in `n` registers.
+
+        Read a wrong register again, since a bit may have flipped on the bus.
+        """
         for last_time in (False, True):
             values = self._read(first, n)
             wrong = [s for s in settings if not s.kept(values[s.register - first])]

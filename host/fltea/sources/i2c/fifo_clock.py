@@ -16,16 +16,17 @@ BLOCKS_KEPT = 60
 
 DRIFT = 1e-4
 SPREAD_NS = 5_000_000
-"""Spread of arrival times [ns]. Divided by the time span, it bounds the error of the clock's rate, apart from
-drift."""
+"""Largest spread of the arrival times' delays [ns]. Divided by the time span, it bounds the error of the
+sensor clock's rate, apart from drift.
+"""
 PHASE_NS = 2_000_000
-"""Largest delay of the earliest arrival in a second [ns]."""
+"""Largest delay from sampling to arrival for the earliest arrival in a second [ns]."""
 SLACK = 0.5
-"""Largest difference between a count of samples and the count by time, beyond the bounds above [samples]."""
+"""Largest accepted difference between a number of samples and the number by time, beyond the bounds above."""
 
 
 class Resumed(NamedTuple):
-    """Number of samples that were lost before the samples that now wait.
+    """Number of samples that were lost before those that wait in the FIFO.
 
     The true number is within ±`doubt`.
     """
@@ -48,7 +49,7 @@ class FifoClock:
         self.begin(rate_hz, clock_error)
 
     def begin(self, rate_hz: float, clock_error: float) -> None:
-        """Start the clock of a sensor that was set up, perhaps of another sensor.
+        """Start to estimate the clock of a sensor that was set up, perhaps in place of another sensor.
 
         The sample numbers continue.
         """
@@ -58,7 +59,7 @@ class FifoClock:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all measurements of the clock. The sample numbers continue."""
+        """Forget all measurements of the sensor's clock. The sample numbers continue."""
         self._blocks: deque[tuple[int, int]] = deque(maxlen=BLOCKS_KEPT)
         self._earliest: tuple[int, int] | None = None
         self._block_end = 0
@@ -66,7 +67,10 @@ class FifoClock:
         self._reference: tuple[int, float] | None = None
 
     def out_of_step(self, waiting: int, before_ns: int, after_ns: int) -> bool:
-        """Return whether `waiting` samples, counted between these two times, contradict the elapsed time."""
+        """Return whether `waiting` samples contradict the elapsed time.
+
+        They were counted between `before_ns` and `after_ns`.
+        """
         if self._reference is None or self._last_ns is None:
             return False
         least = (before_ns - self._last_ns) / self._period_ns - 1 - self._error(before_ns)
@@ -74,7 +78,10 @@ class FifoClock:
         return not least - SLACK <= waiting <= most + SLACK
 
     def resume(self, waiting: int, empty_ns: int, seen_ns: int) -> Resumed:
-        """Continue after a loss, with an empty FIFO at `empty_ns` and `waiting` samples at `seen_ns`."""
+        """Continue after a loss.
+
+        The FIFO was empty at `empty_ns`, and held `waiting` samples at `seen_ns`.
+        """
         first_ns = seen_ns - (waiting - 1) * self._period_ns
         latest_ns = max(float(empty_ns), min(first_ns, empty_ns + self._period_ns))
         if self._last_ns is None:
@@ -99,7 +106,8 @@ class FifoClock:
         waited. This time is computed with the fastest possible clock, so that no sample seems to arrive
         before it was taken.
 
-        `timely`: whether counting was quick, so that its time can be used to estimate the clock.
+        `timely`: whether the samples were counted quickly, so that `seen_ns` can be used to estimate the
+        clock.
         """
         shortest_ns = self._period_ns * (1 - self._clock_error())
         newest = self.next + waiting - 1
@@ -154,6 +162,6 @@ class FifoClock:
         return min(self._first_error, DRIFT + SPREAD_NS / span_ns)
 
     def _error(self, at_ns: int) -> float:
-        """Return an upper bound of the error of a predicted sample number [samples]."""
+        """Return an upper bound of the error of the sample number that the clock predicts [samples]."""
         known_ns = self._reference[1] if self._reference is not None else at_ns
         return (PHASE_NS + abs(at_ns - known_ns) * self._clock_error()) / self._period_ns

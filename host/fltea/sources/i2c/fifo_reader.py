@@ -1,4 +1,7 @@
-"""Reads and numbers a running sensor's samples from its FIFO; samples that may be wrong are only counted."""
+"""Reads a running sensor's samples from its FIFO, and numbers them.
+
+Samples that may be wrong are only counted.
+"""
 
 from collections import Counter
 from collections.abc import Callable
@@ -11,11 +14,11 @@ from fltea.sources.i2c.fifo_clock import FifoClock
 from fltea.wire.layout import FaultCode, SampleFlags
 
 TIMELY_NS = 2_000_000
-"""Longest duration of a count of the FIFO's samples that is used to estimate the sensor's clock [ns]."""
+"""Longest time for reading the FIFO's fill level with which the result serves to estimate the clock [ns]."""
 SILENT_NS = 100_000_000
-"""Time without a sample from which the sensor counts as stopped [ns]."""
+"""Time without a sample after which the sensor counts as stopped [ns]."""
 MOST_EQUAL = 10
-"""Number of equal samples in a row from which the sensor counts as frozen, since noise always varies."""
+"""A sensor counts as frozen after this many equal samples in succession, since noise always varies."""
 INT16_ENDS = (32767, -32768)
 
 Row = tuple[int, ...]
@@ -31,7 +34,7 @@ class Loss(NamedTuple):
 
 
 def _not_of_empty_fifo(row: Row) -> bool:
-    """Return whether a row is a sample.
+    """Return whether a row of counts is a sample.
 
     An empty FIFO repeats its last byte [4.37], so all bytes are equal.
     """
@@ -66,7 +69,7 @@ class FifoReader:
 
     @property
     def hurry(self) -> bool:
-        """Whether to poll at once, since the time of the first sample shows how many samples were lost."""
+        """Whether to poll at once. After a loss, the time of the first sample shows how many were lost."""
         return self._restart_due or self._empty_ns is not None
 
     def begin(self) -> None:
@@ -140,9 +143,10 @@ class FifoReader:
         return None
 
     def _whole_samples(self, level: Level, doubt: str | None) -> int:
-        """Return the number of whole samples.
+        """Return the number of whole samples in the FIFO.
 
-        Samples that a full FIFO took before its overflow may be whole.
+        `doubt`: reason why the contents may be wrong, or None. After an overflow, samples of some chips are
+        still whole.
         """
         chip = self._driver.chip
         if doubt is None or (doubt == "overflow" and chip.keeps_oldest):
@@ -150,7 +154,7 @@ class FifoReader:
         return 0
 
     def _take_out(self, n: int) -> tuple[list[Row], str | None]:
-        """Read `n` samples.
+        """Read `n` samples from the FIFO.
 
         Return the samples that arrived, and the reason why other samples may be lost, or None.
         """
@@ -190,8 +194,8 @@ class FifoReader:
         accel, temperature, gyro = self._driver.counts(row)
         if any(count in INT16_ENDS for count in gyro):
             flags |= SampleFlags.SATURATED
-        # A count is made just before its time is noted. Without this, the next sample could seem to arrive
-        # earlier.
+        # The time is noted just after the samples are counted. Without this maximum, the next sample could
+        # seem to arrive before this one.
         self._latest_ns = max(self._latest_ns, arrived_ns)
         sequence, device_us = number % SEQUENCE_WRAP, round(self._device_us(number)) % TIME_WRAP_US
         return RawSample(sequence, device_us, self._latest_ns, gyro, accel, temperature, int(flags))

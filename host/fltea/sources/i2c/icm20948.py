@@ -1,11 +1,11 @@
 """Registers and settings of the ICM-20948, from its data sheet DS-000189 (revision 1.3).
 
-Numbers in brackets are sections of the data sheet. Numbers and bits of the registers agree with two widely
-used drivers: PX4's, and ICM20948_WE by W. Ewald. The chip has banks of registers; register 127 of each bank
-selects the bank [8.65].
+Numbers in brackets are sections of the data sheet. The numbers and bits of the registers were compared with
+two widely used drivers, with which they agree: PX4's, and ICM20948_WE by W. Ewald. The chip has banks of
+registers; register 127 of each bank selects the bank [8.65].
 
-The FIFO is set to hold only acceleration and rate, since the data sheet does not say where the temperature
-would stand in it.
+The FIFO is set to hold only acceleration and angular rate, since the data sheet does not say where in a
+sample the temperature would stand.
 """
 
 from struct import Struct
@@ -17,39 +17,41 @@ BANK_2: Final = 0x200
 """Number that is added to the number of a register in bank 2."""
 
 WHO_AM_I: Final = 0x00
-"""[8.1]"""
+"""[8.1] Identity of the chip."""
 USER_CTRL: Final = 0x03
-"""[8.2] Bit 6: FIFO_EN."""
+"""[8.2] Bit 6, FIFO_EN, switches the FIFO on."""
 PWR_MGMT_1: Final = 0x06
-"""[8.4] Reset, sleep, clock; reset value 0x41, asleep."""
+"""[8.4] Reset, sleep, and choice of the clock. After a reset the value is 0x41, so the chip sleeps."""
 PWR_MGMT_2: Final = 0x07
-"""[8.5] Switches axes off."""
+"""[8.5] Switches single axes off."""
 INT_ENABLE_2: Final = 0x12
 """[8.9] Interrupt for an overflow of the FIFO."""
 INT_STATUS_2: Final = 0x1B
 """[8.14] Reports an overflow of the FIFO; reading clears the report."""
 TEMP_OUT_H: Final = 0x39
-"""[8.30] First of two registers."""
+"""[8.30] First of the two registers of the temperature."""
 FIFO_EN_1: Final = 0x66
 """[8.56] Selects which data of the auxiliary bus enter the FIFO."""
 FIFO_EN_2: Final = 0x67
-"""[8.57] Selects the chip's data for the FIFO: bit 4 acceleration, 3 to 1 rate z, y, x, 0 temperature."""
+"""[8.57] Selects what enters the FIFO: bit 4 acceleration, bits 3 to 1 rate about z, y, x, bit 0
+temperature.
+"""
 FIFO_RST: Final = 0x68
 """[8.58] Setting and then clearing its bits empties the FIFO; the bits do not clear themselves."""
 FIFO_MODE: Final = 0x69
-"""[8.59] Bit 0: a full FIFO takes no more data."""
+"""[8.59] Bit 0 means that a full FIFO takes no more data."""
 FIFO_COUNT_H: Final = 0x70
 """[8.60] First of two registers with the number of bytes in the FIFO; reading this register latches both."""
 FIFO_R_W: Final = 0x72
 """[8.62] The oldest byte in the FIFO; reading removes the byte. All reads in a transfer use this address."""
 BANK_SELECT: Final = 0x7F
-"""[8.65] Bits 5:4."""
+"""[8.65] Bits 5:4 select the bank of registers."""
 GYRO_SMPLRT_DIV: Final = BANK_2 | 0x00
 """[10.1] Output rate = 1125 Hz / (1 + value), with GYRO_FCHOICE."""
 GYRO_CONFIG_1: Final = BANK_2 | 0x01
 """[10.2] Bits 5:3 GYRO_DLPFCFG, 2:1 GYRO_FS_SEL, 0 GYRO_FCHOICE (1: the filter is on)."""
 ODR_ALIGN_EN: Final = BANK_2 | 0x09
-"""[10.10] Bit 0: gyroscope and accelerometer begin a period together."""
+"""[10.10] Bit 0 makes gyroscope and accelerometer begin their sampling periods together."""
 ACCEL_SMPLRT_DIV_1: Final = BANK_2 | 0x10
 """[10.11] High bits of the accelerometer's divider."""
 ACCEL_SMPLRT_DIV_2: Final = BANK_2 | 0x11
@@ -58,19 +60,21 @@ ACCEL_CONFIG: Final = BANK_2 | 0x14
 """[10.15] Bits 5:3 ACCEL_DLPFCFG, 2:1 ACCEL_FS_SEL, 0 ACCEL_FCHOICE."""
 
 DIVIDER: Final = 8
-"""Divider for 125 Hz, the rate with a period of whole milliseconds that is nearest to 100 Hz."""
+"""Divider for 125 Hz. Of the rates whose period is a whole number of milliseconds, it is nearest to 100
+Hz.
+"""
 FIFO_EN: Final = 0x40
 ALL_FIFOS: Final = 0x1F
 
 SETTINGS = (
-    Setting(PWR_MGMT_1, 0x01, 0x6F),  # awake, the best clock
+    Setting(PWR_MGMT_1, 0x01, 0x6F),  # the chip is awake, and uses its best clock
     Setting(PWR_MGMT_2, 0x00, 0x3F),  # all axes on
     Setting(GYRO_SMPLRT_DIV, DIVIDER, 0xFF),
-    Setting(GYRO_CONFIG_1, 0 << 3 | 3 << 1 | 1, 0x3F),  # 196.6 Hz, ±2000 deg/s
+    Setting(GYRO_CONFIG_1, 0 << 3 | 3 << 1 | 1, 0x3F),  # low-pass filter of 196.6 Hz, range of ±2000 deg/s
     Setting(ODR_ALIGN_EN, 0x01, 0x01),
     Setting(ACCEL_SMPLRT_DIV_1, 0, 0x0F),
     Setting(ACCEL_SMPLRT_DIV_2, DIVIDER, 0xFF),
-    Setting(ACCEL_CONFIG, 0 << 3 | 0 << 1 | 1, 0x3F),  # 246 Hz, ±2 g
+    Setting(ACCEL_CONFIG, 0 << 3 | 0 << 1 | 1, 0x3F),  # low-pass filter of 246 Hz, range of ±2 g
     Setting(INT_ENABLE_2, 0x01, 0x01),
     Setting(FIFO_MODE, 0x01, 0x01),
     Setting(FIFO_EN_1, 0x00, 0x0F),
@@ -79,7 +83,7 @@ SETTINGS = (
 
 ICM20948 = Chip(
     rate_hz=1125 / (1 + DIVIDER),
-    clock_error=0.1,  # the PLL's deviation is within the range of TIMEBASE_CORRECTION_PLL [4.14]
+    clock_error=0.1,  # the error of the PLL's frequency is within the range of TIMEBASE_CORRECTION_PLL [4.14]
     gyro_range_dps=2000.0,  # [3.1, 3.2]
     gyro_lsb_per_dps=16.4,
     gyro_dlpf_hz=196.6,

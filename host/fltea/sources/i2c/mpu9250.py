@@ -1,4 +1,4 @@
-"""Settings of the MPU-9250 and related chips, equal to the Due firmware's (firmware/core/mpu9250.h)."""
+"""Settings of the MPU-9250 and related chips, the same as in the Due's firmware (firmware/core/mpu9250.h)."""
 
 from struct import Struct
 
@@ -7,7 +7,9 @@ from fltea.sources.i2c.chip import AD0, Chip, Family, Setting
 
 RATE_HZ = 100.0
 SAMPLE = Struct(">7h")
-"""A sample: acceleration, temperature and rate, as in the output registers [4.22 to 4.24]."""
+"""Binary layout of a sample: acceleration, temperature and rate, as in the output registers [4.22 to
+4.24].
+"""
 
 
 def mpu9250(who_am_i: int) -> Chip:
@@ -39,8 +41,8 @@ def mpu9250(who_am_i: int) -> Chip:
         accel_range_g=2.0,
         accel_lsb_per_g=16384.0,
         reset=(reg.PWR_MGMT_1, reg.RESET),
-        reset_s=0.1,  # PS-MPU-9250A-01, start-up time
-        # the gyroscope needs 35 ms from sleep [PS-MPU-9250A-01, 3.1], in which an MPU-6050 is after a reset
+        reset_s=0.1,  # start-up time, by PS-MPU-9250A-01
+        # the gyroscope needs 35 ms after sleep [PS-MPU-9250A-01, 3.1], and an MPU-6050 sleeps after a reset
         settle_s=0.05,
         settings=tuple(s for s in settings if not (old and s.register == reg.ACCEL_CONFIG_2)),
         checked=((reg.SMPLRT_DIV, reg.FIFO_EN + 1 - reg.SMPLRT_DIV),),

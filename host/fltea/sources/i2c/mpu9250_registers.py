@@ -9,47 +9,51 @@ from typing import Final
 SMPLRT_DIV: Final = 0x19
 """[4.4] Output rate = internal rate / (1 + value)."""
 CONFIG: Final = 0x1A
-"""[4.5] FIFO_MODE, DLPF_CFG of the gyroscope."""
+"""[4.5] FIFO_MODE, and DLPF_CFG, the gyroscope's low-pass filter."""
 GYRO_CONFIG: Final = 0x1B
-"""[4.6] Range, FCHOICE_B."""
+"""[4.6] Range of the gyroscope, and FCHOICE_B, which bypasses its filters."""
 ACCEL_CONFIG: Final = 0x1C
-"""[4.7] Range."""
+"""[4.7] Range of the accelerometer."""
 ACCEL_CONFIG_2: Final = 0x1D
-"""[4.8] A_DLPF_CFG, ACCEL_FCHOICE_B."""
+"""[4.8] A_DLPF_CFG, the accelerometer's low-pass filter, and ACCEL_FCHOICE_B, which bypasses it."""
 FIFO_EN: Final = 0x23
-"""[4.11] Selects the data for the FIFO."""
+"""[4.11] Selects which data enter the FIFO."""
 INT_PIN_CFG: Final = 0x37
 """[4.19] Behaviour of the INT pin."""
 INT_ENABLE: Final = 0x38
-"""[4.20]"""
+"""[4.20] Switches the interrupts on."""
 INT_STATUS: Final = 0x3A
 """[4.21] Interrupt status; reading clears it."""
 USER_CTRL: Final = 0x6A
 """[4.33] Switches the FIFO on or off, and resets it."""
 PWR_MGMT_1: Final = 0x6B
-"""[4.34] Reset, sleep, clock."""
+"""[4.34] Reset, sleep, and choice of the clock."""
 FIFO_COUNT_H: Final = 0x72
 """[4.36] First of two registers with the number of bytes in the FIFO; reading this register latches both."""
 FIFO_R_W: Final = 0x74
 """[4.37] The oldest byte in the FIFO; reading removes the byte. All reads in a transfer use this address."""
 WHO_AM_I: Final = 0x75
-"""[4.38]"""
+"""[4.38] Identity of the chip."""
 
 RESET: Final = 0x80
-"""PWR_MGMT_1: H_RESET."""
+"""Bit of PWR_MGMT_1: H_RESET, which resets the chip."""
 PLL_CLOCK: Final = 0x01
-"""PWR_MGMT_1: awake, with the PLL as clock once it is ready."""
+"""Value of PWR_MGMT_1: the chip is awake, and uses the PLL as its clock as soon as it is ready."""
 PULSE_HIGH: Final = 0x00
-"""INT_PIN_CFG: push-pull, active high, a pulse of 50 us."""
+"""Value of INT_PIN_CFG: the pin is push-pull and active high, and gives a pulse of 50 us."""
 FIFO_OVERFLOW: Final = 0x10
-"""INT_ENABLE and INT_STATUS: FIFO_OFLOW_EN and FIFO_OFLOW_INT."""
+"""Bit of INT_ENABLE and INT_STATUS: the FIFO's overflow (FIFO_OFLOW_EN, FIFO_OFLOW_INT)."""
 FIFO_MODE_STOP: Final = 0x40
-"""CONFIG: FIFO_MODE; a full FIFO then accepts no more data."""
+"""Bit of CONFIG: FIFO_MODE, with which a full FIFO accepts no more data."""
 FIFO_ALL: Final = 0xF8
-"""FIFO_EN: temperature, rate, acceleration; the chip writes them in the order of its output registers."""
+"""Value of FIFO_EN: temperature, rate and acceleration, which enter the FIFO in the order of their
+registers.
+"""
 USER_FIFO_EN: Final = 0x40
-"""USER_CTRL: FIFO_EN."""
+"""Bit of USER_CTRL: FIFO_EN, which switches the FIFO on."""
 USER_FIFO_RST: Final = 0x04
-"""USER_CTRL: FIFO_RST, which clears itself."""
+"""Bit of USER_CTRL: FIFO_RST, which empties the FIFO and then clears itself."""
 RANGE_SHIFT: Final = 3
-"""Shift of FS_SEL and ACCEL_FS_SEL, bits 4:3; with FCHOICE_B = 0 in the bits below, the filters are on."""
+"""Position of FS_SEL and ACCEL_FS_SEL, the ranges, which are bits 4:3. The bits below are 0: the filters are
+on.
+"""

@@ -1,4 +1,4 @@
-"""Reads one of the chips in `chips.CHIPS` on a Linux I²C bus: `i2c:///dev/i2c-1?addr=0x68`.
+"""Reads one of the chips in `chips.CHIPS` on a Linux I²C bus; its URL is `i2c:///dev/i2c-1?addr=0x68`.
 
 The sensor's FIFO holds samples for `Chip.fifo_s`, so the program may be delayed by this time without a loss.
 The FIFO is read every 20 to 30 ms, at random times. If the times were multiples of the sensor's period, each
@@ -58,7 +58,7 @@ class _Closed(Exception):
 
 
 class Place(NamedTuple):
-    """Path of the bus, address of the sensor, and its family if the user gives it."""
+    """Parts of the URL: path of the bus, address of the sensor, and its family if the user gives it."""
 
     path: str
     address: int
@@ -66,7 +66,7 @@ class Place(NamedTuple):
 
 
 def parse_url(rest: str) -> Place:
-    """Return the place of the sensor (bus, address, family), from the part of the URL after `i2c:`.
+    """Return bus, address and family of the sensor, from the part of the URL after `i2c:`.
 
     Raises:
         UsageError: the URL is wrong; the message says where.
@@ -99,7 +99,10 @@ def lost_polls(chip: Chip) -> int:
 
 
 def device_id(path: str, address: int) -> str:
-    """Return 32 hexadecimal digits that depend only on this computer, the bus and the address."""
+    """Return the device's ID, 32 hexadecimal digits.
+
+    They depend only on this computer, the bus and the address.
+    """
     try:
         machine = Path("/etc/machine-id").read_text(encoding="ascii").strip()
     except OSError:
@@ -143,7 +146,7 @@ class I2cSource:
     def events(self) -> Iterator[Event]:
         """Yield the sensor's events until `close`."""
         for event in self._events():
-            # the recording and the records use the same offset
+            # recordings and the records of outputs use the same offset
             self.unix_offset_ns = self._host.unix_offset_ns()
             yield event
 
@@ -159,7 +162,7 @@ class I2cSource:
             return
 
     def link_stats(self) -> LinkStats:
-        """Return the counts: a frame is a sample, and a bad frame is a restart of the FIFO, by cause."""
+        """Return the counts of samples as frames, and of the FIFO's restarts, by cause, as bad frames."""
         return LinkStats(
             bytes=self._reader.samples * self._driver.chip.sample.size,
             frames=self._reader.samples,
@@ -168,7 +171,7 @@ class I2cSource:
         )
 
     def close(self) -> None:
-        """End the iteration of `events`, which releases the bus."""
+        """End the iteration of `events`; this releases the bus."""
         self._closed = True
 
     def _use_bus(self) -> Iterator[Event]:
@@ -202,7 +205,8 @@ class I2cSource:
             return False
         except TransferFailed as failed:
             code = FaultCode.BUS_HELD if failed.acknowledged else FaultCode.SENSOR_MISSING
-            if self._unanswered:  # after a pause, since the sensor may start later than this computer
+            # the report comes after a pause, since the sensor may start later than this computer
+            if self._unanswered:
                 yield from self._report_fault(code, self.address, fatal=True)
             self._unanswered = True
             yield from self._wait(PROBE_S)
@@ -301,13 +305,16 @@ class I2cSource:
         yield from self._report("device_fault", name, text, fatal=fatal)
 
     def _report(self, kind: str, topic: str, text: str, *, fatal: bool = True) -> Iterator[Trouble]:
-        """Report a trouble, unless its topic was reported within a minute and since the last set-up."""
+        """Report a trouble, unless its topic was reported in the last minute and since the last set-up."""
         now_ns = self._host.host_ns()
         if self._reported.is_due(topic, now_ns):
             yield Trouble(kind, text, now_ns, fatal)
 
     def _wait(self, seconds: float) -> Iterator[Event]:
-        """Wait, and yield ticks and statuses meanwhile; wait in slices, since any thread may call `close`."""
+        """Wait, and yield ticks and statuses meanwhile.
+
+        Wait in short slices, since any thread may call `close`.
+        """
         end_ns = self._host.host_ns() + round(seconds * 1e9)
         while True:
             if self._closed:

@@ -13,7 +13,10 @@ _WIRES = (
 
 
 def fault_text(code: FaultCode, detail: int, path: str, address: int) -> str:
-    """Return the text about a fault of the sensor; `detail` is as in protocol/README.md."""
+    """Return the text about a fault of the sensor.
+
+    `detail`: as protocol/README.md defines it for the code.
+    """
     match code:
         case FaultCode.SENSOR_MISSING:
             return (

@@ -15,7 +15,9 @@ KEPT_S, LATENCY_S = 2.0, 0.02
 a sample [s]."""
 
 CLOCK = "monotonic"
-"""Clock for time stamps, if the driver offers a choice; the default clock jumps when the date is set."""
+"""Clock to choose for time stamps, if the driver offers a choice. The default clock jumps when the date is
+set.
+"""
 
 HRTIMER = (
     "make one that ticks by itself: 'sudo modprobe iio-trig-hrtimer; sudo mkdir "
@@ -30,7 +32,10 @@ OWN_TRIGGER = (
 
 
 class Unusable(Exception):
-    """The buffer cannot be used. `kind`: kind of the `error` record. The text says why, and what to do."""
+    """Raised if the buffer cannot be used.
+
+    `kind`: kind of the `error` record. The text says why, and what to do.
+    """
 
     def __init__(self, kind: str, text: str) -> None:
         super().__init__(text)
@@ -82,8 +87,8 @@ class Buffer:
         except OSError as error:
             raise _explain_open(device, error) from error
         enable = f"{device.buffer}/enable"
-        # No program has the device node open, so a buffer that is on was left on. Settings require it to be
-        # off.
+        # Since no program has the device node open, a buffer that is on was left on. It has to be off before
+        # settings are written.
         self._set(enable, "0", undo=False)
         self._set_trigger(wishes)
         self._set_rate(wishes)
@@ -92,7 +97,7 @@ class Buffer:
         if self.has_time:
             elements.append(self._element("timestamp"))
             if device.has("current_timestamp_clock"):
-                with contextlib.suppress(Unusable):  # a failure does no harm: any clock is good enough
+                with contextlib.suppress(Unusable):  # a failure does no harm, since any clock is good enough
                     self._set("current_timestamp_clock", CLOCK)
         wanted = {element.name for element in elements}
         for path in sorted((device.folder / device.elements).glob("in_*_en")):
@@ -115,7 +120,7 @@ class Buffer:
     def _set_trigger(self, wishes: Wishes) -> None:
         device, file = self._device, "trigger/current_trigger"
         if not device.has(file):
-            return  # the chip's own FIFO fills the buffer, so no trigger is needed
+            return  # the chip's own FIFO fills the buffer, which needs no trigger
         wanted, known = choose_trigger(self._root, device, wishes.trigger)
         if not wanted or (wishes.trigger is not None and wanted not in known):
             there = f"Triggers that exist: {', '.join(known)}" if known else "This machine has no trigger"
@@ -153,7 +158,7 @@ class Buffer:
         length = max(2, round(rate_hz * KEPT_S), int(device.number(f"{device.buffer}/length") or 0))
         self._set(f"{device.buffer}/length", str(length))
         if device.has(f"{device.buffer}/watermark"):
-            # a failure does no harm: this setting only makes samples come sooner
+            # a failure does no harm, since this setting only makes samples come sooner
             with contextlib.suppress(Unusable):
                 self._set(f"{device.buffer}/watermark", str(max(1, round(rate_hz * LATENCY_S))))
 
@@ -177,7 +182,7 @@ class Buffer:
 
 
 def rate_path(root: Path, device: Attributes) -> Path | None:
-    """Return the file that holds the sampling rate; it belongs to the device or to the device's trigger."""
+    """Return the file that holds the sampling rate: a file of the device, or of the device's trigger."""
     name = device.rate_file()
     if name is not None:
         return device.folder / name

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 
 class Conversion(NamedTuple):
-    """Converts the counts of a sensor's axes, (n, axes), to the values in records.
+    """Converts the counts of a sensor's axes, (n, axes), to the values that records hold.
 
     If the mount matrix only swaps axes or changes signs, whole counts stay counts, and `lsb` is the number of
-    counts per unit. Otherwise the results are in the unit, and `lsb` is None.
+    counts per unit. Otherwise the results are in the unit (deg/s or m/s²), and `lsb` is None.
 
     `matrix`: (axes, axes); it includes the scale if `lsb` is None. `offset`: (axes,), added to the counts.
     """
@@ -22,7 +22,7 @@ class Conversion(NamedTuple):
     offset: NDArray[np.float64]
 
     def __call__(self, counts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the converted counts, (n, axes): counts again, or values in the unit."""
+        """Return the converted counts, (n, axes): as counts if `lsb` is given, else in the unit."""
         values: NDArray[np.float64] = (counts + self.offset) @ self.matrix.T
         return values
 
@@ -30,7 +30,7 @@ class Conversion(NamedTuple):
 def conversion(
     scales: Sequence[float], offsets: Sequence[float], mount: NDArray[np.float64] | None
 ) -> Conversion:
-    """Return the conversion for axes with these scales, given in units per count.
+    """Return the conversion for axes with the given scales [units per count] and offsets [counts].
 
     `mount`: rotation from the sensor's axes to the axes of the machine that it is mounted in, (3, 3); ignored
     if there are fewer than three axes.

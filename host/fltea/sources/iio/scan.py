@@ -22,7 +22,8 @@ class Element(NamedTuple):
     """Description of one channel in a scan.
 
     `name`: name such as `anglvel_x`. `place`: index among the channels. `bits`: number of significant bits,
-    after a right shift by `shift`, in a field of `storage_bits`. `repeat`: number of successive numbers.
+    after a right shift by `shift`, in a field of `storage_bits`. `repeat`: how many numbers the channel has
+    in a scan.
     """
 
     name: str
@@ -41,7 +42,9 @@ class Element(NamedTuple):
 
 
 def parse_element(name: str, index: str, text: str) -> Element:
-    """Return the description of a channel from its files `…_index` and `…_type`, such as `le:s16/16>>0`.
+    """Return the description of a channel from the texts of its files `…_index` and `…_type`.
+
+    A type is, for example, `le:s16/16>>0`.
 
     Raises:
         ValueError: the content of the files contradicts the kernel's documentation.

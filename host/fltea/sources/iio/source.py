@@ -38,7 +38,7 @@ oscillator is accurate to a few percent."""
 
 
 class Place(NamedTuple):
-    """Parts of the URL: the device, the requested settings, and whether the mount matrix is applied."""
+    """Parts of the URL: the device, the requested settings, and whether to apply the mount matrix."""
 
     device: str
     wishes: Wishes
@@ -78,7 +78,8 @@ def parse_url(rest: str) -> Place:
 class IioSource:
     """Reads the samples of one device; each failure becomes a `Trouble`, and then the device is opened again.
 
-    `rest`: the part of the URL after `iio:`. `unix_offset_ns`: offset to Unix time at the last event [ns].
+    `rest`: the part of the URL after `iio:`. `unix_offset_ns`: offset from the monotonic clock to Unix time
+    at the last event [ns].
 
     Raises:
         UsageError: `parse_url` refuses the URL.
@@ -119,7 +120,7 @@ class IioSource:
             yield from self._pause(BACKOFF_S[min(failures, len(BACKOFF_S) - 1)])
 
     def link_stats(self) -> LinkStats:
-        """Return the counts; a frame is a sample. Gaps in the samples' numbers show lost samples."""
+        """Return the counts of samples as frames. Gaps in the samples' numbers show lost samples."""
         counts = {"duplicate_time": self._duplicates, "no_rate": self._unrated}
         return LinkStats(
             bytes=self._bytes,
@@ -129,7 +130,7 @@ class IioSource:
         )
 
     def close(self) -> None:
-        """End the iteration of `events`, which then restores the device's settings."""
+        """End the iteration of `events`; this restores the device's settings."""
         if not self._closed:
             self._closed = True
             os.write(self._closed_write, b"\0")
@@ -280,7 +281,7 @@ class _Reader:
         return self.numbers.add(Arrived(values, time, ordinal), now_ns)
 
     def block(self, piece: Numbered) -> RawBlock:
-        """Return numbered samples as a block, with their counts converted."""
+        """Return numbered samples as a block, with converted counts."""
         axes = len(self._channels[GYRO])
         return RawBlock(
             piece.sequence % SEQUENCE_WRAP,

@@ -2,8 +2,8 @@
 
 The kernel's files are read without the library libiio. The Python binding of libiio in Debian 12 (0.24) is
 installed for the system's Python only, and the binding on PyPI (1.0) does not fit Debian's library. Neither
-can read another folder, so this module could not be tested with it. The kernel's files are a stable interface
-(Documentation/ABI/testing/sysfs-bus-iio).
+can read files in another folder, so this module could not be tested with copies of these files. The kernel's
+files are a stable interface (Documentation/ABI/testing/sysfs-bus-iio).
 """
 
 import math
@@ -18,7 +18,7 @@ AXES = ("x", "y", "z")
 
 
 class Attributes:
-    """Reads the files of a device. `folder`: its folder; `node`: its character device."""
+    """Reads the files of a device. `folder`: folder with these files. `node`: the device's node in /dev."""
 
     def __init__(self, folder: Path, node: Path) -> None:
         self.folder, self.node = folder, node
@@ -57,12 +57,12 @@ class Attributes:
 
     @property
     def buffer(self) -> str:
-        """Folder with the buffer's settings."""
+        """Name of the folder with the buffer's settings."""
         return "buffer" if self.has("buffer") else "buffer0"
 
     @property
     def elements(self) -> str:
-        """Folder with the channels that the buffer can contain."""
+        """Name of the folder that describes the channels that the buffer can contain."""
         return "scan_elements" if self.has("scan_elements") else "buffer0"
 
     def channels(self, kind: str) -> list[str]:
@@ -81,7 +81,7 @@ class Attributes:
     def mount_matrix(self, kind: str) -> str:
         """Return a sensor's mount matrix, or that of all inputs, or that of the device.
 
-        "" if there is none.
+        The result is "" if none of these is stated.
         """
         names = (f"in_{kind}_mount_matrix", "in_mount_matrix", "mount_matrix")
         return next((text for name in names if (text := self.text(name))), "")
@@ -107,7 +107,7 @@ class Attributes:
 
 
 class Trigger(NamedTuple):
-    """A trigger, which makes a device take a sample. `folder`: its folder in /sys."""
+    """A trigger, which makes a device take a sample. `folder`: folder of the trigger in /sys."""
 
     name: str
     folder: Path
@@ -150,6 +150,6 @@ def find(root: Path, what: str) -> list[Attributes]:
 
 
 def root_of(what: str) -> Path:
-    """Return the folder that takes the place of /, if `what` is a path in another tree's /sys; else /."""
+    """Return the folder that is used as /: another one if `what` is a path in the sys folder below it."""
     before, found, _ = what.partition(f"/{DEVICES}/")
     return Path(before or "/") if found else Path("/")
